@@ -1,0 +1,1 @@
+"""Plugin-based robot driver framework for ROS 2."""

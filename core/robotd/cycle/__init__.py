@@ -1,0 +1,1 @@
+"""The one thread that reads the device and streams setpoints to it."""

@@ -1,0 +1,1 @@
+"""Device contracts: what a backend fills and what the core checks around it."""

@@ -1,0 +1,248 @@
+"""The four small contracts that a backend fills.
+
+Units are SI at this boundary: rad or m, rad/s, rad/s², N·m, seconds. Counts, gear ratios and
+polarity stay inside the backend. Axis numbers run from 0 to n_axes - 1 and arrays have the
+shape (n_axes,). The core checks every argument before it calls a driver, so a driver may rely
+on: axis in range, finite numbers, positive velocities and accelerations where a move needs
+them, lists without duplicates.
+
+Threads: ``AxisDriver.read`` and ``AxisDriver.stream`` are called by the cycle thread alone;
+they must not block, allocate or raise in normal running. Everything else may be called by any
+worker thread at any time, may block for at most its ``timeout_s``, and must not disturb the
+cycle. A driver raises ``OperationError``, ``Unsupported`` or ``DeviceTimeout``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from robotd.device.image import FloatArray, ProcessImage
+from robotd.device.state import CommandMode, EngineState
+from robotd.errors import Unsupported
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Speed and ramps of a move or a velocity command (rad/s and rad/s², or m/s and m/s²).
+
+    ``velocity`` is a positive speed for a move and signed for a velocity command.
+    """
+
+    velocity: float
+    acceleration: float
+    deceleration: float
+
+
+class DeviceDriver(ABC):
+    """The connection to an engine or a bus. Must: all but the last two."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Connect; Idle → Running. Raises ConnectError naming every child that fails."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Disconnect from any state; → Idle. Calling it twice is not an error."""
+
+    @abstractmethod
+    def start_communication(self, timeout_s: float) -> None:
+        """Begin the cyclic exchange; Running → Communicating. Nothing moves."""
+
+    @abstractmethod
+    def stop_communication(self, timeout_s: float) -> None:
+        """End the cyclic exchange; → Running. Axes are stopped and servos go off."""
+
+    @abstractmethod
+    def state(self) -> EngineState:
+        """The state as the device has it now. Never blocks."""
+
+    @abstractmethod
+    def scan_network(self) -> str:
+        """Look for devices on the fieldbus; a one-line summary for people."""
+
+    def load_parameters(self, path: Path) -> None:
+        """Apply a parameter file, all of it or (on an error) nothing of it."""
+        raise Unsupported("parameter files", type(self).__name__)
+
+    def dump_parameters(self, axis: int) -> str:
+        """The parameters of one axis in force, as text for people."""
+        raise Unsupported("parameter files", type(self).__name__)
+
+
+class AxisDriver(ABC):
+    """The axes of one device."""
+
+    @abstractmethod
+    def read(self, image: ProcessImage) -> None:
+        """Cycle thread: fill every array of ``image`` and its ``fresh_ns``."""
+
+    @abstractmethod
+    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Cycle thread: one setpoint per axis, to be reached one period later.
+
+        Only axes between ``begin_stream`` and ``end_stream`` obey; the others' entries
+        are ignored (and may be NaN).
+        """
+
+    @abstractmethod
+    def begin_stream(self, axes: Sequence[int]) -> None:
+        """Let ``axes`` follow ``stream`` from where their command stands now, without a jump."""
+
+    @abstractmethod
+    def end_stream(self, axes: Sequence[int]) -> None:
+        """Hold the last setpoint; the axes take moves again."""
+
+    @abstractmethod
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        """Enable or disable the drive and wait until it says so.
+
+        Before enabling the command is set to the measured position (no jump).
+        """
+
+    @abstractmethod
+    def clear_alarm(self, axis: int, timeout_s: float) -> None:
+        """Clear the drive's alarm and wait until it is gone. Without an alarm: no effect."""
+
+    @abstractmethod
+    def set_command_mode(self, axis: int, mode: CommandMode) -> None:
+        """Change the command mode of an idle axis; nothing moves."""
+
+    @abstractmethod
+    def set_polarity(self, axis: int, polarity: int) -> None:
+        """1 or -1, for an axis with its servo off; the measured position changes sign."""
+
+    @abstractmethod
+    def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+        """Encoder counts = units · numerator / denominator, for an axis with its servo off."""
+
+    @abstractmethod
+    def home(self, axis: int, timeout_s: float) -> None:
+        """Make the present position the home position (zero) without moving; wait for it."""
+
+    @abstractmethod
+    def move(self, axis: int, target: float, profile: Profile) -> None:
+        """Start a move to an absolute target (rad or m); returns when it is accepted.
+
+        A running move or velocity command is overridden without a jump.
+        """
+
+    @abstractmethod
+    def jog(self, axis: int, profile: Profile) -> None:
+        """Start or change a velocity command (signed ``profile.velocity``, 0 slows to rest)."""
+
+    @abstractmethod
+    def stop(self, axes: Sequence[int]) -> None:
+        """Start a controlled stop with each axis' own deceleration. Idle axes: no effect."""
+
+    @abstractmethod
+    def quick_stop(self, axes: Sequence[int]) -> None:
+        """Start the fastest controlled stop. Idle axes: no effect."""
+
+
+class IoDriver(ABC):
+    """The digital I/O image. Reads answer from the last cycle and never block."""
+
+    @property
+    @abstractmethod
+    def input_bytes(self) -> int:
+        """Size of the input image."""
+
+    @property
+    @abstractmethod
+    def output_bytes(self) -> int:
+        """Size of the output image."""
+
+    @abstractmethod
+    def read_inputs(self, byte: int, length: int) -> bytes:
+        """``length`` bytes of the input image from address ``byte``. Any thread."""
+
+    @abstractmethod
+    def read_outputs(self, byte: int, length: int) -> bytes:
+        """``length`` bytes of the output image from address ``byte``. Any thread."""
+
+    @abstractmethod
+    def write_outputs(self, byte: int, data: bytes) -> None:
+        """Write whole bytes of the output image. Any thread."""
+
+    @abstractmethod
+    def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
+        """Write one output bit and leave its neighbours alone, atomically. Any thread."""
+
+
+@dataclass(frozen=True)
+class SlaveInfo:
+    """One device on the fieldbus. ``state``: None 0, Init 1, Preop 2, Boot 4, Safeop 8, Op 16."""
+
+    id: int
+    state: int
+    al_code: int = 0
+    position: int = 0
+    address: int = 0
+    offline: bool = False
+    inaccessible: bool = False
+    new: bool = False
+    reverse: bool = False
+    vendor_id: int = 0
+    product_code: int = 0
+    revision: int = 0
+    serial: int = 0
+    alias: int = 0
+    input_address: int = 0
+    input_size: int = 0
+    output_address: int = 0
+    output_size: int = 0
+    axes: int = 0
+
+
+@dataclass(frozen=True)
+class NetworkState:
+    """A fieldbus and its devices; sizes in bytes, ``comm_period_us`` and delays as counted.
+
+    ``note`` is a sentence for the reader about what the backend cannot fill.
+    """
+
+    state: int
+    mode: int = 0
+    comm_period_us: int = 0
+    total_axes: int = 0
+    input_size: int = 0
+    output_size: int = 0
+    rings: int = 1
+    rx_pdo_size: int = 0
+    tx_pdo_size: int = 0
+    tx_delay: int = 0
+    min_tx_delay: int = 0
+    max_tx_delay: int = 0
+    packet_loss: int = 0
+    packet_timeout: int = 0
+    over_cycle: int = 0
+    slaves: tuple[SlaveInfo, ...] = field(default=())
+    note: str = ""
+
+
+class FieldbusDriver(ABC):
+    """Diagnostics of the fieldbus; all of it from worker threads."""
+
+    @property
+    @abstractmethod
+    def masters(self) -> int:
+        """Number of masters, ids 0 … masters - 1."""
+
+    @abstractmethod
+    def network_state(self, master: int) -> NetworkState:
+        """A snapshot; answers in any engine state."""
+
+    def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
+        """Raw register memory of a slave (capability REGISTER_READ)."""
+        raise Unsupported("register_read", type(self).__name__)
+
+    def reset_statistics(self, master: int) -> None:
+        """Zero the counters of ``network_state`` (capability STATISTICS)."""
+        raise Unsupported("reset_statistics", type(self).__name__)
+
+    def start_hot_connect(self, master: int) -> None:
+        """Let newly attached slaves join (capability HOT_CONNECT)."""
+        raise Unsupported("start_hotconnect", type(self).__name__)

@@ -1,0 +1,76 @@
+"""The process image: what the fieldbus said last, and what was commanded, per axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotd.device.state import CommandMode, Operation
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+
+class ProcessImage:
+    """Preallocated arrays of shape (n_axes,), overwritten in place once a cycle.
+
+    The cycle thread is the only writer: ``AxisDriver.read`` assigns into the arrays
+    (``image.position[:] = ...``) and never replaces them. Other threads take ``copy()``.
+    Values are NaN until they are known, and NaN where a device cannot know them.
+
+    Attributes:
+        position, velocity, torque: measured; rad or m, rad/s or m/s, N·m or N.
+        position_command, velocity_command: what the servo is asked for now, same units.
+        servo_on, amp_alarm, offline: the drive is enabled, in alarm, not answering.
+        alarm_code: the drive's own alarm number, 0 without an alarm.
+        home_done, home_switch, negative_limit, positive_limit: as the drive reports them.
+        motion_complete: the last move or trajectory ran to its end and the axis is idle.
+        mode, operation: ``CommandMode`` and ``Operation`` as integers.
+        stamp_ns: monotonic time of the last ``read``; 0 before the first.
+        fresh_ns: monotonic time at which the device last received live values; 0 if never.
+    """
+
+    def __init__(self, axes: int) -> None:
+        self.axes = axes
+        self.stamp_ns = 0
+        self.fresh_ns = 0
+        self.position: FloatArray = np.full(axes, np.nan)
+        self.velocity: FloatArray = np.full(axes, np.nan)
+        self.torque: FloatArray = np.full(axes, np.nan)
+        self.position_command: FloatArray = np.full(axes, np.nan)
+        self.velocity_command: FloatArray = np.full(axes, np.nan)
+        self.servo_on: BoolArray = np.zeros(axes, bool)
+        self.amp_alarm: BoolArray = np.zeros(axes, bool)
+        self.offline: BoolArray = np.ones(axes, bool)
+        self.home_done: BoolArray = np.zeros(axes, bool)
+        self.home_switch: BoolArray = np.zeros(axes, bool)
+        self.negative_limit: BoolArray = np.zeros(axes, bool)
+        self.positive_limit: BoolArray = np.zeros(axes, bool)
+        self.motion_complete: BoolArray = np.zeros(axes, bool)
+        self.alarm_code: IntArray = np.zeros(axes, np.int64)
+        self.mode: IntArray = np.full(axes, CommandMode.POSITION, np.int64)
+        self.operation: IntArray = np.full(axes, Operation.IDLE, np.int64)
+        self._sequence = 0
+
+    def begin_write(self) -> None:
+        """Cycle thread: the arrays are about to change."""
+        self._sequence += 1
+
+    def end_write(self) -> None:
+        """Cycle thread: the arrays are consistent again."""
+        self._sequence += 1
+
+    def copy(self) -> ProcessImage:
+        """A consistent copy. Any thread may call; retries while the cycle writes."""
+        twin = ProcessImage(self.axes)
+        while True:
+            before = self._sequence
+            for name in _ARRAYS:
+                getattr(twin, name)[:] = getattr(self, name)
+            twin.stamp_ns, twin.fresh_ns = self.stamp_ns, self.fresh_ns
+            if before == self._sequence and before % 2 == 0:
+                return twin
+
+
+_ARRAYS = tuple(name for name, value in vars(ProcessImage(0)).items() if isinstance(value, np.ndarray))

@@ -1,0 +1,34 @@
+"""The enums that describe an engine and its axes."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+
+
+class EngineState(Enum):
+    """States of the engine; the values are the words that ``get_status`` answers."""
+
+    IDLE = "Idle"  # no device open
+    RUNNING = "Running"  # device open, fieldbus not exchanging data
+    COMMUNICATING = "Communicating"  # cyclic data flows, axes can be commanded
+    SHUTDOWN = "Shutdown"  # closed for good
+    UNKNOWN = "Unknown"  # the device does not say
+
+
+class CommandMode(IntEnum):
+    """What a setpoint of the axis means; the numbers of ``/wmx/axis/set_mode``."""
+
+    POSITION = 0
+    VELOCITY = 1
+    TORQUE = 2
+
+
+class Operation(IntEnum):
+    """What an axis is doing now."""
+
+    IDLE = 0
+    POSITION = 1  # executing a move
+    VELOCITY = 2  # executing a velocity command
+    STREAM = 3  # following setpoints or a trajectory
+    HOMING = 4
+    STOPPING = 5

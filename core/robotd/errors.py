@@ -1,0 +1,100 @@
+"""Every error that robotd raises on purpose, one type per phase.
+
+RobotdError
+├── DescriptorError      a robot file is wrong: file, line, key path, what and why
+├── PluginError          a backend cannot be found, loaded or trusted
+├── ConnectError         the device or one of its children does not answer while opening
+├── OperationError       a command failed or was refused
+│   ├── InvalidArgument  the caller's value is out of range (also a ValueError)
+│   ├── NotReady         the device is not in a state that allows the command
+│   └── Unsupported      this backend cannot do it, ever
+└── DeviceTimeout        the device did not do it in time (also a TimeoutError)
+
+A backend's own errors inherit one of these and may carry the vendor's number in ``code``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class RobotdError(Exception):
+    """Root of the tree. ``str(error)`` is a sentence fit for a user.
+
+    Attributes:
+        code: the vendor's error number, None where there is none.
+    """
+
+    code: int | None = None
+
+
+class DescriptorError(RobotdError):
+    """A robot descriptor or parameter file is wrong.
+
+    Args:
+        message: what is wrong, with the value and the limit.
+        path: the file; None when it was never found.
+        line: 1-based line in the file; None when the whole file is meant.
+        key: dotted key path (``joints.2.velocity_rad_s``); None when no key is meant.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        path: Path | str | None = None,
+        line: int | None = None,
+        key: str | None = None,
+    ) -> None:
+        self.path = Path(path) if path is not None else None
+        self.line = line
+        self.key = key
+        where = "" if path is None else f"{path}:" if line is None else f"{path}:{line}:"
+        super().__init__(" ".join(part for part in (where, f"{key}:" if key else "", message) if part))
+
+    @classmethod
+    def join(cls, errors: Iterable[DescriptorError]) -> DescriptorError:
+        """One error whose text lists every error on a line of its own."""
+        problems = list(errors)
+        if len(problems) == 1:
+            return problems[0]
+        joined = cls("\n".join(str(error) for error in problems))
+        joined.path, joined.line, joined.key = problems[0].path, problems[0].line, problems[0].key
+        return joined
+
+
+class PluginError(RobotdError):
+    """A backend plugin is missing, doubled, broken, or of another API version."""
+
+
+class ConnectError(RobotdError):
+    """Opening failed. ``failures`` maps the path of each failing child to its reason."""
+
+    def __init__(self, message: str, failures: dict[str, str] | None = None) -> None:
+        self.failures = failures or {}
+        lines = [message, *(f"  {path}: {reason}" for path, reason in self.failures.items())]
+        super().__init__("\n".join(lines))
+
+
+class OperationError(RobotdError):
+    """A command failed or was refused; nothing moved because of it."""
+
+
+class InvalidArgument(OperationError, ValueError):
+    """A value is not acceptable; the text names the thing, the value and the limit."""
+
+
+class NotReady(OperationError):
+    """The engine or the axis is not in a state that allows the command."""
+
+
+class Unsupported(OperationError):
+    """The backend does not have this feature."""
+
+    def __init__(self, feature: str, backend: str) -> None:
+        super().__init__(f"{feature}: not supported by the {backend} backend")
+
+
+class DeviceTimeout(RobotdError, TimeoutError):
+    """The device did not reach the wanted state in time."""

@@ -1,0 +1,1 @@
+"""Backend plugins: the hooks, their discovery and validation."""

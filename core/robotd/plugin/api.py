@@ -1,0 +1,80 @@
+"""All that a backend may import from robotd. Changing it changes ``API_VERSION``."""
+
+from robotd.clock import Clock, wait_until
+from robotd.descriptor import (
+    RobotDescriptor,
+    WmxParameters,
+    default_wmx_parameters,
+    read_wmx_parameters,
+)
+from robotd.device.drivers import (
+    AxisDriver,
+    DeviceDriver,
+    FieldbusDriver,
+    IoDriver,
+    NetworkState,
+    Profile,
+    SlaveInfo,
+)
+from robotd.device.image import FloatArray, ProcessImage
+from robotd.device.state import CommandMode, EngineState, Operation
+from robotd.errors import (
+    ConnectError,
+    DescriptorError,
+    DeviceTimeout,
+    InvalidArgument,
+    NotReady,
+    OperationError,
+    PluginError,
+    RobotdError,
+    Unsupported,
+)
+from robotd.log import get_logger
+from robotd.plugin.capabilities import Capability
+from robotd.plugin.hookspecs import (
+    API_VERSION,
+    BackendInfo,
+    BackendOptions,
+    DeviceContext,
+    hookimpl,
+)
+from robotd.plugin.registry import NodeRegistry, RobotRegistry
+
+__all__ = [
+    "API_VERSION",
+    "AxisDriver",
+    "BackendInfo",
+    "BackendOptions",
+    "Capability",
+    "Clock",
+    "CommandMode",
+    "ConnectError",
+    "DescriptorError",
+    "DeviceContext",
+    "DeviceDriver",
+    "DeviceTimeout",
+    "EngineState",
+    "FieldbusDriver",
+    "FloatArray",
+    "InvalidArgument",
+    "IoDriver",
+    "NetworkState",
+    "NodeRegistry",
+    "NotReady",
+    "Operation",
+    "OperationError",
+    "PluginError",
+    "ProcessImage",
+    "Profile",
+    "RobotDescriptor",
+    "RobotRegistry",
+    "RobotdError",
+    "SlaveInfo",
+    "Unsupported",
+    "WmxParameters",
+    "default_wmx_parameters",
+    "get_logger",
+    "hookimpl",
+    "read_wmx_parameters",
+    "wait_until",
+]
