@@ -1,0 +1,111 @@
+# The commands of robotd. Each makes or updates .venv by itself; `make` lists them.
+PYTHON  ?= python3
+ROBOT   ?= cr3a
+BACKEND ?= sim
+ARGS    ?=
+
+SHELL       := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.ONESHELL:
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-builtin-rules --no-print-directory
+
+# A program of another wheel-based ROS environment hands its libraries down; .venv has its own.
+ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE LD_LIBRARY_PATH
+endif
+
+# ROS comes from a sourced installation or from wheels, never from both (docs/how-to/install.md).
+installed_rclpy := $(filter-out $(CURDIR)/.venv/%,$(wildcard \
+  $(addsuffix /share/rclpy/package.xml,$(subst :, ,$(AMENT_PREFIX_PATH)))))
+ifneq ($(ROS_DISTRO)$(installed_rclpy),)
+  ros := installed
+  extras := dev
+  venv_options := --system-site-packages
+  ifneq ($(ROS_DISTRO),jazzy)
+    ros_error := the sourced ROS is "$(ROS_DISTRO)" and robotd needs "jazzy": source that one, or start from a shell without ROS
+  else ifeq ($(installed_rclpy),)
+    ros_error := ROS_DISTRO is set but AMENT_PREFIX_PATH leads to no rclpy: source /opt/ros/jazzy/setup.bash, or unset ROS_DISTRO
+  endif
+else
+  ros := wheels
+  extras := ros,dev
+  ifneq ($(findstring /opt/ros/,$(LD_LIBRARY_PATH):$(PYTHONPATH)),)
+    ros_error := LD_LIBRARY_PATH or PYTHONPATH leads to /opt/ros but no ROS is sourced: start from a clean shell, or source /opt/ros/jazzy/setup.bash
+  endif
+endif
+ifneq ($(filter-out help clean,$(MAKECMDGOALS)),)
+  $(if $(ros_error),$(error $(ros_error)))
+endif
+
+stamps := .venv/.made
+base   := $(stamps)/base-$(ros)
+ready  := $(stamps)/robotd
+pip    := .venv/bin/python -m pip --quiet --disable-pip-version-check
+say    := printf '\033[2m[robotd]\033[0m %s\n'
+
+help: ## list the commands
+	@echo 'make COMMAND [ROBOT=$(ROBOT)] [BACKEND=$(BACKEND)] [ARGS="..."] [PYTHON=$(PYTHON)]'
+	sed -nE 's/^([a-z]+):.*## (.*)/\1|\2/p' Makefile | while IFS='|' read -r name text; do
+		printf '  make %-7s %s\n' "$$name" "$$text"
+	done
+
+run: $(ready) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-level debug"
+	@exec .venv/bin/robotd --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
+
+test: $(ready) ## run the tests; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
+	@$(say) 'pytest $(ARGS)'
+	exec .venv/bin/python -m pytest $(ARGS)
+
+lint: $(ready) ## check style, format, layers and types
+	@$(say) 'ruff check'
+	.venv/bin/ruff check
+	$(say) 'ruff format --check'
+	.venv/bin/ruff format --check
+	$(say) 'lint-imports'
+	.venv/bin/lint-imports
+	$(say) 'mypy'
+	.venv/bin/mypy
+
+bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tests.bench
+	@$(say) 'tests.bench $(ARGS)'
+	exec .venv/bin/python -m tests.bench $(ARGS)
+
+venv: $(ready) ## make .venv or bring it up to date
+	@:
+
+clean: ## remove .venv and everything else that was made
+	@$(say) 'removing .venv, builds and caches'
+	rm -rf .venv build dist *.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+$(base):
+	@command -v '$(PYTHON)' >/dev/null || { echo 'robotd: no "$(PYTHON)" here: name another, e.g. make PYTHON=python3.12' >&2; exit 1; }
+	'$(PYTHON)' -c 'import sys; sys.version_info >= (3, 11) or sys.exit("robotd: needs Python 3.11 or newer, $(PYTHON) is %d.%d: name another, e.g. make PYTHON=python3.12" % sys.version_info[:2])'
+	'$(PYTHON)' -c 'import ensurepip, venv' 2>/dev/null || { echo 'robotd: $(PYTHON) cannot make virtual environments: apt install python3-venv' >&2; exit 1; }
+	$(say) 'making .venv (ROS: $(ros))'
+	rm -rf .venv
+	'$(PYTHON)' -m venv $(venv_options) .venv
+	mkdir -p $(stamps)
+	touch $@
+
+ifeq ($(ros),wheels)
+# The wheel is compiled again when its sources change, not when pyproject.toml does.
+interfaces := $(stamps)/interfaces
+$(interfaces): $(base) $(shell find interfaces -type f ! -name '.*' ! -name '*~')
+	@command -v g++ >/dev/null || { echo 'robotd: no g++ here, the ROS interfaces need it once: apt install g++' >&2; exit 1; }
+	.venv/bin/python -c 'import pathlib, sys, sysconfig; header = pathlib.Path(sysconfig.get_path("include"), "Python.h"); header.exists() or sys.exit(f"robotd: no {header}, the ROS interfaces need it once: apt install python3-dev")'
+	$(say) 'compiling the ROS interfaces (about a minute, once)'
+	rm -rf .venv/wheels
+	$(pip) wheel --no-deps --wheel-dir .venv/wheels ./interfaces
+	$(pip) install --no-deps --force-reinstall .venv/wheels/*.whl
+	touch $@
+endif
+
+$(ready): $(base) $(interfaces) pyproject.toml
+	@$(say) 'installing robotd[$(extras)] into .venv'
+	$(pip) install --editable '.[$(extras)]'
+	touch $@
+
+.PHONY: help run test lint bench venv clean

@@ -1,0 +1,1 @@
+"""Pure functions on trajectories, limits, tolerances and kinematics."""

@@ -1,0 +1,1 @@
+"""Robot descriptors that ship with robotd, one folder per robot."""
