@@ -106,6 +106,7 @@ endif
 $(ready): $(base) $(interfaces) pyproject.toml
 	@$(say) 'installing robotd[$(extras)] into .venv'
 	$(pip) install --editable '.[$(extras)]'
+	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
 .PHONY: help run test lint bench venv clean

@@ -22,7 +22,7 @@ PACKAGES = ("control_msgs", "tf2_msgs", "wmx_ros2_message")
 
 
 def share_folder(package: str) -> Path:
-    """Folder `share/PACKAGE` of the prefix that the package is in: of a wheel or a colcon install."""
+    """Folder `share/PACKAGE` of the prefix (venv or colcon install) that the package is in."""
     module_file = import_module(package).__file__
     assert module_file is not None
     for prefix in Path(module_file).resolve().parents:
