@@ -43,7 +43,7 @@ stamps := .venv/.made
 base   := $(stamps)/base-$(ros)
 ready  := $(stamps)/robotd
 pip    := .venv/bin/python -m pip --quiet --disable-pip-version-check
-say    := printf '\033[2m[robotd]\033[0m %s\n'
+say    := printf '[robotd] %s\n'
 
 help: ## list the commands
 	@echo 'make COMMAND [ROBOT=$(ROBOT)] [BACKEND=$(BACKEND)] [ARGS="..."] [PYTHON=$(PYTHON)]'
