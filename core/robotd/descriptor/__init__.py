@@ -1,0 +1,38 @@
+"""Robot descriptors: the models, and how files become models."""
+
+from robotd.descriptor.load import (
+    RobotSummary,
+    default_search_path,
+    list_robots,
+    load_robot_descriptor,
+    validate_section,
+)
+from robotd.descriptor.model import (
+    Cycle,
+    Engine,
+    Gripper,
+    Joint,
+    RobotDescriptor,
+    TrajectorySettings,
+)
+from robotd.descriptor.wmx_parameters import WmxParameters, default_wmx_parameters
+from robotd.descriptor.wmx_xml import axis_text, read_wmx_parameters, write_wmx_parameters
+
+__all__ = [
+    "Cycle",
+    "Engine",
+    "Gripper",
+    "Joint",
+    "RobotDescriptor",
+    "RobotSummary",
+    "TrajectorySettings",
+    "WmxParameters",
+    "axis_text",
+    "default_search_path",
+    "default_wmx_parameters",
+    "list_robots",
+    "load_robot_descriptor",
+    "read_wmx_parameters",
+    "validate_section",
+    "write_wmx_parameters",
+]

@@ -1,0 +1,46 @@
+"""Paths and files that are named by a user: nothing here is trusted, nothing crashes."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from robotd.errors import DescriptorError
+
+
+def beside(file: Path, name: str) -> Path:
+    """The absolute path of ``name``, which ``file`` gives relative to itself."""
+    return Path(os.path.normpath(file.absolute().parent / name))
+
+
+def is_file(path: Path) -> bool:
+    """Whether ``path`` is a regular file; False for names that the system refuses."""
+    return stat.S_ISREG(_mode(path))
+
+
+def is_folder(path: Path) -> bool:
+    """Whether ``path`` is a folder; False for names that the system refuses."""
+    return stat.S_ISDIR(_mode(path))
+
+
+def read_limited(path: Path, max_bytes: int) -> bytes:
+    """The bytes of a regular file of at most ``max_bytes``. Raises DescriptorError."""
+    if _mode(path) and not is_file(path):  # a named pipe would block for ever
+        raise DescriptorError("not a regular file", path=path)
+    try:
+        with path.open("rb") as file:
+            data = file.read(max_bytes + 1)
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the name
+        reason = getattr(error, "strerror", None) or error
+        raise DescriptorError(f"cannot be read: {reason}", path=path) from None
+    if len(data) > max_bytes:
+        raise DescriptorError(f"larger than the limit of {max_bytes:_} bytes", path=path)
+    return data
+
+
+def _mode(path: Path) -> int:
+    try:
+        return path.stat().st_mode
+    except (OSError, ValueError):
+        return 0

@@ -1,0 +1,204 @@
+"""From a robot's name or file to its descriptor, with every mistake of the file at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from robotd.descriptor.files import beside, is_file, is_folder
+from robotd.descriptor.merge import merge
+from robotd.descriptor.model import RobotDescriptor
+from robotd.descriptor.problems import Model, did_you_mean, join, problems_of, validate
+from robotd.descriptor.source import Node, read_yaml
+from robotd.errors import DescriptorError
+
+FILE_NAME = "robot.yaml"
+MAX_EXTENDS = 8
+
+_FILE_KEYS = ("parameters_file", "urdf")
+_NOT_IN_A_VARIANT = ("schema", "name", "extends", "variants", "default_variant")
+
+
+@dataclass(frozen=True)
+class RobotSummary:
+    """A robot of the search path.
+
+    Attributes:
+        name: what ``--robot`` is given: the name of the robot's folder.
+        summary: one line from the file.
+        variants: names of its variants, the default one first.
+        path: its file.
+        problem: why it cannot be used; None for a sound one.
+    """
+
+    name: str
+    summary: str
+    variants: tuple[str, ...]
+    path: Path
+    problem: str | None = None
+
+
+def default_search_path() -> tuple[Path, ...]:
+    """The folder of the robots that come with robotd; empty where they are not installed."""
+    spec = find_spec("robotd_robots")
+    return tuple(Path(folder) for folder in (spec and spec.submodule_search_locations) or ())
+
+
+def list_robots(search_path: Sequence[Path] | None = None) -> tuple[RobotSummary, ...]:
+    """Every robot of the search path by name, broken ones included. Never raises."""
+    return tuple(_summarise(name, path) for name, path in _robots(search_path))
+
+
+def load_robot_descriptor(
+    robot: str | Path, variant: str | None = None, search_path: Sequence[Path] | None = None
+) -> RobotDescriptor:
+    """Load a robot by name, or by the path of its file or folder.
+
+    Args:
+        robot: a name of the search path, or a path (a ``Path``, or text with a separator or the
+            ending .yaml).
+        variant: name of a variant; None means the file's ``default_variant``.
+        search_path: folders that hold ``<name>/robot.yaml``; None: ``default_search_path()``.
+
+    Raises:
+        DescriptorError: the robot or its variant is not known, or the file is wrong. All
+            variants are checked, so that one deployment cannot break another unseen.
+    """
+    tree = _extended(_find(robot, search_path), ())
+    names, default = _variants(tree)
+    if variant is not None and variant not in names:
+        raise DescriptorError(
+            f"unknown variant {variant!r}{did_you_mean(variant, names)}"
+            f" (there is {', '.join(names) or 'none'})",
+            path=tree.path,
+            key="variants",
+        )
+    problems: list[DescriptorError] = []
+    robots = {name: _check(tree, name, problems) for name in (*names, *([] if default else [None]))}
+    robot_or_none = robots[variant or default]
+    if problems or robot_or_none is None:
+        raise join(problems)
+    return robot_or_none
+
+
+def validate_section(descriptor: RobotDescriptor, section: str, model: type[Model]) -> Model:
+    """Validate a free mapping such as ``backends.sim`` by the model of a plugin.
+
+    A section that the file does not have is validated as an empty one. Raises DescriptorError
+    in the style of every other mistake of the file.
+    """
+    keys = section.split(".")
+    values = descriptor.model_dump(include={keys[0]})
+    for key in keys:
+        values = values.get(key) or {}
+    return validate(model, values, descriptor.tree, keys)
+
+
+def _variants(tree: Node) -> tuple[list[str], str | None]:
+    """Names of the variants, and the default one; what is malformed is left to the model."""
+    variants = tree.value.get("variants")
+    names = list(variants.value) if variants and isinstance(variants.value, dict) else []
+    default = tree.value.get("default_variant")
+    return names, default.value if default and default.value in names else None
+
+
+def _check(
+    tree: Node, variant: str | None, problems: list[DescriptorError]
+) -> RobotDescriptor | None:
+    """The descriptor of one variant; None when there is something to add to ``problems``."""
+    before = len(problems)
+    tree = _overlaid(tree, variant, problems)
+    tree = _with_files(tree, problems)
+    try:
+        descriptor = RobotDescriptor.model_validate(tree.plain()).of(tree, variant)
+    except ValidationError as error:
+        problems.extend(problems_of(RobotDescriptor, error, tree, ()))
+        return None
+    return descriptor if len(problems) == before else None
+
+
+def _overlaid(tree: Node, variant: str | None, problems: list[DescriptorError]) -> Node:
+    overlay = tree.find(["variants", variant]) if variant is not None else None
+    if overlay is None or not isinstance(overlay.value, dict):
+        return tree  # a variant that is no mapping is found by the model
+    for key in _NOT_IN_A_VARIANT:
+        if key in overlay.value:
+            node = overlay.value[key]
+            where = f"variants.{variant}.{key}"
+            what = "a variant cannot change this"
+            problems.append(DescriptorError(what, path=node.path, line=node.line, key=where))
+    allowed = {key: node for key, node in overlay.value.items() if key not in _NOT_IN_A_VARIANT}
+    merged = merge(tree, replace(overlay, value=allowed))
+    return replace(merged, path=tree.path, line=tree.line)
+
+
+def _with_files(tree: Node, problems: list[DescriptorError]) -> Node:
+    """``tree`` with absolute paths of its files, each relative to the file that names it."""
+    children = dict(tree.value)
+    for key in _FILE_KEYS:
+        node = children.get(key)
+        if node is None or not isinstance(node.value, str):
+            continue  # absent or null; anything else is found by the model
+        path = beside(node.path, node.value)
+        if not is_file(path):
+            what = f"there is no file {str(path)!r}"
+            problems.append(DescriptorError(what, path=node.path, line=node.line, key=key))
+        children[key] = replace(node, value=path)
+    return replace(tree, value=children)
+
+
+def _extended(path: Path, above: tuple[Path, ...]) -> Node:
+    """The tree of ``path`` over that of the file that it extends."""
+    tree = read_yaml(path)
+    node = tree.value.pop("extends", None)
+    if node is None:
+        return tree
+    if not isinstance(node.value, str):
+        raise DescriptorError("must be a path", path=path, line=node.line, key="extends")
+    chain = (*above, path.absolute())
+    base = beside(path, node.value)
+    if base in chain or len(chain) >= MAX_EXTENDS:
+        what = " → ".join(str(link) for link in (*chain, base))
+        raise DescriptorError(
+            f"extends itself or is too deep: {what}", path=path, line=node.line, key="extends"
+        )
+    merged = merge(_extended(base, chain), tree)
+    return replace(merged, path=path)
+
+
+def _find(robot: str | Path, search_path: Sequence[Path] | None) -> Path:
+    if isinstance(robot, Path) or os.sep in robot or robot.endswith(".yaml"):
+        path = Path(robot)
+        return path / FILE_NAME if is_folder(path) else path
+    robots = list(_robots(search_path))
+    found = [path for name, path in robots if name == robot]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise DescriptorError(f"robot {robot!r} exists twice: {found[0]} and {found[1]}")
+    names = sorted({name for name, _ in robots})
+    known = ", ".join(names) or "no robots at all"
+    raise DescriptorError(
+        f"unknown robot {robot!r}{did_you_mean(robot, names)} (the search path has {known})"
+    )
+
+
+def _robots(search_path: Sequence[Path] | None) -> Iterator[tuple[str, Path]]:
+    for folder in default_search_path() if search_path is None else search_path:
+        for path in sorted(folder.glob(f"*/{FILE_NAME}")):
+            yield path.parent.name, path
+
+
+def _summarise(name: str, path: Path) -> RobotSummary:
+    try:
+        robot = load_robot_descriptor(path)
+    except DescriptorError as error:
+        return RobotSummary(name, "", (), path, str(error))
+    default = robot.default_variant
+    variants = sorted(robot.variants, key=lambda variant: variant != default)
+    return RobotSummary(name, robot.summary, tuple(variants), path)

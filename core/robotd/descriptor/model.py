@@ -1,0 +1,265 @@
+"""What a robot descriptor may say: frozen models in which an unknown key is an error.
+
+Numbers are SI and every key ends in its unit. The descriptions below are the reference: the
+tables of the robots' README are made from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from robotd.descriptor.source import Node
+
+MAX_AXES = 128
+DEFAULT_RATE_HZ = 500.0
+
+Problem = tuple[tuple[str | int, ...], str, Any]
+"""Where (keys below the model), what is wrong, and the value that is."""
+
+
+def _ros_value(value: Any) -> Any:
+    """Accept what a ROS parameter can hold: a scalar, or a list of scalars of one type."""
+    scalars = value if isinstance(value, list) else [value]
+    if not all(isinstance(item, bool | int | float | str) for item in scalars):
+        raise ValueError("must be a boolean, a number, a string, or a list of one of these")
+    if len({type(item) for item in scalars}) > 1:
+        raise ValueError("must be a list of one type (write 1.0, not 1, among numbers like 0.5)")
+    if any(isinstance(item, float) and not math.isfinite(item) for item in scalars):
+        raise ValueError("must be finite")
+    return value
+
+
+def _empty_if_null(value: Any) -> Any:
+    return {} if value is None else value
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+File = Annotated[Path, Field(strict=False)]
+RosValue = Annotated[Any, AfterValidator(_ros_value)]
+Options = Annotated[dict[str, Any], BeforeValidator(_empty_if_null)]
+
+
+class Section(BaseModel):
+    """Base of every section: frozen, no unknown key, no conversion, no infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def problems(self) -> Iterator[Problem]:
+        """What is wrong between keys that are each fine."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _between_keys(self) -> Self:
+        details = [
+            InitErrorDetails(type=PydanticCustomError("robotd", "{what}", {"what": what}),
+                             loc=keys, input=value)
+            for keys, what, value in self.problems()
+        ]  # fmt: skip
+        if details:
+            raise ValidationError.from_exception_data(type(self).__name__, details)
+        return self
+
+
+class Cycle(Section):
+    """The real-time loop that reads the device and streams setpoints."""
+
+    rate_hz: float = Field(DEFAULT_RATE_HZ, ge=10, le=2000, description="Periods per second.")
+
+
+class Engine(Section):
+    """How patiently the device is opened, watched and closed."""
+
+    open_tries: int = Field(5, ge=1, le=1000, description="Attempts to open the device.")
+    open_retry_s: NotNegative = Field(2.0, description="Pause between two attempts.")
+    communication_timeout_s: Positive = Field(
+        10.0, description="Time for the cyclic exchange to begin."
+    )
+    shutdown_s: NotNegative = Field(3.0, description="Time for an orderly end, all of it.")
+    stale_after_s: Positive = Field(
+        0.1, description="Age at which readings are too old to be true: motion stops."
+    )
+    servo_timeout_s: Positive = Field(5.0, description="Time for a servo to report on or off.")
+
+
+class Joint(Section):
+    """One joint of an arm, moved by one axis of the device."""
+
+    name: Name = Field(description="Name in JointState, in trajectories and in the URDF.")
+    axis: Axis = Field(description="Axis of the device that moves the joint.")
+    lower_rad: float = Field(description="Lowest position that a command may ask for.")
+    upper_rad: float = Field(description="Highest position that a command may ask for.")
+    velocity_rad_s: Positive = Field(description="Highest speed, in either direction.")
+    acceleration_rad_s2: Positive = Field(
+        description="Highest acceleration and deceleration; the ramp of a controlled stop."
+    )
+    rated_torque_nm: Positive | None = Field(
+        None, description="Torque at 100 % of the drive's rating; null reports the effort as NaN."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        if self.lower_rad >= self.upper_rad:
+            what = f"must be less than upper_rad ({self.upper_rad})"
+            yield ("lower_rad",), what, self.lower_rad
+
+
+class Gripper(Section):
+    """A gripper on one output bit; its fingers are reported as joints."""
+
+    output_byte: int = Field(ge=0, lt=8000, description="Byte of the output image.")
+    output_bit: int = Field(ge=0, le=7, description="Bit in that byte; 1 closes the gripper.")
+    joints: tuple[Name, ...] = Field(
+        strict=False, min_length=1, description="Finger joints, reported after the arm's joints."
+    )
+    open_m: float = Field(description="Position of every finger joint when open.")
+    closed_m: float = Field(description="Position of every finger joint when closed.")
+    travel_time_s: NotNegative = Field(
+        0.0, description="Time from one end to the other; 0 reports the end at once."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        yield from _twice("joints", self.joints)
+        if self.open_m == self.closed_m:
+            yield ("closed_m",), "must differ from open_m", self.closed_m
+
+
+class TrajectorySettings(Section):
+    """What a trajectory must satisfy to be accepted, and to count as done."""
+
+    max_points: int = Field(1000, ge=1, description="Points in one trajectory.")
+    velocity_margin: float = Field(
+        0.10, ge=0, le=1, description="Part by which a path may exceed velocity_rad_s."
+    )
+    start_tolerance_rad: Positive = Field(
+        0.01, description="Distance from the present position of a first point at time 0."
+    )
+    goal_tolerance_rad: Positive = Field(0.01, description="Error at the end that is success.")
+    goal_time_s: Positive = Field(2.0, description="Time after the end to reach the goal.")
+    path_tolerance_rad: Positive | None = Field(
+        None, description="Error on the way that aborts; null watches nothing."
+    )
+    stopped_velocity_rad_s: Positive = Field(
+        0.01, description="Speed below which a joint stands still."
+    )
+
+
+def _count_axes(data: dict[str, Any]) -> int:
+    return 1 + max((joint.axis for joint in data.get("joints", ())), default=-1)
+
+
+class RobotDescriptor(Section):
+    """One robot: its joints and gripper, its nodes and their parameters, its backends."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="Version of this format: 1.")
+    name: Name = Field(description="Short name, the same as the folder's.")
+    summary: str = Field("", description="One line for `robotd robots`.")
+    backend: str = Field("sim", description="Backend that is used when none is asked for.")
+    cycle: Cycle = Field(Cycle(), description="Cycle of the control loop.")
+    engine: Engine = Field(Engine(), description="Times of start-up and shut-down.")
+    parameters_file: File | None = Field(
+        None, description="WMX parameter file, relative to this file; null loads none."
+    )
+    urdf: File | None = Field(None, description="URDF of the robot, relative to this file.")
+    joints: tuple[Joint, ...] = Field(
+        (), strict=False, description="Joints in the order of JointState; switched on at start."
+    )
+    axes: int = Field(
+        default_factory=_count_axes,
+        ge=1,
+        le=MAX_AXES,
+        description="Axes of the device in use, 0 to axes - 1; by default the highest of a "
+        "joint, plus 1.",
+    )
+    gripper: Gripper | None = Field(None, description="Gripper; null when there is none.")
+    trajectory: TrajectorySettings = Field(
+        TrajectorySettings(), description="Rules for trajectories."
+    )
+    nodes: tuple[str, ...] = Field(
+        (), strict=False, description="ROS nodes that are started, by name."
+    )
+    ros_parameters: dict[str, dict[str, RosValue]] = Field(
+        {}, description="Node, parameter and its default; `--params-file` and `-p` win."
+    )
+    backends: dict[str, Options] = Field(
+        {}, description="Options of each backend, checked by the backend itself."
+    )
+    default_variant: str | None = Field(
+        None, description="Variant when none is asked for; null is this file as it stands."
+    )
+    variants: dict[str, dict[str, Any]] = Field(
+        {}, description="Changes to this file, by name of the deployment."
+    )
+
+    _tree: Node | None = PrivateAttr(None)
+    _variant: str | None = PrivateAttr(None)
+
+    def of(self, tree: Node, variant: str | None) -> Self:
+        """Itself, with its origin: the merged tree, and the variant that was laid over it."""
+        self._tree, self._variant = tree, variant
+        return self
+
+    @property
+    def tree(self) -> Node | None:
+        """Where each key was written; None for a descriptor that was made in Python."""
+        return self._tree
+
+    @property
+    def path(self) -> Path | None:
+        """The file; None for a descriptor that was made in Python."""
+        return None if self._tree is None else self._tree.path
+
+    @property
+    def variant(self) -> str | None:
+        """The variant that was applied; None when the file stands as it is."""
+        return self._variant
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the arm's joints, without the gripper's."""
+        return tuple(joint.name for joint in self.joints)
+
+    def problems(self) -> Iterator[Problem]:
+        if self.axes == 0:  # the default of a robot without joints, which pydantic does not check
+            yield ("axes",), "missing: no joint says how many axes there are", self.axes
+        for index, joint in enumerate(self.joints):
+            if joint.axis >= self.axes:
+                what = f"must be less than axes ({self.axes})"
+                yield ("joints", index, "axis"), what, joint.axis
+        yield from _twice("joints", self.joint_names, "name")
+        yield from _twice("joints", (joint.axis for joint in self.joints), "axis")
+        yield from _twice("nodes", self.nodes)
+        for index, name in enumerate(self.gripper.joints if self.gripper else ()):
+            if name in self.joint_names:
+                yield ("gripper", "joints", index), "is a joint of the arm already", name
+        for node in self.ros_parameters:
+            if node not in self.nodes:
+                yield ("ros_parameters", node), f"not in nodes ({', '.join(self.nodes)})", node
+        if self.default_variant is not None and self.default_variant not in self.variants:
+            known = ", ".join(self.variants) or "none"
+            yield ("default_variant",), f"unknown variant; there is {known}", self.default_variant
+
+
+def _twice(key: str, values: Iterable[str | int], subkey: str | None = None) -> Iterator[Problem]:
+    first: dict[str | int, int] = {}
+    for index, value in enumerate(values):
+        if value in first:
+            keys = (key, index) if subkey is None else (key, index, subkey)
+            yield keys, f"used before, by {key}.{first[value]}", value
+        first.setdefault(value, index)

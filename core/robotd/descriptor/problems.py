@@ -1,0 +1,114 @@
+"""pydantic's findings, told as ``file:line: key.path: what is wrong (value ...)``."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+from typing import Any, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from robotd.descriptor.source import Node
+from robotd.errors import DescriptorError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_BOUNDS = {
+    "greater_than": ("must be greater than {gt}", "gt"),
+    "greater_than_equal": ("must be at least {ge}", "ge"),
+    "less_than": ("must be less than {lt}", "lt"),
+    "less_than_equal": ("must be at most {le}", "le"),
+}
+
+
+def validate(
+    model: type[Model], value: Any, tree: Node | None, keys: Sequence[str | int] = ()
+) -> Model:
+    """Validate ``value``, which ``tree`` holds at ``keys``.
+
+    Raises DescriptorError with every problem on a line of its own, in the order of the file.
+    """
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        raise join(problems_of(model, error, tree, keys)) from None
+
+
+def problems_of(
+    model: type[BaseModel], error: ValidationError, tree: Node | None, keys: Sequence[str | int]
+) -> list[DescriptorError]:
+    """One DescriptorError per finding of ``error``, each with its place in the file."""
+    return [_problem(model, found, tree, keys) for found in error.errors()]
+
+
+def join(problems: Iterable[DescriptorError]) -> DescriptorError:
+    """One error that lists each problem once, in the order of the file."""
+    distinct = {str(problem): problem for problem in problems}.values()
+    ordered = sorted(distinct, key=lambda problem: (str(problem.path), problem.line or 0))
+    return DescriptorError.join(ordered)
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """``; did you mean 'x'?``, or nothing when no known word is near."""
+    near = get_close_matches(word, known, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _problem(
+    model: type[BaseModel], found: ErrorDetails, tree: Node | None, prefix: Sequence[str | int]
+) -> DescriptorError:
+    loc = found["loc"]
+    keys = (*prefix, *loc)
+    node = tree.find(keys) if tree else None
+    return DescriptorError(
+        _text(model, found, loc),
+        path=node.path if node else None,
+        line=node.line if node else None,
+        key=".".join(str(key) for key in keys) or None,
+    )
+
+
+def _text(model: type[BaseModel], found: ErrorDetails, loc: Sequence[str | int]) -> str:
+    kind, context = found["type"], found.get("ctx", {})
+    if kind == "extra_forbidden":
+        return "unknown key" + did_you_mean(str(loc[-1]), _keys_at(model, loc[:-1]))
+    if kind == "missing":
+        return "missing"
+    if kind in _BOUNDS:
+        text = _BOUNDS[kind][0].format(**context)
+    elif kind == "value_error":
+        text = str(context["error"])
+    elif kind == "string_pattern_mismatch":
+        text = "must begin with a letter and hold only letters, digits and _"
+    else:
+        text = found["msg"].replace("Input should be", "must be")
+    return f"{text} (value {_shown(found['input'])})"
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _keys_at(model: type[BaseModel], loc: Sequence[str | int]) -> list[str]:
+    """The keys that the model at ``loc`` below ``model`` knows; none when it is no model."""
+    current: Any = model
+    for key in loc:
+        if isinstance(current, type) and issubclass(current, BaseModel):
+            fields = {field.alias or name: field for name, field in current.model_fields.items()}
+            current = fields[str(key)].annotation if str(key) in fields else None
+            current = _without_none(current)
+        else:
+            arguments = [item for item in get_args(current) if item is not ...]
+            current = _without_none(arguments[-1]) if arguments else None
+    if isinstance(current, type) and issubclass(current, BaseModel):
+        return [field.alias or name for name, field in current.model_fields.items()]
+    return []
+
+
+def _without_none(annotation: Any) -> Any:
+    if get_origin(annotation) in (Union, types.UnionType):
+        return next(item for item in get_args(annotation) if item is not type(None))
+    return annotation

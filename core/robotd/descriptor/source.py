@@ -1,0 +1,168 @@
+"""YAML with a memory: every value knows the file and line it was written on.
+
+A strict subset of YAML: one document, string keys, no tags, no aliases, no key twice, and the
+plain scalars of JSON (so ``yes`` is a word and ``1e-3`` a number). What is refused is refused
+with its line, all of it at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robotd.descriptor.files import read_limited
+from robotd.errors import DescriptorError
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 20
+
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_WORDS: dict[str, bool | None] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|nan)")
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A value of a YAML tree.
+
+    Attributes:
+        value: a scalar, a dict of nodes or a list of nodes.
+        path: the file that says so.
+        line: 1-based; for the value of a key, the line of the key.
+    """
+
+    value: Any
+    path: Path
+    line: int
+
+    def plain(self) -> Any:
+        """The value without its origin: scalars, dicts and lists all the way down."""
+        if isinstance(self.value, dict):
+            return {key: child.plain() for key, child in self.value.items()}
+        if isinstance(self.value, list):
+            return [child.plain() for child in self.value]
+        return self.value
+
+    def find(self, keys: Sequence[str | int]) -> Node:
+        """The node at ``keys``, or the last one on the way there."""
+        node = self
+        for key in keys:
+            children = node.value
+            if isinstance(children, list):
+                children = dict(enumerate(children))
+            if not isinstance(children, dict) or key not in children:
+                break
+            node = children[key]
+        return node
+
+
+def read_yaml(path: Path) -> Node:
+    """Read a file whose top level is a mapping. Raises DescriptorError."""
+    try:
+        text = read_limited(path, MAX_BYTES).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise DescriptorError(f"not UTF-8 text ({error.reason})", path=path) from None
+    builder = _Builder(path)
+    try:
+        root = builder.document(iter(yaml.parse(text, Loader=_LOADER)))
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        what = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
+        line = None if mark is None else mark.line + 1
+        raise DescriptorError(f"not valid YAML: {what}", path=path, line=line) from None
+    if builder.problems:
+        raise DescriptorError.join(builder.problems)
+    return root
+
+
+class _Builder:
+    """Builds nodes from parser events; collects what can be skipped, raises what cannot."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.problems: list[DescriptorError] = []
+
+    def document(self, events: Iterator[Any]) -> Node:
+        root: Node | None = None
+        event: Any
+        for event in events:
+            if not isinstance(event, yaml.NodeEvent):
+                continue  # starts and ends of streams and documents
+            if root is not None:
+                raise self._error("a second document; one file describes one robot", event)
+            root = self._node(event, events, _line(event), depth=0)
+        if root is None or not isinstance(root.value, dict):
+            raise DescriptorError("must be a mapping of keys to values", path=self._path, line=1)
+        return root
+
+    def _node(self, event: Any, events: Iterator[Any], line: int, depth: int) -> Node:
+        if depth > MAX_DEPTH:
+            raise self._error(f"nested deeper than {MAX_DEPTH} levels", event)
+        if isinstance(event, yaml.AliasEvent):
+            self._refuse(f"alias *{event.anchor}: use variants or extends instead", event)
+            return Node(None, self._path, line)
+        if event.tag is not None:
+            self._refuse(f"tag {event.tag!r} is not allowed", event)
+        value: Any
+        if isinstance(event, yaml.MappingStartEvent):
+            value = self._mapping(events, depth)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            value = self._sequence(events, depth)
+        else:
+            value = _plain_scalar(event.value) if event.implicit[0] else event.value
+        return Node(value, self._path, line)
+
+    def _mapping(self, events: Iterator[Any], depth: int) -> dict[str, Node]:
+        children: dict[str, Node] = {}
+        key: Any
+        for key in events:
+            if isinstance(key, yaml.MappingEndEvent):
+                break
+            if not isinstance(key, yaml.ScalarEvent):
+                raise self._error("a key must be a word", key)
+            line = _line(key)
+            child = self._node(next(events), events, line, depth + 1)
+            if key.value in children:
+                first = children[key.value].line
+                self._refuse(f"key {key.value!r} was given before, on line {first}", key)
+            children[key.value] = child
+        return children
+
+    def _sequence(self, events: Iterator[Any], depth: int) -> list[Node]:
+        children: list[Node] = []
+        for event in events:
+            if isinstance(event, yaml.SequenceEndEvent):
+                break
+            children.append(self._node(event, events, _line(event), depth + 1))
+        return children
+
+    def _error(self, message: str, event: Any) -> DescriptorError:
+        return DescriptorError(message, path=self._path, line=_line(event))
+
+    def _refuse(self, message: str, event: Any) -> None:
+        self.problems.append(self._error(message, event))
+
+
+def _plain_scalar(text: str) -> bool | int | float | str | None:
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    if _NUMBER.fullmatch(text):
+        return float(text.replace(".inf", "inf").replace(".nan", "nan"))
+    return text
+
+
+def _line(event: Any) -> int:
+    line: int = event.start_mark.line
+    return line + 1

@@ -1,0 +1,172 @@
+"""The WMX parameters of 128 axes, column by column.
+
+Values are in the vendor's units (user unit of the axis, ms, %), because that is what the file
+and the engine hold; a backend converts. Nothing here touches a file: see ``wmx_xml``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotd.descriptor.wmx_parameter_table import (
+    AXIS_SECTIONS,
+    GLOBAL_SECTIONS,
+    Kind,
+    Parameter,
+    Sections,
+)
+from robotd.errors import DescriptorError
+
+N_AXES = 128
+MIN_GEAR_RATIO, MAX_GEAR_RATIO = 1e-6, 2**31 - 1
+"""Limits of numerator / denominator, pulses per user unit, set by the engine."""
+
+Column = NDArray[Any]
+Scalar = float | int | bool
+
+
+def _by_name(sections: Sections) -> dict[str, Parameter]:
+    return {item.name: item for section in sections.values() for item in section}
+
+
+AXIS_PARAMETERS = _by_name(AXIS_SECTIONS)
+GLOBAL_PARAMETERS = _by_name(GLOBAL_SECTIONS)
+
+_DTYPES: dict[Kind, type[Any]] = {Kind.REAL: np.float64, Kind.FLAG: np.bool_}
+
+
+@dataclass(frozen=True, eq=False)
+class WmxParameters:
+    """Parameters as read from a file, or the vendor's defaults. Immutable.
+
+    ``parameters["AxisPolarity"]`` is the column of all axes, shape (128,), read-only: float64
+    for real numbers, bool for flags, int64 for everything else.
+
+    Attributes:
+        columns: element name → column.
+        global_values: element name → value, for what is not of an axis.
+        missing: element name → axes for which the file does not state it, so that it has the
+            default here; empty tuple for a global element. The engine itself would take 0.
+        path: the file; None when there is none.
+    """
+
+    columns: Mapping[str, Column]
+    global_values: Mapping[str, Scalar]
+    missing: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    path: Path | None = None
+
+    def __getitem__(self, name: str) -> Column:
+        """The column of an element. Raises KeyError naming the nearest element."""
+        try:
+            return self.columns[name]
+        except KeyError:
+            near = get_close_matches(name, self.columns, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise KeyError(f"no WMX parameter {name!r}{hint}") from None
+
+    def axis(self, axis: int) -> Mapping[str, Scalar]:
+        """All parameters of one axis by element name, as Python numbers."""
+        return {name: column[axis].item() for name, column in self.columns.items()}
+
+    def with_values(self, changes: Mapping[str, Mapping[int, Scalar]]) -> WmxParameters:
+        """A copy with ``changes``: element name → axis → value.
+
+        Raises DescriptorError naming element, axis, value and limit; KeyError as above.
+        """
+        columns = dict(self.columns)
+        for name, values in changes.items():
+            column = np.array(self[name], dtype=np.float64)
+            for axis, value in values.items():
+                column[axis] = value
+            columns[name] = checked_column(AXIS_PARAMETERS[name], column)
+        problems = list(gear_problems(columns))
+        if problems:
+            raise DescriptorError.join(DescriptorError(text) for _, text in problems)
+        return WmxParameters(columns, self.global_values, self.missing, self.path)
+
+    def missing_summary(self) -> str:
+        """One line for a log: what the file leaves out; empty when it leaves out nothing."""
+        whole = sum(len(axes) in (0, N_AXES) for axes in self.missing.values())
+        shown = [f"{name} ({_axes_text(axes)})" for name, axes in self.missing.items()]
+        rest = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
+        if not shown:
+            return ""
+        return f"{len(shown)} elements missing ({whole} everywhere): {', '.join(shown[:10])}{rest}"
+
+
+def default_wmx_parameters() -> WmxParameters:
+    """The vendor's default of every parameter on all axes."""
+    columns = {
+        name: checked_column(item, np.full(N_AXES, float(item.default)))
+        for name, item in AXIS_PARAMETERS.items()
+    }
+    values = {name: global_value(item, item.default) for name, item in GLOBAL_PARAMETERS.items()}
+    return WmxParameters(MappingProxyType(columns), MappingProxyType(values))
+
+
+def column_problems(item: Parameter, column: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
+    """Each index whose value ``item`` does not allow, and why."""
+    good = (column >= item.low) & (column <= item.high)
+    if item.kind is Kind.SIGN:
+        good &= np.abs(column) == 1
+    elif item.kind is not Kind.REAL:
+        good &= np.trunc(column) == column
+    for index in np.flatnonzero(~good):
+        yield int(index), _refusal(item, float(column[index]))
+
+
+def gear_problems(columns: Mapping[str, Column]) -> Iterator[tuple[int, str]]:
+    """Each axis whose gear ratio the engine would refuse, and why."""
+    ratio = columns["AxisGearRatioNumerator"] / columns["AxisGearRatioDenominator"]
+    for axis in np.flatnonzero(~((ratio >= MIN_GEAR_RATIO) & (ratio <= MAX_GEAR_RATIO))):
+        limits = f"{MIN_GEAR_RATIO:g} to {MAX_GEAR_RATIO}"
+        yield int(axis), f"gear ratio of axis {axis} must be {limits} (value {ratio[axis]:g})"
+
+
+def checked_column(item: Parameter, column: NDArray[np.float64]) -> Column:
+    """``column`` in the dtype of ``item``, read-only. Raises DescriptorError."""
+    problems = [
+        DescriptorError(f"{item.name} of axis {axis} {text}")
+        for axis, text in column_problems(item, column)
+    ]
+    if problems:
+        raise DescriptorError.join(problems)
+    typed = column.astype(_DTYPES.get(item.kind, np.int64))
+    typed.flags.writeable = False
+    return typed
+
+
+def global_value(item: Parameter, value: float) -> Scalar:
+    """``value`` in the type of ``item``."""
+    return float(value) if item.kind is Kind.REAL else _whole_value(item, value)
+
+
+def _whole_value(item: Parameter, value: float) -> Scalar:
+    return bool(value) if item.kind is Kind.FLAG else int(value)
+
+
+def _refusal(item: Parameter, value: float) -> str:
+    unit = f" {item.unit}" if item.unit else ""
+    if item.kind in (Kind.FLAG, Kind.SIGN):
+        return f"must be {item.kind.value} (value {value:.15g})"
+    enum = f" of {item.enum}" if item.enum else ""
+    limits = f"from {item.low:.15g} to {item.high:.15g}{unit}"
+    return f"must be {item.kind.value}{enum} {limits} (value {value:.15g})".replace(
+        "a number of an enumeration of", "a whole number of"
+    )
+
+
+def _axes_text(axes: tuple[int, ...]) -> str:
+    if not axes:
+        return "global"
+    if axes == tuple(range(axes[0], axes[-1] + 1)):
+        return f"axis {axes[0]}" if len(axes) == 1 else f"axes {axes[0]}..{axes[-1]}"
+    return "axes " + ", ".join(str(axis) for axis in axes)

@@ -1,0 +1,249 @@
+"""Reading and writing WMX parameter files, in the layout that the engine itself writes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from robotd.descriptor.files import read_limited
+from robotd.descriptor.problems import did_you_mean
+from robotd.descriptor.wmx_parameter_table import (
+    AXIS_SECTIONS,
+    GLOBAL_SECTIONS,
+    Kind,
+    Parameter,
+    Sections,
+)
+from robotd.descriptor.wmx_parameters import (
+    N_AXES,
+    Column,
+    Scalar,
+    WmxParameters,
+    checked_column,
+    column_problems,
+    gear_problems,
+)
+from robotd.errors import DescriptorError
+
+MAX_BYTES = 8_000_000
+"""A complete file has 1.1 MB."""
+VERSION = "1.00"
+
+_MAX_PROBLEMS = 50
+_NUMBER = re.compile(r"\s*[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,3})?\s*", re.ASCII)
+
+
+@dataclass
+class _Cells:
+    """Values of one kind of block while it is read: one row per element, one cell per axis."""
+
+    sections: Sections
+    count: int
+    items: list[tuple[str, Parameter]] = field(init=False)
+    tree: dict[str, Any] = field(init=False)  # tag → subtree, or row of a leaf
+    values: list[list[float | None]] = field(init=False)
+    lines: list[list[int]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.items = [(tag, item) for tag, items in self.sections.items() for item in items]
+        self.tree = {}
+        for row, (section, item) in enumerate(self.items):
+            *tags, leaf = (section, *item.name.split("/"))
+            subtree = self.tree
+            for tag in tags:
+                subtree = subtree.setdefault(tag, {})
+            subtree[leaf] = row
+        self.values = [[None] * self.count for _ in self.items]
+        self.lines = [[0] * self.count for _ in self.items]
+
+
+def read_wmx_parameters(path: Path) -> WmxParameters:
+    """Read a parameter file of either generation of the engine.
+
+    Elements that the file does not state get the vendor's default and are listed in
+    ``missing``. About 30 ms for a complete file of 128 axes.
+
+    Raises:
+        DescriptorError: not such a file, or anything in it is unknown, doubled, not a number
+            or out of range; every problem with its line, element, value and limit.
+    """
+    return _Reader(path).read()
+
+
+class _Reader:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._problems: list[DescriptorError] = []
+        self._axes = _Cells(AXIS_SECTIONS, N_AXES)
+        self._globals = _Cells(GLOBAL_SECTIONS, 1)
+
+    def read(self) -> WmxParameters:
+        root = _parse(self._path)
+        if root.tag != "Parameters" or root.get("ver", VERSION) != VERSION:
+            what = f'root must be <Parameters ver="{VERSION}">'
+            raise DescriptorError(what, path=self._path, line=root.sourceline)
+        for block in root:
+            if block.tag == "GlobalParameters":
+                self._block(block, self._globals.tree, self._globals, 0, "GlobalParameters")
+            elif block.tag == "AxisParameters":
+                self._axis(block)
+            else:
+                self._unknown(block, ("GlobalParameters", "AxisParameters"), "Parameters")
+        missing: dict[str, tuple[int, ...]] = {}
+        global_columns = self._columns(self._globals, missing)
+        columns = self._columns(self._axes, missing)
+        self._check_gears(columns)
+        values = {item.name: column[0].item() for item, column in global_columns}
+        return WmxParameters(dict(_named(columns)), values, missing, self._path)
+
+    def _axis(self, block: Any) -> None:
+        text = block.get("Axis", "")
+        if not re.fullmatch("[0-9]{1,3}", text, re.ASCII) or int(text) >= N_AXES:
+            what = f"Axis must be a whole number from 0 to {N_AXES - 1} (value {text!r})"
+            self._refuse(what, block.sourceline, "AxisParameters")
+        else:
+            self._block(block, self._axes.tree, self._axes, int(text), f"axis{int(text)}")
+
+    def _block(self, block: Any, tree: dict[str, Any], cells: _Cells, axis: int, key: str) -> None:
+        for child in block:
+            entry = tree.get(child.tag)
+            if entry is None:
+                self._unknown(child, tuple(tree), key)
+            elif isinstance(entry, dict):
+                self._block(child, entry, cells, axis, f"{key}.{child.tag}")
+            else:
+                self._leaf(child, cells.values[entry], cells.lines[entry], axis, key)
+
+    def _leaf(
+        self, leaf: Any, values: list[float | None], lines: list[int], axis: int, key: str
+    ) -> None:
+        text, line = leaf.text or "", leaf.sourceline
+        if values[axis] is not None:
+            what = f"given before, on line {lines[axis]}"
+            self._refuse(what, line, f"{key}.{leaf.tag}")
+        elif len(leaf) or not _NUMBER.fullmatch(text):
+            what = f"must be a number (value {text[:40]!r})"
+            self._refuse(what, line, f"{key}.{leaf.tag}")
+        values[axis], lines[axis] = _number(text), line
+
+    def _columns(
+        self, cells: _Cells, missing: dict[str, tuple[int, ...]]
+    ) -> list[tuple[Parameter, Column]]:
+        columns: list[tuple[Parameter, Column]] = []
+        for row, (section, item) in enumerate(cells.items):
+            values, lines = cells.values[row], cells.lines[row]
+            absent = tuple(axis for axis, value in enumerate(values) if value is None)
+            if absent:
+                missing[item.name] = absent if cells is self._axes else ()
+            column = np.array([item.default if value is None else value for value in values])
+            for axis, text in column_problems(item, column):
+                block = f"axis{axis}" if cells is self._axes else "GlobalParameters"
+                key = f"{block}.{section}.{item.name.replace('/', '.')}"
+                self._refuse(text, lines[axis], key)
+                column[axis] = item.default
+            columns.append((item, checked_column(item, column)))
+        return columns
+
+    def _check_gears(self, columns: list[tuple[Parameter, Column]]) -> None:
+        row = [item.name for item, _ in columns].index("AxisGearRatioNumerator")
+        for axis, text in gear_problems(dict(_named(columns))):
+            self._refuse(text, self._axes.lines[row][axis], f"axis{axis}.AxisParam")
+        if self._problems:
+            shown = self._problems[:_MAX_PROBLEMS]
+            hidden = len(self._problems) - len(shown)
+            more = [DescriptorError(f"and {hidden} more problems", path=self._path)]
+            raise DescriptorError.join(shown + (more if hidden else []))
+
+    def _unknown(self, element: Any, known: tuple[str, ...], key: str) -> None:
+        tag = element.tag if isinstance(element.tag, str) else str(element)
+        what = f"unknown element <{tag}>{did_you_mean(tag, known)}"
+        self._refuse(what, element.sourceline, key)
+
+    def _refuse(self, what: str, line: int, key: str) -> None:
+        self._problems.append(DescriptorError(what, path=self._path, line=line or None, key=key))
+
+
+def _named(columns: list[tuple[Parameter, Column]]) -> Iterator[tuple[str, Column]]:
+    return ((item.name, column) for item, column in columns)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0  # the caller has refused it already
+
+
+def _parse(path: Path) -> Any:
+    data = read_limited(path, MAX_BYTES)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        load_dtd=False,
+        no_network=True,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        what = f"not valid XML: {error.msg}"
+        raise DescriptorError(what, path=path, line=error.lineno or None) from None
+    docinfo: Any = root.getroottree().docinfo
+    if docinfo.doctype:
+        raise DescriptorError("a DOCTYPE is not allowed", path=path, line=1)
+    return root
+
+
+def write_wmx_parameters(parameters: WmxParameters, path: Path) -> None:
+    """Write a complete file, LF and tabs, as the engine does. Raises OSError."""
+    root = etree.Element("Parameters", ver=VERSION)
+    block = etree.SubElement(root, "GlobalParameters")
+    _fill(block, GLOBAL_SECTIONS, parameters.global_values)
+    for axis in range(N_AXES):
+        block = etree.SubElement(root, "AxisParameters", Axis=str(axis))
+        _fill(block, AXIS_SECTIONS, parameters.axis(axis))
+    text = f'<?xml version="1.0" encoding="UTF-8"?>\n{_indented(root)}\n'
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def axis_text(parameters: WmxParameters, axis: int) -> str:
+    """One axis as XML text for people, in the layout of the file."""
+    block = etree.Element("AxisParameters", Axis=str(axis))
+    _fill(block, AXIS_SECTIONS, parameters.axis(axis))
+    return _indented(block)
+
+
+def _indented(root: Any) -> str:
+    etree.indent(root, space="\t")
+    return etree.tostring(root, encoding="unicode")
+
+
+def _fill(block: Any, sections: Sections, values: Mapping[str, Scalar]) -> None:
+    for section, items in sections.items():
+        groups: dict[tuple[str, ...], Any] = {
+            (): etree.SubElement(block, section)
+        }  # path below the section → element
+        for item in items:
+            *tags, leaf = item.name.split("/")
+            parent = groups[()]
+            for depth, tag in enumerate(tags, start=1):
+                path = tuple(tags[:depth])
+                if path not in groups:
+                    groups[path] = etree.SubElement(parent, tag)
+                parent = groups[path]
+            etree.SubElement(parent, leaf).text = _text(item, values[item.name])
+
+
+def _text(item: Parameter, value: Scalar) -> str:
+    """Six decimals, or as many as the number needs to be read back unchanged."""
+    if item.kind is not Kind.REAL:
+        return str(int(value))
+    text = f"{value:.6f}"
+    return text if float(text) == value else repr(float(value))
