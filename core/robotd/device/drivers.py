@@ -19,7 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robotd.device.image import FloatArray, ProcessImage
+from robotd.arrays import FloatArray
+from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, EngineState
 from robotd.errors import Unsupported
 
@@ -40,8 +41,13 @@ class DeviceDriver(ABC):
     """The connection to an engine or a bus. Must: all but the last two."""
 
     @abstractmethod
-    def open(self) -> None:
-        """Connect; Idle → Running. Raises ConnectError naming every child that fails."""
+    def open(self, path: str = "", name: str = "") -> None:
+        """Connect; Idle → Running. Raises ConnectError naming every child that fails.
+
+        Args:
+            path: device, bus or SDK to open instead of the configured one; empty: configured.
+            name: what this client shall be called by the device; empty: the robot's name.
+        """
 
     @abstractmethod
     def close(self) -> None:
@@ -131,7 +137,10 @@ class AxisDriver(ABC):
 
     @abstractmethod
     def jog(self, axis: int, profile: Profile) -> None:
-        """Start or change a velocity command (signed ``profile.velocity``, 0 slows to rest)."""
+        """Start or change a velocity command (signed ``profile.velocity``).
+
+        Velocity 0 slows to rest, after which the axis is idle.
+        """
 
     @abstractmethod
     def stop(self, axes: Sequence[int]) -> None:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from robotd.arrays import BoolArray, FloatArray, IntArray
 from robotd.device.state import CommandMode, Operation
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 
 class ProcessImage:

@@ -1,5 +1,6 @@
 """All that a backend may import from robotd. Changing it changes ``API_VERSION``."""
 
+from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
 from robotd.descriptor import (
     RobotDescriptor,
@@ -16,7 +17,7 @@ from robotd.device.drivers import (
     Profile,
     SlaveInfo,
 )
-from robotd.device.image import FloatArray, ProcessImage
+from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, EngineState, Operation
 from robotd.errors import (
     ConnectError,
@@ -30,7 +31,7 @@ from robotd.errors import (
     Unsupported,
 )
 from robotd.log import get_logger
-from robotd.plugin.capabilities import Capability
+from robotd.device.capabilities import Capability
 from robotd.plugin.hookspecs import (
     API_VERSION,
     BackendInfo,

@@ -12,7 +12,6 @@ that is asked for is imported) and ``robotd.plugins`` (always imported: robots a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import pluggy
 from pydantic import BaseModel, ConfigDict
@@ -20,7 +19,7 @@ from pydantic import BaseModel, ConfigDict
 from robotd.clock import Clock, MonotonicClock
 from robotd.descriptor import RobotDescriptor
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
-from robotd.plugin.capabilities import Capability
+from robotd.device.capabilities import Capability
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 API_VERSION = 1
@@ -62,13 +61,11 @@ class DeviceContext:
         robot: the descriptor, with the variant applied.
         options: this backend's validated section.
         clock: monotonic time; a backend uses no other.
-        path: device or SDK path asked for by ``set_device``; empty means the backend's default.
     """
 
     robot: RobotDescriptor
     options: BackendOptions = field(default_factory=BackendOptions)
     clock: Clock = field(default_factory=MonotonicClock)
-    path: Path = Path()
 
 
 class RobotdHooks:

@@ -1,0 +1,261 @@
+"""One trajectory on its way: what the cycle does with it each period, and how it ends."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
+from robotd.device.image import ProcessImage
+from robotd.motion import (
+    JointLimits,
+    MotionState,
+    Sampler,
+    TimeScale,
+    ToleranceCheck,
+    Tolerances,
+    Trajectory,
+    plan_stop,
+)
+
+SETTLED_PERIODS = 3  # consecutive periods within tolerance that count as arrived, or at rest
+REST_TIMEOUT_S = 2.0  # a joint that still creeps then is reported, not waited for
+
+
+class Outcome(Enum):
+    """How a trajectory ended."""
+
+    SUCCEEDED = auto()
+    CANCELED = auto()
+    PREEMPTED = auto()
+    PATH_TOLERANCE = auto()
+    GOAL_TOLERANCE = auto()
+    FAULT = auto()
+
+
+class Phase(Enum):
+    """RUNNING → ARRIVING → FINISHED, or from either by STOPPING → RESTING → FINISHED."""
+
+    RUNNING = auto()  # on the path, in time
+    ARRIVING = auto()  # at the end of the path, until every joint is within its goal tolerance
+    STOPPING = auto()  # slowing down along the path
+    RESTING = auto()  # the command stands still, until the joints do
+    FINISHED = auto()
+
+
+@dataclass(frozen=True)
+class GoalTolerances:
+    """How far the joints may be off, on the way and at the end.
+
+    Attributes:
+        path, goal: per joint.
+        goal_time_s: how long after the trajectory's end the joints may take to be within ``goal``.
+    """
+
+    path: Tolerances
+    goal: Tolerances
+    goal_time_s: float
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where an execution is; arrays (m,) in the order of the trajectory's names."""
+
+    time_s: float
+    desired_position: FloatArray
+    desired_velocity: FloatArray
+    actual_position: FloatArray
+    actual_velocity: FloatArray
+
+
+class Execution:
+    """Made by ``TrajectoryFollower.follow``; advanced by the cycle, watched by one worker.
+
+    Any thread may call ``cancel``, ``wait`` and ``progress``; the rest belongs to the cycle.
+
+    Attributes:
+        trajectory: what is executed, planned and checked.
+        start_ns: monotonic time of the trajectory's time 0.
+        position, velocity: (m,) the setpoint for the end of the period.
+        ending: why it is being stopped, None while it is not; set before ``outcome``.
+        outcome, message: None and "" until it has ended.
+        max_error: (m,) largest following error seen so far, rad or m.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        axes: IntArray,
+        limits: JointLimits,
+        tolerances: GoalTolerances,
+        start_ns: int,
+        stopped_velocity: float,
+    ) -> None:
+        joints = len(trajectory.names)
+        self.trajectory = trajectory
+        self.start_ns = start_ns
+        self.ending: tuple[Outcome, str] | None = None
+        self.outcome: Outcome | None = None
+        self.message = ""
+        self.max_error: FloatArray = np.zeros(joints)
+        self.position, self.velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
+        self._phase = Phase.RUNNING
+        self._axes = axes
+        self._limits = limits
+        self._goal_time_s = tolerances.goal_time_s
+        self._path_check = ToleranceCheck(tolerances.path)
+        self._goal_check = ToleranceCheck(tolerances.goal)
+        self._stopped_velocity = stopped_velocity
+        self._sampler = Sampler(trajectory)
+        self._time = TimeScale()
+        self._desired: FloatArray = self.position.copy()
+        self._desired_velocity: FloatArray = self.velocity.copy()
+        self._actual: FloatArray = self.position.copy()
+        self._actual_velocity: FloatArray = self.velocity.copy()
+        self._error: FloatArray = np.zeros(joints)
+        self._last_ns = start_ns
+        self._phase_ns = start_ns
+        self._settled_periods = 0
+        self._done = threading.Event()
+
+    @property
+    def done(self) -> bool:
+        """True once ``outcome`` stands."""
+        return self._done.is_set()
+
+    def cancel(self) -> None:
+        """Ask for a controlled stop; the outcome comes at standstill. Late calls: no effect."""
+        self._end(Outcome.CANCELED, "canceled by the client")
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Block until it has ended; False when ``timeout_s`` (None: for ever) is over."""
+        return self._done.wait(timeout_s)
+
+    def progress(self) -> Progress:
+        """The last period's values, copied; two arrays may be one period apart."""
+        return Progress(
+            self._time.time_s,
+            self._desired.copy(),
+            self._desired_velocity.copy(),
+            self._actual.copy(),
+            self._actual_velocity.copy(),
+        )
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """The commanded state at ``time_ns`` if nothing happens until then.
+
+        None while it is being stopped: then only the standstill to come is certain.
+        """
+        if self.ending is not None:
+            return None
+        return self.trajectory.state_at((time_ns - self.start_ns) / NANOSECONDS)
+
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
+        """Cycle: judge the measured values of ``time_ns``, compute the setpoint one period on."""
+        self._observe(image)
+        if self._phase in (Phase.RUNNING, Phase.ARRIVING):
+            self._judge(time_ns, image)
+        match self._phase:
+            case Phase.RUNNING | Phase.STOPPING:
+                self._move_on(time_ns, period_ns)
+            case Phase.ARRIVING:
+                self._arrive(time_ns)
+            case Phase.RESTING:
+                self._rest(time_ns)
+            case Phase.FINISHED:
+                pass
+
+    def finish(self, outcome: Outcome, message: str) -> None:
+        """Streamer: this is the end, whatever the joints do. The first outcome stands."""
+        if self._phase is not Phase.FINISHED:
+            self._phase = Phase.FINISHED
+            self.outcome, self.message = outcome, message
+            self._done.set()
+
+    def _end(self, outcome: Outcome, message: str) -> None:
+        if self.ending is None:
+            self.ending = (outcome, message)
+
+    def _enter(self, phase: Phase, time_ns: int) -> None:
+        self._phase, self._phase_ns, self._settled_periods = phase, time_ns, 0
+
+    def _observe(self, image: ProcessImage) -> None:
+        np.take(image.position, self._axes, out=self._actual)
+        np.take(image.velocity, self._axes, out=self._actual_velocity)
+        self._desired[:] = self.position
+        self._desired_velocity[:] = self.velocity
+        np.subtract(self._desired, self._actual, self._error)
+        np.abs(self._error, self._error)
+        np.fmax(self.max_error, self._error, self.max_error)
+
+    def _judge(self, time_ns: int, image: ProcessImage) -> None:
+        axes = self._axes
+        if not image.servo_on[axes].all() or image.amp_alarm[axes].any():
+            self._end(Outcome.FAULT, self._fault_text(image))
+        if self.ending is None and self._phase is Phase.RUNNING:
+            violation = self._path_check.check(
+                self._time.time_s,
+                (self._desired, self._actual),
+                (self._desired_velocity, self._actual_velocity),
+            )
+            if violation is not None:
+                self._end(Outcome.PATH_TOLERANCE, str(violation))
+        if self.ending is not None:
+            stop = plan_stop(self.trajectory, self._time.time_s, self._limits.acceleration)
+            self._time.begin_stop(stop)
+            self._enter(Phase.STOPPING, time_ns)
+
+    def _fault_text(self, image: ProcessImage) -> str:
+        for name, axis in zip(self.trajectory.names, self._axes, strict=True):
+            if image.amp_alarm[axis]:
+                alarm = int(image.alarm_code[axis])
+                return f"{name} at {self._time.time_s:.3f} s: amplifier alarm {alarm}"
+            if not image.servo_on[axis]:
+                what = "drive is offline" if image.offline[axis] else "servo went off"
+                return f"{name} at {self._time.time_s:.3f} s: {what}"
+        return "a servo went off"
+
+    def _move_on(self, time_ns: int, period_ns: int) -> None:
+        due_ns = time_ns + period_ns
+        time_s = self._time.advance((due_ns - self._last_ns) / NANOSECONDS)
+        self._last_ns = due_ns
+        self._sampler.sample(time_s, self.position, self.velocity)
+        self._time.scale(self.velocity)
+        if self._time.at_rest:
+            self._enter(Phase.RESTING, time_ns)
+        elif time_s >= self.trajectory.duration_s:
+            self._enter(Phase.RESTING if self.ending else Phase.ARRIVING, time_ns)
+
+    def _arrive(self, time_ns: int) -> None:
+        over_s = (time_ns - self._phase_ns) / NANOSECONDS
+        violation = self._goal_check.check(
+            self.trajectory.duration_s + over_s,
+            (self._desired, self._actual),
+            (self._desired_velocity, self._actual_velocity),
+        )
+        self._settled_periods = 0 if violation else self._settled_periods + 1
+        if self._settled_periods >= SETTLED_PERIODS:
+            self.finish(Outcome.SUCCEEDED, self._success_text())
+        elif violation and over_s > self._goal_time_s:
+            self._end(Outcome.GOAL_TOLERANCE, str(violation))
+            self._enter(Phase.RESTING, time_ns)
+
+    def _rest(self, time_ns: int) -> None:
+        moving = bool((np.abs(self._actual_velocity) > self._stopped_velocity).any())
+        self._settled_periods = 0 if moving else self._settled_periods + 1
+        timed_out = time_ns - self._phase_ns > REST_TIMEOUT_S * NANOSECONDS
+        if self.ending and (self._settled_periods >= SETTLED_PERIODS or timed_out):
+            outcome, message = self.ending
+            self.finish(outcome, f"{message}; joints still move" if moving else message)
+
+    def _success_text(self) -> str:
+        worst = int(np.argmax(self.max_error))
+        return (
+            f"goal reached after {self.trajectory.duration_s:.3f} s; largest following error"
+            f" {self.max_error[worst]:.4f} {self._limits.units[worst]}"
+            f" ({self.trajectory.names[worst]})"
+        )

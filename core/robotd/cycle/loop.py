@@ -1,0 +1,189 @@
+"""The cycle: one named thread with absolute deadlines.
+
+Each period: read the process image → watch its age → advance streamed trajectories → hand the
+image to the tasks that are due → sleep to the next deadline. A deadline that is missed is
+counted and skipped, never made up for in a burst.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from robotd.clock import NANOSECONDS, Clock, MonotonicClock
+from robotd.cycle.stats import CycleStats
+from robotd.cycle.streamer import Streamer
+from robotd.device.drivers import AxisDriver
+from robotd.device.engine import Engine
+from robotd.device.image import ProcessImage
+from robotd.device.state import EngineState
+from robotd.log import get_logger
+
+log = get_logger("cycle")
+
+Task = Callable[[ProcessImage], None]
+
+PR_SET_TIMERSLACK = 29  # linux/prctl.h
+SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
+
+
+@dataclass
+class _Periodic:
+    task: Task
+    name: str
+    period_ns: int
+    due_ns: int = 0
+    failing: bool = False
+
+
+class Cycle:
+    """Owns the thread ``robotd-cycle``, the only caller of ``AxisDriver.read`` and ``stream``.
+
+    Args:
+        driver, engine, image: what is read, whether it may be, and where it goes.
+        streamer: advances trajectories.
+        rate_hz: periods per second.
+        realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
+    """
+
+    def __init__(
+        self,
+        driver: AxisDriver,
+        engine: Engine,
+        image: ProcessImage,
+        streamer: Streamer,
+        rate_hz: float,
+        *,
+        realtime_priority: int = 0,
+        clock: Clock | None = None,
+    ) -> None:
+        self.stats = CycleStats()
+        self.realtime = False
+        self.period_ns = round(NANOSECONDS / rate_hz)
+        self._driver = driver
+        self._engine = engine
+        self._image = image
+        self._streamer = streamer
+        self._priority = realtime_priority
+        self._clock = clock or MonotonicClock()
+        self._stale_after_ns = round(engine.settings.stale_after_s * NANOSECONDS)
+        self._communicating_since_ns = 0
+        self._tasks: list[_Periodic] = []
+        self._read_failure: str | None = None
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def every(self, rate_hz: float, name: str, task: Task) -> None:
+        """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.
+
+        Only while the engine communicates. A task must not block; what it raises is logged
+        once and does not stop the cycle. Any thread may call, also while the cycle runs.
+        """
+        periodic = _Periodic(task, name, round(NANOSECONDS / rate_hz))
+        self._tasks = [*self._tasks, periodic]
+
+    def start(self) -> None:
+        self._thread = threading.Thread(target=self._run, name="robotd-cycle", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread after its period; returns when it is gone. Twice is not an error."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def step(self, time_ns: int) -> None:
+        """One period whose nominal time is ``time_ns``.
+
+        The nominal time, not the jittery real one, drives trajectories. Called by the thread,
+        or by a test that owns the clock.
+        """
+        self._engine.update_ready()
+        state = self._engine.state
+        if state not in (EngineState.COMMUNICATING, EngineState.UNKnow_nsN):
+            self._communicating_since_ns = 0
+            self._engine.set_stale(False)
+            self._streamer.device_lost(f"engine is {state.value}")
+            return
+        self._read(time_ns)
+        self._watch_age(time_ns)
+        self._stream(time_ns)
+        self._run_tasks(time_ns)
+
+    def _run(self) -> None:
+        self._prepare_thread()
+        clock, stats, period_ns = self._clock, self.stats, self.period_ns
+        deadline_ns = clock.now_ns() + period_ns
+        while not self._stop.is_set():
+            clock.sleep_until_ns(deadline_ns)
+            start_ns = clock.now_ns()
+            self.step(deadline_ns)
+            end_ns = clock.now_ns()
+            stats.record(deadline_ns, start_ns, end_ns)
+            deadline_ns += period_ns
+            if end_ns > deadline_ns:
+                skipped = (end_ns - deadline_ns) // period_ns + 1
+                stats.missed += skipped
+                deadline_ns += skipped * period_ns
+
+    def _prepare_thread(self) -> None:
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
+        if self._priority:
+            try:
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self._priority))
+                self.realtime = True
+            except PermissionError:
+                self.realtime = False
+
+    def _read(self, time_ns: int) -> None:
+        image = self._image
+        image.begin_write()
+        try:
+            self._driver.read(image)
+            image.stamp_ns = time_ns
+            self._read_failure = None
+        except Exception as error:
+            if self._read_failure is None:
+                log.exception("reading the process image failed")
+            self._read_failure = f"{type(error).__name__}: {error}"
+        finally:
+            image.end_write()
+
+    def _watch_age(self, time_ns: int) -> None:
+        if self._communicating_since_ns == 0:
+            self._communicating_since_ns = time_ns
+        alive_ns = max(self._image.fresh_ns, self._communicating_since_ns)
+        stale = time_ns - alive_ns > self._stale_after_ns
+        self._engine.set_stale(stale)
+        if stale:
+            age_ms = (time_ns - self._image.fresh_ns) / 1e6
+            self._streamer.device_lost(
+                self._read_failure or f"the fieldbus values are {age_ms:.0f} ms old"
+            )
+
+    def _stream(self, time_ns: int) -> None:
+        try:
+            self._streamer.advance(time_ns, self._image)
+        except Exception as error:
+            log.exception("streaming setpoints failed")
+            self._streamer.device_lost(f"{type(error).__name__}: {error}")
+
+    def _run_tasks(self, time_ns: int) -> None:
+        slack_ns = self.period_ns // 2
+        for periodic in self._tasks:
+            if time_ns + slack_ns < periodic.due_ns:
+                continue
+            behind = time_ns - periodic.due_ns > periodic.period_ns
+            periodic.due_ns = (time_ns if behind else periodic.due_ns) + periodic.period_ns
+            try:
+                periodic.task(self._image)
+                periodic.failing = False
+            except Exception:
+                if not periodic.failing:
+                    log.exception("a task of the cycle failed", task=periodic.name)
+                periodic.failing = True

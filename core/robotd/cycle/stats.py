@@ -1,0 +1,74 @@
+"""How well the cycle keeps its time: lateness, execution time, missed deadlines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
+
+
+@dataclass(frozen=True)
+class CycleReport:
+    """A snapshot; times in microseconds, over the last ``samples`` periods.
+
+    Attributes:
+        cycles, missed: periods run and deadlines missed since the start.
+        rate_hz: the rate really held over the window; NaN before the second period.
+        lateness_p50_us, lateness_p99_us, lateness_max_us: wake-up after the deadline.
+        execution_p50_us, execution_p99_us, execution_max_us: work done in a period.
+    """
+
+    cycles: int
+    missed: int
+    samples: int
+    rate_hz: float
+    lateness_p50_us: float
+    lateness_p99_us: float
+    lateness_max_us: float
+    execution_p50_us: float
+    execution_p99_us: float
+    execution_max_us: float
+
+
+class CycleStats:
+    """Ring buffers written by the cycle thread; ``report`` may be called by any thread."""
+
+    def __init__(self) -> None:
+        self.cycles = 0
+        self.missed = 0
+        self._start_ns = np.zeros(WINDOW, np.int64)
+        self._lateness_ns = np.zeros(WINDOW, np.int64)
+        self._execution_ns = np.zeros(WINDOW, np.int64)
+
+    def record(self, deadline_ns: int, start_ns: int, end_ns: int) -> None:
+        """Cycle thread: one period ran from ``start_ns`` to ``end_ns``."""
+        slot = self.cycles % WINDOW
+        self._start_ns[slot] = start_ns
+        self._lateness_ns[slot] = start_ns - deadline_ns
+        self._execution_ns[slot] = end_ns - start_ns
+        self.cycles += 1
+
+    def report(self) -> CycleReport:
+        """The figures of the last ``WINDOW`` periods; zeros before the first."""
+        cycles = self.cycles
+        samples = min(cycles, WINDOW)
+        if samples == 0:
+            return CycleReport(0, self.missed, 0, float("nan"), *[0.0] * 6)
+        started = self._start_ns[:samples]
+        span_s = float(started.max() - started.min()) * 1e-9
+        rate_hz = (samples - 1) / span_s if span_s > 0 else float("nan")
+        return CycleReport(
+            cycles,
+            self.missed,
+            samples,
+            rate_hz,
+            *_percentiles_us(self._lateness_ns[:samples]),
+            *_percentiles_us(self._execution_ns[:samples]),
+        )
+
+
+def _percentiles_us(values_ns: np.ndarray) -> tuple[float, float, float]:
+    p50, p99, top = np.percentile(values_ns, (50, 99, 100)) / 1000.0
+    return float(p50), float(p99), float(top)

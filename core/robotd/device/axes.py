@@ -1,0 +1,291 @@
+"""Axis commands: every argument and every state is checked here, once, for all backends."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from robotd.clock import Clock, wait_until
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import AxisDriver, Profile
+from robotd.device.engine import Engine
+from robotd.device.image import ProcessImage
+from robotd.device.state import CommandMode, Operation
+from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, Unsupported
+from robotd.motion.limits import AxisLimits, check_jog, check_move
+
+
+@dataclass(frozen=True)
+class Move:
+    """One axis' part of a position command: target in rad or m, absolute or relative."""
+
+    axis: int
+    target: float
+    profile: Profile
+
+
+@dataclass(frozen=True)
+class Jog:
+    """One axis' part of a velocity command; ``profile.velocity`` is signed."""
+
+    axis: int
+    profile: Profile
+
+
+class Axes:
+    """The axes of a robot; worker threads only (the cycle calls the driver itself).
+
+    A command on several axes is checked whole before any axis starts. Commands are refused,
+    with the reason, while the engine is not ready, and on an axis that somebody has claimed.
+
+    Args:
+        driver: the backend's axes.
+        image: the live process image, written by the cycle.
+        limits: per axis; an axis without limits (NaN) is not limited.
+        names: per axis, for error texts (``joint2`` or ``axis 1``).
+        clock: to wait by.
+    """
+
+    def __init__(
+        self,
+        driver: AxisDriver,
+        image: ProcessImage,
+        engine: Engine,
+        limits: Sequence[AxisLimits],
+        names: Sequence[str],
+        capabilities: frozenset[Capability],
+        backend: str,
+        clock: Clock,
+    ) -> None:
+        self.image = image
+        self.limits = tuple(limits)
+        self.names = tuple(names)
+        self._driver = driver
+        self._engine = engine
+        self._capabilities = capabilities
+        self._backend = backend
+        self._clock = clock
+        self._owners: dict[int, str] = {}
+        self._lock = threading.RLock()
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def servo(self, axis: int, on: bool) -> None:
+        """Enable (at the measured position, without a jump) or disable one servo; waits for it.
+
+        Disabling is never refused because of an owner: who streams to the axis is stopped.
+        """
+        self._check_axes([axis])
+        if on and self.image.amp_alarm[axis]:
+            raise NotReady(f"{self.names[axis]}: {self._alarm_text(axis)}; clear it first")
+        self._driver.servo(axis, on, self._engine.settings.servo_timeout_s)
+
+    def clear_alarm(self, axis: int) -> None:
+        """Clear the amplifier alarm of one axis; waits until it is gone."""
+        self._check_axis(axis)
+        self._driver.clear_alarm(axis, self._engine.settings.servo_timeout_s)
+
+    def set_command_mode(self, axis: int, mode: int) -> None:
+        """Position 0 or velocity 1 (torque 2 where the backend has it), on an idle axis."""
+        self._check_axis(axis)
+        if mode not in tuple(CommandMode):
+            raise InvalidArgument(f"{self.names[axis]}: mode {mode} is not 0, 1 or 2")
+        needs = {
+            CommandMode.VELOCITY: Capability.VELOCITY_MODE,
+            CommandMode.TORQUE: Capability.TORQUE_MODE,
+        }.get(CommandMode(mode))
+        self._require(needs, f"{CommandMode(mode).name.lower()} mode")
+        self._check_idle(axis, "the command mode")
+        self._driver.set_command_mode(axis, CommandMode(mode))
+
+    def set_polarity(self, axis: int, polarity: int) -> None:
+        """1 or -1, with the servo off."""
+        self._check_axis(axis)
+        if polarity not in (1, -1):
+            raise InvalidArgument(f"{self.names[axis]}: polarity {polarity} is not 1 or -1")
+        self._require(Capability.SCALING, "polarity")
+        self._check_servo_off(axis, "polarity")
+        self._driver.set_polarity(axis, polarity)
+
+    def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+        """Encoder counts per unit as a fraction, both parts positive, with the servo off."""
+        self._check_axis(axis)
+        for part, value in (("numerator", numerator), ("denominator", denominator)):
+            if not (math.isfinite(value) and 1e-6 <= value <= 2**31 - 1):
+                raise InvalidArgument(
+                    f"{self.names[axis]}: gear ratio {part} {value} is outside 1e-06..2147483647"
+                )
+        self._require(Capability.SCALING, "gear ratio")
+        self._check_servo_off(axis, "the gear ratio")
+        self._driver.set_gear_ratio(axis, numerator, denominator)
+
+    def home(self, axis: int) -> None:
+        """Make the present position of one idle axis its home position."""
+        self._check_axis(axis)
+        self._require(Capability.HOMING, "homing")
+        self._check_idle(axis, "homing")
+        self._driver.home(axis, self._engine.settings.servo_timeout_s)
+
+    def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
+        """Start position moves together. Returns when all are accepted, not when they end.
+
+        A relative target counts from the position command.
+        """
+        with self._lock:
+            self._check_command([move.axis for move in moves], CommandMode.POSITION)
+            absolute = [self._absolute(move, relative) for move in moves]
+            for move in absolute:
+                profile = move.profile
+                check_move(
+                    self.names[move.axis],
+                    self.limits[move.axis],
+                    move.target,
+                    profile.velocity,
+                    profile.acceleration,
+                    profile.deceleration,
+                )
+            for move in absolute:
+                self._driver.move(move.axis, move.target, move.profile)
+
+    def jog(self, jogs: Sequence[Jog]) -> None:
+        """Start or change velocity commands together; velocity 0 slows to rest."""
+        self._require(Capability.VELOCITY_MODE, "velocity mode")
+        with self._lock:
+            self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
+            for jog in jogs:
+                profile = jog.profile
+                check_jog(
+                    self.names[jog.axis],
+                    self.limits[jog.axis],
+                    profile.velocity,
+                    profile.acceleration,
+                    profile.deceleration,
+                )
+            for jog in jogs:
+                self._driver.jog(jog.axis, jog.profile)
+
+    def stop(self, axes: Sequence[int]) -> None:
+        """Controlled stop; never refused because of an owner. Not ready: no effect."""
+        self._stop(axes, self._driver.stop)
+
+    def quick_stop(self, axes: Sequence[int]) -> None:
+        """The fastest controlled stop; never refused because of an owner."""
+        self._stop(axes, self._driver.quick_stop)
+
+    def rest(self, axes: Sequence[int], timeout_s: float) -> None:
+        """Controlled stop, and wait until the axes are idle.
+
+        Raises DeviceTimeout naming the axes that still move.
+        """
+        self.stop(axes)
+        if not wait_until(lambda: not self._moving(axes), timeout_s, self._clock):
+            names = ", ".join(self.names[axis] for axis in self._moving(axes))
+            raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
+
+    @contextmanager
+    def claimed(self, owner: str, axes: Sequence[int]) -> Iterator[None]:
+        """Reserve idle, enabled ``axes`` for streaming by ``owner`` until the block ends.
+
+        Raises NotReady, with the reason, when an axis cannot be streamed or is claimed.
+        """
+        with self._lock:
+            self._check_command(axes, CommandMode.POSITION)
+            for axis in axes:
+                self._check_idle(axis, owner)
+            self._driver.begin_stream(axes)
+            self._owners.update(dict.fromkeys(axes, owner))
+        try:
+            yield
+        finally:
+            with self._lock:
+                for axis in axes:
+                    self._owners.pop(axis, None)
+                self._driver.end_stream(axes)
+
+    def refusal(self, axis: int, mode: CommandMode, by: str = "") -> str | None:
+        """Why a motion command ``by`` somebody would be refused now; None when it would not."""
+        image, name = self.image, self.names[axis]
+        if not self._engine.ready:
+            return f"engine is not ready (state {self._engine.state.value})"
+        if image.offline[axis]:
+            return f"{name} is offline"
+        if image.amp_alarm[axis]:
+            return f"{name}: {self._alarm_text(axis)}"
+        if not image.servo_on[axis]:
+            return f"{name}: servo is off"
+        if image.mode[axis] != mode:
+            have = CommandMode(int(image.mode[axis])).name.lower()
+            return f"{name} is in {have} mode, not in {mode.name.lower()} mode"
+        owner = self._owners.get(axis)
+        return f"{name} is in use by {owner}" if owner and owner != by else None
+
+    def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
+        self._check_axes(axes)
+        for axis in axes:
+            if reason := self.refusal(axis, mode):
+                raise NotReady(reason)
+
+    def _check_axes(self, axes: Sequence[int]) -> None:
+        self._engine.require_ready()
+        if not axes:
+            raise InvalidArgument("no axis given")
+        for axis in axes:
+            if not 0 <= axis < len(self):
+                raise InvalidArgument(f"axis {axis} is outside 0..{len(self) - 1}")
+        doubled = {axis for axis in axes if list(axes).count(axis) > 1}
+        if doubled:
+            raise InvalidArgument(f"axis {min(doubled)} is given twice")
+
+    def _check_axis(self, axis: int) -> None:
+        self._check_axes([axis])
+        if owner := self._owners.get(axis):
+            raise NotReady(f"{self.names[axis]} is in use by {owner}")
+
+    def _check_idle(self, axis: int, what: str) -> None:
+        operation = Operation(int(self.image.operation[axis]))
+        if operation is not Operation.IDLE:
+            raise NotReady(
+                f"{self.names[axis]}: {what} needs an idle axis, this one is in"
+                f" {operation.name.lower()}"
+            )
+
+    def _check_servo_off(self, axis: int, what: str) -> None:
+        if self.image.servo_on[axis]:
+            raise NotReady(f"{self.names[axis]}: {what} can change only while the servo is off")
+
+    def _absolute(self, move: Move, relative: bool) -> Move:
+        if not relative:
+            return move
+        start = float(self.image.position_command[move.axis])
+        return Move(move.axis, start + move.target, move.profile)
+
+    def _require(self, capability: Capability | None, feature: str) -> None:
+        if capability is not None and capability not in self._capabilities:
+            raise Unsupported(feature, self._backend)
+
+    def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
+        if self._engine.ready:
+            self._check_axes(axes)
+            stop(axes)
+
+    def _moving(self, axes: Sequence[int]) -> list[int]:
+        return [axis for axis in axes if self.image.operation[axis] != Operation.IDLE]
+
+    def _alarm_text(self, axis: int) -> str:
+        return f"amplifier alarm {int(self.image.alarm_code[axis])}"
+
+
+def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:
+    """Run a one-axis command on every axis, whatever happens on the others; error or None each."""
+    results: dict[int, Exception | None] = {}
+    for axis in axes:
+        try:
+            command(axis)
+            results[axis] = None
+        except Exception as error:  # noqa: BLE001 - the caller reports every axis
+            results[axis] = error
+    return results

@@ -1,0 +1,230 @@
+"""The engine: life cycle of one device, with retries, and whether it is ready to command."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from robotd.descriptor import EngineSettings
+from robotd.device.drivers import DeviceDriver
+from robotd.device.state import EngineState
+from robotd.errors import (
+    ConnectError,
+    DescriptorError,
+    NotReady,
+    OperationError,
+    RobotdError,
+    Unsupported,
+)
+from robotd.log import get_logger
+
+log = get_logger("engine")
+
+ReadyListener = Callable[[bool], None]
+
+
+class Engine:
+    """Opens, starts, stops and closes a device; the only caller of ``DeviceDriver``.
+
+    Every method may be called by any thread; commands exclude each other, ``state`` and
+    ``ready`` never block. Nothing here enables a servo.
+
+    Attributes:
+        before_stop: called before communication is stopped on purpose: brings motion to rest.
+
+    Args:
+        driver: the backend's device, not connected yet.
+        settings: tries, time-outs and ages from the descriptor.
+        parameters_file: applied whenever communication starts on a newly opened device;
+            None leaves the device's own parameters.
+        backend: name used in error texts.
+    """
+
+    def __init__(
+        self,
+        driver: DeviceDriver,
+        settings: EngineSettings,
+        parameters_file: Path | None,
+        backend: str,
+        *,
+        has_parameters: bool = True,
+    ) -> None:
+        self.parameters_file = parameters_file
+        self.settings = settings
+        self._driver = driver
+        self._backend = backend
+        self._has_parameters = has_parameters
+        self._parameters_loaded = False
+        self._lock = threading.RLock()
+        self._ending = threading.Event()
+        self._closed = False
+        self._stale = False
+        self._ready = False
+        self._listeners: list[ReadyListener] = []
+        self.before_stop: Callable[[], None] = _nothing
+
+    @property
+    def state(self) -> EngineState:
+        """The device's state; UNKNOWN while its values are stale, SHUTDOWN for good at the end."""
+        if self._closed:
+            return EngineState.SHUTDOWN
+        state = self._driver.state()
+        return EngineState.UNKNOWN if self._stale and state is EngineState.COMMUNICATING else state
+
+    @property
+    def ready(self) -> bool:
+        """True while axes can be commanded: communicating, and values are fresh."""
+        return self._ready
+
+    def require_ready(self) -> None:
+        """Raise NotReady, with the reason, unless axes can be commanded."""
+        if not self._ready:
+            raise NotReady(f"engine is not ready (state {self.state.value})")
+
+    def on_ready(self, listener: ReadyListener) -> None:
+        """Call ``listener(ready)`` now and on every change, from the thread that causes it."""
+        self._listeners.append(listener)
+        listener(self._ready)
+
+    def start(self) -> None:
+        """The whole start-up: open with retries, scan, start communication.
+
+        Raises the last error when every try has failed; returns early after ``shutdown``.
+        """
+        tries = self.settings.open_tries
+        for attempt in range(1, tries + 1):
+            try:
+                self.open()
+                break
+            except ConnectError as error:
+                log.warning("open failed", attempt=attempt, of=tries, reason=str(error))
+                if attempt == tries:
+                    raise
+            if self._ending.wait(self.settings.open_retry_s):
+                return
+        log.info("fieldbus scanned", network=self.scan_network())
+        self.start_communication()
+
+    def open(self, path: str = "", name: str = "") -> None:
+        """Connect to the device. An open device with no other path asked for: no effect."""
+        with self._lock:
+            self._require_alive()
+            if self._driver.state() is not EngineState.IDLE:
+                if path:
+                    raise NotReady(f"device is open already; close it before opening {path!r}")
+                return
+            self._driver.open(path, name)
+            self._parameters_loaded = False
+            log.info("device open", backend=self._backend)
+
+    def close(self) -> None:
+        """Stop communication and disconnect, from any state."""
+        with self._lock:
+            try:
+                self.stop_communication()
+            finally:
+                self._driver.close()
+                self.update_ready()
+
+    def start_communication(self) -> None:
+        """Begin the cyclic exchange and apply the parameter file. Nothing moves."""
+        with self._lock:
+            self._require_alive()
+            if self._driver.state() is EngineState.IDLE:
+                raise NotReady("device is not open")
+            self._check_parameters_file()
+            if self._driver.state() is not EngineState.COMMUNICATING:
+                self._driver.start_communication(self.settings.communication_timeout_s)
+            try:
+                self._apply_parameters_file()
+            except RobotdError:
+                self._driver.stop_communication(self.settings.communication_timeout_s)
+                raise
+            finally:
+                self.update_ready()
+            log.info("communication started")
+
+    def stop_communication(self) -> None:
+        """End the cyclic exchange after ``before_stop``; servos go off.
+
+        Not communicating: no effect.
+        """
+        with self._lock:
+            if self._driver.state() in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
+                self.before_stop()
+                self._driver.stop_communication(self.settings.communication_timeout_s)
+                log.info("communication stopped")
+            self.update_ready()
+
+    def scan_network(self) -> str:
+        """Look for devices on the fieldbus; a one-line summary for people."""
+        with self._lock:
+            if self._driver.state() is EngineState.IDLE:
+                raise NotReady("device is not open")
+            return self._driver.scan_network()
+
+    def load_parameters(self, path: Path) -> None:
+        """Apply a parameter file now, all of it or nothing. The file must exist."""
+        if not self._has_parameters:
+            raise Unsupported("parameter files", self._backend)
+        if not path.is_file():
+            raise OperationError(f"parameter file {path} does not exist")
+        with self._lock:
+            self.require_ready()
+            self._driver.load_parameters(path)
+            log.info("parameters loaded", file=str(path))
+
+    def dump_parameters(self, axis: int) -> str:
+        """The parameters of one axis in force, as text for people."""
+        if not self._has_parameters:
+            raise Unsupported("parameter files", self._backend)
+        return self._driver.dump_parameters(axis)
+
+    def abort_start(self) -> None:
+        """End a start-up that is waiting for its next try, and allow no further command."""
+        self._ending.set()
+
+    def shutdown(self) -> None:
+        """Close the device for good, SHUTDOWN whatever happens. Twice is not an error."""
+        self._ending.set()
+        with self._lock:
+            try:
+                self.close()
+            finally:
+                self._closed = True
+                self.update_ready()
+
+    def set_stale(self, stale: bool) -> None:
+        """Cycle thread: the device's values are (no longer) too old to be trusted."""
+        if stale is not self._stale:
+            self._stale = stale
+            self.update_ready()
+
+    def update_ready(self) -> None:
+        """Recompute ``ready`` from the device's state and tell the listeners of a change."""
+        ready = self.state is EngineState.COMMUNICATING
+        if ready is not self._ready:
+            self._ready = ready
+            for listener in self._listeners:
+                listener(ready)
+
+    def _require_alive(self) -> None:
+        if self._ending.is_set():
+            raise NotReady("engine is shut down")
+
+    def _check_parameters_file(self) -> None:
+        path = self.parameters_file
+        if path is not None and self._has_parameters and not path.is_file():
+            raise DescriptorError("parameter file does not exist", path=path)
+
+    def _apply_parameters_file(self) -> None:
+        if self.parameters_file is None or self._parameters_loaded or not self._has_parameters:
+            return
+        self._driver.load_parameters(self.parameters_file)
+        self._parameters_loaded = True
+        log.info("parameters loaded", file=str(self.parameters_file))
+
+
+def _nothing() -> None:
+    """The robot that owns the engine puts its own stop here."""

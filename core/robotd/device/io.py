@@ -1,0 +1,79 @@
+"""Digital I/O with every address checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robotd.device.drivers import IoDriver
+from robotd.device.engine import Engine
+from robotd.errors import InvalidArgument, Unsupported
+
+
+class Io:
+    """The I/O image of the device; any thread may call, nothing blocks.
+
+    Args:
+        driver: the backend's driver; None answers every call with ``Unsupported``.
+    """
+
+    def __init__(self, driver: IoDriver | None, engine: Engine, backend: str) -> None:
+        self._maybe_driver = driver
+        self._engine = engine
+        self._backend = backend
+
+    def input_bit(self, byte: int, bit: int) -> bool:
+        _check_bit(bit)
+        return bool(self.input_bytes(byte, 1)[0] >> bit & 1)
+
+    def output_bit(self, byte: int, bit: int) -> bool:
+        _check_bit(bit)
+        return bool(self.output_bytes(byte, 1)[0] >> bit & 1)
+
+    def input_bytes(self, byte: int, length: int) -> bytes:
+        driver = self._driver()
+        _check_range("input", byte, length, driver.input_bytes)
+        return driver.read_inputs(byte, length)
+
+    def output_bytes(self, byte: int, length: int) -> bytes:
+        driver = self._driver()
+        _check_range("output", byte, length, driver.output_bytes)
+        return driver.read_outputs(byte, length)
+
+    def set_output_bit(self, byte: int, bit: int, value: bool) -> None:
+        _check_bit(bit)
+        driver = self._driver()
+        _check_range("output", byte, 1, driver.output_bytes)
+        driver.write_output_bit(byte, bit, value)
+
+    def set_output_bytes(self, byte: int, data: bytes) -> None:
+        driver = self._driver()
+        _check_range("output", byte, len(data), driver.output_bytes)
+        driver.write_outputs(byte, data)
+
+    def output_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
+        """A check-free reader of one output bit for the cycle; False while not ready."""
+        driver, mask = self._maybe_driver, 1 << bit
+        if driver is None:
+            raise Unsupported("digital outputs", self._backend)
+        _check_bit(bit)
+        _check_range("output", byte, 1, driver.output_bytes)
+        return lambda: bool(driver.read_outputs(byte, 1)[0] & mask)
+
+    def _driver(self) -> IoDriver:
+        if self._maybe_driver is None:
+            raise Unsupported("digital I/O", self._backend)
+        self._engine.require_ready()
+        return self._maybe_driver
+
+
+def _check_bit(bit: int) -> None:
+    if not 0 <= bit <= 7:
+        raise InvalidArgument(f"bit {bit} is outside 0..7")
+
+
+def _check_range(image: str, byte: int, length: int, size: int) -> None:
+    if length < 1:
+        raise InvalidArgument(f"length {length} is less than 1")
+    if byte < 0 or byte + length > size:
+        last = byte + length - 1
+        raise InvalidArgument(f"{image} bytes {byte}..{last} are outside 0..{size - 1}")

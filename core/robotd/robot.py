@@ -1,0 +1,205 @@
+"""Composition: descriptor + backend → engine, axes, I/O, fieldbus → cycle.
+
+The one file that sees every step of the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from robotd.clock import Clock, MonotonicClock
+from robotd.cycle.follower import TrajectoryFollower
+from robotd.cycle.loop import Cycle
+from robotd.cycle.streamer import Streamer
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.device.axes import Axes, each
+from robotd.device.capabilities import Capability
+from robotd.device.engine import Engine
+from robotd.device.fieldbus import Fieldbus
+from robotd.device.gripper import Gripper
+from robotd.device.image import ProcessImage
+from robotd.device.io import Io
+from robotd.errors import ConnectError, RobotdError
+from robotd.log import get_logger
+from robotd.motion.limits import AxisLimits
+from robotd.plugin.hookspecs import BackendInfo, DeviceContext
+from robotd.plugin.manager import Backend, load_backend
+
+log = get_logger("robot")
+
+
+class Robot:
+    """A robot on a backend. Made by ``build_robot``; nothing is opened before ``start``.
+
+    Attributes:
+        descriptor, backend: what it is and what drives it.
+        engine, axes, io, fieldbus: the device, part by part.
+        gripper: None where the robot has none.
+        cycle, image: the cycle and the live process image (written by the cycle only).
+        follower: executes trajectories of ``joint_names``.
+    """
+
+    def __init__(self, descriptor: RobotDescriptor, backend: Backend, clock: Clock) -> None:
+        context = DeviceContext(descriptor, backend.options(descriptor), clock)
+        device = backend.open_device(context)
+        driver = backend.axes(device, context)
+        name, capabilities = backend.info.name, backend.info.capabilities
+        self.descriptor = descriptor
+        self.backend: BackendInfo = backend.info
+        self.clock = clock
+        self.joint_names = tuple(joint.name for joint in descriptor.joints)
+        self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
+        self.image = ProcessImage(descriptor.axes)
+        self.engine = Engine(
+            device,
+            descriptor.engine,
+            descriptor.parameters_path,
+            name,
+            has_parameters=Capability.PARAMETERS_FILE in capabilities,
+        )
+        self.axes = Axes(
+            driver,
+            self.image,
+            self.engine,
+            _axis_limits(descriptor),
+            _axis_names(descriptor),
+            capabilities,
+            name,
+            clock,
+        )
+        self.io = Io(backend.io(device, context), self.engine, name)
+        self.fieldbus = Fieldbus(
+            backend.fieldbus(device, context), self.engine, capabilities, name
+        )
+        self.gripper = Gripper(self.io, descriptor.gripper) if descriptor.gripper else None
+        streamer = Streamer(driver, descriptor.axes, descriptor.cycle.rate_hz)
+        self.cycle = Cycle(
+            driver,
+            self.engine,
+            self.image,
+            streamer,
+            descriptor.cycle.rate_hz,
+            realtime_priority=descriptor.cycle.realtime_priority,
+            clock=clock,
+        )
+        self.follower = TrajectoryFollower(self.axes, streamer, descriptor, clock)
+        self.engine.before_stop = self._stop_and_disable
+
+    def start(self, *, enable: bool = True) -> None:
+        """Bring the robot up: cycle, device, communication, parameters, then the joints' servos.
+
+        Blocks until done (seconds where the device needs tries). Any one thread.
+
+        Args:
+            enable: clear alarms and switch the joints' servos on; False leaves them as they are.
+
+        Raises:
+            ConnectError: the device did not open, or a joint did not come up (all are named).
+            RobotdError: communication or parameters failed.
+        """
+        self.cycle.start()
+        self.engine.start()
+        if enable and self.engine.ready:
+            self.enable_joints()
+
+    def enable_joints(self) -> None:
+        """Clear alarm, then servo on, joint by joint: the start-up's and the recovery's way."""
+        results = each(self.joint_axes, self._enable)
+        failures = {
+            f"{self.descriptor.name} → {self.axes.names[axis]}": str(error)
+            for axis, error in results.items()
+            if error is not None
+        }
+        if failures:
+            raise ConnectError("joints could not be enabled", failures)
+        if self.joint_axes:
+            log.info("servos on", joints=len(self.joint_axes))
+
+    def shutdown(self) -> None:
+        """Stop motion in a controlled way, servos off, stop communication, close.
+
+        Every step is tried whatever the one before it did. Twice is not an error.
+        """
+        try:
+            self.engine.shutdown()
+        except RobotdError as error:
+            log.error("shut-down failed", reason=str(error))
+        finally:
+            self.cycle.stop()
+
+    def _enable(self, axis: int) -> None:
+        self.axes.clear_alarm(axis)
+        self.axes.servo(axis, True)
+
+    def _stop_and_disable(self) -> None:
+        """Bring what moves to rest, then switch the servos off; failures are logged."""
+        if not self.engine.ready:
+            return
+        enabled = [axis for axis in range(len(self.axes)) if self.image.servo_on[axis]]
+        try:
+            self.follower.stop()
+            if enabled:
+                self.axes.rest(enabled, self.descriptor.engine.shutdown_s)
+        except RobotdError as error:
+            log.error("controlled stop failed", reason=str(error))
+        for axis, error in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
+            if error is not None:
+                log.error("servo off failed", axis=self.axes.names[axis], reason=str(error))
+
+
+def build_robot(
+    name_or_path: str | Path,
+    backend: str | None = None,
+    variant: str | None = None,
+    *,
+    search_path: Sequence[Path] | None = None,
+    clock: Clock | None = None,
+) -> Robot:
+    """Load descriptor and backend and put them together, touching no hardware.
+
+    Args:
+        name_or_path: a robot's name, or the path of its ``robot.yaml``.
+        backend: None takes the descriptor's own.
+        variant: None takes the descriptor's default variant.
+
+    Raises:
+        DescriptorError, PluginError: with every problem that was found.
+    """
+    descriptor = load_robot_descriptor(name_or_path, variant, search_path=search_path)
+    return Robot(descriptor, load_backend(backend or descriptor.backend), clock or MonotonicClock())
+
+
+@contextmanager
+def open_robot(
+    name_or_path: str | Path,
+    backend: str | None = None,
+    variant: str | None = None,
+    *,
+    enable: bool = True,
+) -> Iterator[Robot]:
+    """A started robot without ROS, shut down at the end of the block whatever happens in it."""
+    robot = build_robot(name_or_path, backend, variant)
+    try:
+        robot.start(enable=enable)
+        yield robot
+    finally:
+        robot.shutdown()
+
+
+def _axis_names(descriptor: RobotDescriptor) -> list[str]:
+    joints = {joint.axis: joint.name for joint in descriptor.joints}
+    return [joints.get(axis, f"axis {axis}") for axis in range(descriptor.axes)]
+
+
+def _axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
+    joints = {joint.axis: joint for joint in descriptor.joints}
+    return [
+        AxisLimits(
+            joint.lower_rad, joint.upper_rad, joint.velocity_rad_s, joint.acceleration_rad_s2
+        )
+        if (joint := joints.get(axis))
+        else AxisLimits.unlimited()
+        for axis in range(descriptor.axes)
+    ]
