@@ -1,0 +1,255 @@
+"""rclpy's lifetime: one context, one executor thread, a few workers, and the order they end in.
+
+The executor is rclpy's EventsExecutor: with 42 services of 7 nodes a round trip from another
+process takes 0.22 ms on it against 0.33 ms on the SingleThreadedExecutor, and a call answered by
+a worker 0.27 ms against 1.1 ms (median of 400 calls, client in EventsExecutor). Two of its edges
+shape this file. It is driven with finite time-outs, because an endless wait overflows in some
+builds and then never runs a callback. And it looks at a waiting coroutine only when something
+else happens; the futures made here wake it, which takes 0.07 ms.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import threading
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from robotd.errors import NotReady, OperationError
+from robotd.log import get_logger
+
+try:
+    from rclpy.experimental.events_executor import EventsExecutor
+except ImportError:  # an rclpy that does not have it yet
+    EventsExecutor = SingleThreadedExecutor
+
+log = get_logger("ros")
+
+_SPIN_TIMEOUT_S = 1.0
+_URGENT_WORKERS = 2
+_PENDING_LIMIT = 64
+
+
+class RosHost:
+    """The ROS side of a process: ``with RosHost(args) as host:``.
+
+    Threads: ``robotd-ros`` runs every callback, ``robotd-worker_N`` what is offloaded. Signal
+    handlers are left alone; whoever owns them calls ``close``.
+
+    Args:
+        args: command line of the process, from ``--ros-args`` on or whole.
+        domain_id: ROS domain; None takes ``ROS_DOMAIN_ID``.
+        workers: threads for ordinary offloaded calls; urgent ones have two of their own.
+        make_executor: called with ``context=``; any rclpy executor.
+        close_timeout_s: how long ``close`` waits for calls that are still running.
+    """
+
+    def __init__(
+        self,
+        args: Sequence[str] = (),
+        *,
+        domain_id: int | None = None,
+        workers: int = 6,
+        make_executor: Callable[..., Executor] = EventsExecutor,
+        close_timeout_s: float = 5.0,
+    ) -> None:
+        self._args = list(args)
+        self._domain_id = domain_id
+        self._make_executor = make_executor
+        self._close_timeout_s = close_timeout_s
+        self._context = Context()
+        self._running: _Running | None = None
+        self._nodes: list[Node] = []
+        self._stopping = threading.Event()
+        # Threads of a pool start with its first call, so these two cost nothing yet.
+        self._workers = _Workers("robotd-worker", workers)
+        self._urgent = _Workers("robotd-urgent", _URGENT_WORKERS)
+
+    @property
+    def context(self) -> Context:
+        """For ``create_node(name, context=host.context)``; initialized by ``start``."""
+        return self._context
+
+    def start(self) -> None:
+        """Initialize rclpy and start the executor thread. Once per host.
+
+        Raises:
+            OperationError: the ROS arguments are wrong or the middleware does not start.
+        """
+        try:
+            # Always our own context: signal handlers stay with the process, and a test may
+            # have two hosts.
+            rclpy.init(
+                args=self._args,
+                context=self._context,
+                domain_id=self._domain_id,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        except Exception as error:
+            raise OperationError(f"ROS does not start: {error}") from error
+        executor = self._make_executor(context=self._context)
+        thread = threading.Thread(target=self._spin, args=(executor,), name="robotd-ros")
+        self._running = _Running(executor, thread)
+        thread.start()
+
+    def add_node(self, node: Node) -> None:
+        """Serve ``node`` from now on and destroy it in ``close``. Any thread but the executor's.
+
+        Raises:
+            NotReady: the host was not started or is closed.
+        """
+        self._running_executor().add_node(node)
+        self._nodes.append(node)
+
+    def future(self) -> Future:
+        """A future to ``await`` in a callback, completed from any thread by ``set_result``.
+
+        Raises:
+            NotReady: the host was not started or is closed.
+        """
+        future = Future(executor=self._running_executor())
+        # The executor resumes waiting coroutines after any task it runs: this is that task.
+        future.add_done_callback(_nothing)
+        return future
+
+    def offload(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> Future:
+        """Run ``function(*args)`` in a worker; ``await`` the result in a coroutine callback.
+
+        Args:
+            function: may block; what it raises, the ``await`` raises.
+            args: its arguments.
+            urgent: never waits behind ordinary calls; for stopping, not for moving.
+
+        Raises:
+            NotReady: the host was not started or is closed.
+            OperationError: too many calls are waiting already.
+        """
+        future = self.future()
+        self.submit(_complete, future, function, *args, urgent=urgent)
+        return future
+
+    def submit(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> None:
+        """Like ``offload`` for a function that nobody waits for; what it raises is logged.
+
+        Raises:
+            NotReady: the host is closed.
+            OperationError: too many calls are waiting already.
+        """
+        (self._urgent if urgent else self._workers).submit(function, *args)
+
+    def close(self) -> None:
+        """End everything, in the order that loses nothing; a second call does nothing.
+
+        Callbacks end first, then running calls get ``close_timeout_s`` to answer, then the nodes
+        go, then the executor, then rclpy. Any thread but the executor's and the workers'.
+        """
+        running, self._running = self._running, None
+        if running is None:
+            return
+        self._stopping.set()
+        running.executor.create_task(_nothing, None)
+        running.thread.join()
+        for pool in (self._urgent, self._workers):
+            pool.close(self._close_timeout_s)
+        for node in self._nodes:
+            node.destroy_node()
+        self._nodes.clear()
+        running.executor.shutdown()
+        self._context.try_shutdown()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _running_executor(self) -> Executor:
+        if self._running is None:
+            raise NotReady("ROS is not running")
+        return self._running.executor
+
+    def _spin(self, executor: Executor) -> None:
+        while not self._stopping.is_set():
+            try:
+                executor.spin_once(timeout_sec=_SPIN_TIMEOUT_S)
+            except ExternalShutdownException:
+                log.error("the ROS context was shut down by someone else")
+                return
+            except Exception:
+                # One broken callback must not silence the forty others.
+                log.exception("a ROS callback raised")
+
+
+class _Running(NamedTuple):
+    executor: Executor
+    thread: threading.Thread
+
+
+class _Workers:
+    """A bounded thread pool with a bounded queue, that can be closed within a time."""
+
+    def __init__(self, name: str, threads: int) -> None:
+        self._name = name
+        self._pool = concurrent.futures.ThreadPoolExecutor(threads, thread_name_prefix=name)
+        self._lock = threading.Lock()
+        self._pending: set[concurrent.futures.Future[None]] = set()
+
+    def submit(self, function: Callable[..., Any], *args: Any) -> None:
+        with self._lock:
+            if len(self._pending) >= _PENDING_LIMIT:
+                raise OperationError(f"{self._name}: {_PENDING_LIMIT} calls are waiting already")
+            try:
+                call = self._pool.submit(_logged, function, *args)
+            except RuntimeError as error:
+                raise NotReady("ROS is not running") from error
+            self._pending.add(call)
+        call.add_done_callback(self._forget)
+
+    def close(self, timeout_s: float) -> None:
+        """Drop what waits, give what runs ``timeout_s``; the rest is left to its own time-out."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            pending = set(self._pending)
+        _, running = concurrent.futures.wait(pending, timeout_s)
+        if running:
+            log.error("calls still run at shut-down", pool=self._name, count=len(running))
+        else:
+            self._pool.shutdown(wait=True)
+
+    def _forget(self, call: concurrent.futures.Future[None]) -> None:
+        with self._lock:
+            self._pending.discard(call)
+
+
+def _logged(function: Callable[..., Any], *args: Any) -> None:
+    try:
+        function(*args)
+    except Exception:
+        log.exception("an offloaded call raised", function=getattr(function, "__name__", "?"))
+
+
+def _complete(future: Future, function: Callable[..., Any], *args: Any) -> None:
+    try:
+        result = function(*args)
+    except Exception as error:  # noqa: BLE001 - it is raised where the future is awaited
+        future.set_exception(error)
+    else:
+        future.set_result(result)
+
+
+def _nothing(_: object) -> None:
+    """The task that makes an executor return to its loop."""

@@ -1,0 +1,144 @@
+"""Services and subscriptions whose handlers may block and may raise, without harm to the others.
+
+A handler is a plain function. rclpy would run it in the executor thread, where one that waits for
+the hardware holds up every other callback, and where an exception leaves the client without an
+answer. Coroutine handlers are no way out: the EventsExecutor does not await them. So the callback
+given to rclpy only hands the request on, and a worker sends the response when it has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+from robotd.ros.host import RosHost
+
+log = get_logger("ros")
+
+ServiceHandler = Callable[[Any, Any], Any]
+
+
+def add_service(
+    node: Node,
+    host: RosHost,
+    service_type: Any,
+    name: str,
+    handler: ServiceHandler,
+    *,
+    blocking: bool = True,
+    urgent: bool = False,
+) -> Service:
+    """Create a service that always answers.
+
+    Args:
+        node: its owner; any thread may create before ``host.add_node``.
+        host: whose workers run blocking handlers.
+        service_type: class of the service; ``success`` and ``message`` of its response are used
+            for errors where it has them.
+        name: as for ``Node.create_service``.
+        handler: ``handler(request, response)`` fills the response and returns it. A RobotdError
+            becomes ``success=False`` with its text; anything else is logged with its traceback
+            and answered ``internal error: ...``.
+        blocking: True runs the handler in a worker, several at a time, so it guards what it
+            shares; False runs it in the executor thread, for handlers that only read memory.
+        urgent: a blocking handler that must not wait behind others, such as a stop.
+    """
+    if not blocking:
+
+        def answer_now(request: Any, _: Any) -> Any:
+            return _answer(service_type, name, handler, request)
+
+        return node.create_service(service_type, name, answer_now)
+    return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
+
+
+def add_subscription(
+    node: Node,
+    message_type: Any,
+    topic: str,
+    handler: Callable[[Any], None],
+    qos: QoSProfile | int,
+) -> Subscription:
+    """Create a subscription whose handler may raise; it runs in the executor thread.
+
+    An exception that reaches the EventsExecutor also costs it the messages that arrived together
+    with the offending one. Here it is logged and the next message is handled.
+    """
+
+    def on_message(message: Any) -> None:
+        try:
+            handler(message)
+        except RobotdError as error:
+            log.warning("message refused", topic=topic, reason=str(error))
+        except Exception:
+            log.exception("message handler raised", topic=topic)
+
+    return node.create_subscription(message_type, topic, on_message, qos)
+
+
+def _add_deferred_service(
+    node: Node,
+    host: RosHost,
+    service_type: Any,
+    name: str,
+    handler: ServiceHandler,
+    *,
+    urgent: bool,
+) -> Service:
+    service = node.create_service(service_type, name, lambda request, _: request)
+    send_now = service.send_response
+
+    def send(response: Any, header: Any) -> None:
+        try:
+            send_now(response, header)
+        except (InvalidHandle, RCLError) as error:
+            log.warning("response not sent", service=name, reason=str(error))
+
+    def answer_later(request: Any, header: Any) -> None:
+        try:
+            host.submit(
+                lambda: send(_answer(service_type, name, handler, request), header), urgent=urgent
+            )
+        except RobotdError as error:
+            send(_refusal(service_type, name, str(error)), header)
+
+    # Every rclpy executor passes what the callback returned, with the request's header, to
+    # send_response. That is the one place where the header can be had.
+    service.send_response = answer_later
+    return service
+
+
+def _answer(service_type: Any, name: str, handler: ServiceHandler, request: Any) -> Any:
+    """The handler's response, or the refusal that its exception stands for. Never raises."""
+    try:
+        response = handler(request, service_type.Response())
+    except RobotdError as error:
+        log.info("service refused", service=name, reason=str(error))
+        return _refusal(service_type, name, str(error))
+    except Exception as error:
+        log.exception("service handler raised", service=name)
+        return _refusal(service_type, name, f"internal error: {error}")
+    if isinstance(response, service_type.Response):
+        return response
+    log.error("service handler returned no response", service=name, returned=repr(response))
+    return _refusal(service_type, name, "internal error: the handler returned no response")
+
+
+def _refusal(service_type: Any, name: str, message: str) -> Any:
+    response = service_type.Response()
+    if hasattr(response, "success"):
+        response.success = False
+    if hasattr(response, "message"):
+        response.message = message
+    else:
+        log.error("the response has no field for this", service=name, reason=message)
+    return response

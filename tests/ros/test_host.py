@@ -1,0 +1,356 @@
+"""The host on real rclpy: nothing blocks the others, nothing dies, nothing is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from control_msgs.action import FollowJointTrajectory
+from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from std_msgs.msg import Empty
+from std_srvs.srv import SetBool, Trigger
+from structlog.testing import capture_logs
+from wmx_ros2_message.srv import SetAxis
+
+from robotd.errors import NotReady, OperationError
+from robotd.ros.host import RosHost
+from robotd.ros.service import add_service, add_subscription
+
+pytestmark = pytest.mark.ros
+
+EXECUTORS = [EventsExecutor, SingleThreadedExecutor]
+WAIT_S = 10.0
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only this process, unless a test says otherwise."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(os.getpid() % 100))
+
+
+@pytest.fixture(params=EXECUTORS)
+def host(request: pytest.FixtureRequest) -> Iterator[RosHost]:
+    with RosHost(make_executor=request.param, workers=2, close_timeout_s=0.2) as host:
+        yield host
+
+
+@pytest.fixture
+def server(host: RosHost) -> Node:
+    node = rclpy.create_node("server", context=host.context)
+    host.add_node(node)
+    return node
+
+
+class Caller:
+    """A client in its own context and thread."""
+
+    def __init__(self, host: RosHost) -> None:
+        self._node = rclpy.create_node("caller", context=host.context)
+        host.add_node(self._node)
+        self.node = self._node
+
+    def send(self, service_type: Any, name: str, request: Any = None) -> Callable[[], Any]:
+        """Send a request; the result waits for the response."""
+        client = self._node.create_client(service_type, name)
+        assert client.wait_for_service(WAIT_S)
+        future = client.call_async(request or service_type.Request())
+        return lambda: wait_for(future)
+
+    def call(self, service_type: Any, name: str, request: Any = None) -> Any:
+        return self.send(service_type, name, request)()
+
+
+@pytest.fixture
+def caller() -> Iterator[Caller]:
+    with RosHost() as host:
+        yield Caller(host)
+
+
+def wait_for(future: Any) -> Any:
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    assert done.wait(WAIT_S), "no answer"
+    return future.result()
+
+
+def thread_count() -> int:
+    return len(list(Path("/proc/self/task").iterdir()))
+
+
+def echo_thread(_: Any, response: Any) -> Any:
+    response.success = True
+    response.message = threading.current_thread().name
+    return response
+
+
+def test_handlers_run_where_they_should(host: RosHost, server: Node, caller: Caller) -> None:
+    add_service(server, host, Trigger, "worker", echo_thread)
+    add_service(server, host, Trigger, "inline", echo_thread, blocking=False)
+    add_service(server, host, Trigger, "urgent", echo_thread, urgent=True)
+    assert caller.call(Trigger, "worker").message.startswith("robotd-worker_")
+    assert caller.call(Trigger, "inline").message == "robotd-ros"
+    assert caller.call(Trigger, "urgent").message.startswith("robotd-urgent_")
+
+
+def test_blocking_handlers_hold_up_neither_others_nor_urgent_ones(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    release = threading.Event()
+
+    def block(_: Any, response: Any) -> Any:
+        release.wait(WAIT_S)
+        response.success = True
+        return response
+
+    add_service(server, host, Trigger, "block", block)
+    add_service(server, host, Trigger, "inline", echo_thread, blocking=False)
+    add_service(server, host, Trigger, "urgent", echo_thread, urgent=True)
+    blocked = [caller.send(Trigger, "block") for _ in range(3)]  # more than there are workers
+    assert caller.call(Trigger, "inline").success
+    assert caller.call(Trigger, "urgent").success
+    release.set()
+    assert all(answer().success for answer in blocked)
+
+
+@pytest.mark.parametrize("blocking", [True, False])
+def test_every_handler_is_answered(
+    host: RosHost, server: Node, caller: Caller, blocking: bool
+) -> None:
+    def refuse(*_: Any) -> Any:
+        raise OperationError("joint2: 4 rad is over the limit of 3 rad")
+
+    def break_(*_: Any) -> Any:
+        raise KeyError("joint9")
+
+    for name, handler in (("refuse", refuse), ("break", break_), ("forget", lambda *_: None)):
+        add_service(server, host, Trigger, name, handler, blocking=blocking)
+    with capture_logs() as logs:
+        refused = caller.call(Trigger, "refuse")
+        broken = caller.call(Trigger, "break")
+        forgot = caller.call(Trigger, "forget")
+    assert not refused.success
+    assert refused.message == "joint2: 4 rad is over the limit of 3 rad"
+    assert broken.message == "internal error: 'joint9'"
+    assert not forgot.success
+    raised = [log for log in logs if log.get("exc_info")]
+    assert [log["service"] for log in raised] == ["break"]
+
+
+def test_request_reaches_the_handler(host: RosHost, server: Node, caller: Caller) -> None:
+    def handler(request: Any, response: Any) -> Any:
+        response.success = True
+        response.message = f"{list(request.index)} {list(request.data)}"
+        return response
+
+    add_service(server, host, SetAxis, "set_axis", handler)
+    answers = [
+        caller.send(SetAxis, "set_axis", SetAxis.Request(index=[i], data=[-i])) for i in range(5)
+    ]
+    assert [answer().message for answer in answers] == [f"[{i}] [{-i}]" for i in range(5)]
+
+
+def test_flood_is_refused(host: RosHost) -> None:
+    release = threading.Event()
+    for _ in range(64):
+        host.submit(release.wait, WAIT_S)
+    with pytest.raises(OperationError, match="robotd-worker: 64 calls are waiting already"):
+        host.submit(release.wait, WAIT_S)
+    release.set()
+
+
+def test_offload_wakes_the_waiting_coroutine(host: RosHost, server: Node) -> None:
+    def compute(value: int) -> int:
+        if value < 0:
+            raise OperationError(f"{value} is negative")
+        return value + 1
+
+    async def sum_up() -> tuple[int, str]:
+        total = 0
+        for _ in range(20):
+            total = await host.offload(compute, total)
+        try:
+            await host.offload(compute, -1)
+        except OperationError as error:
+            return total, str(error)
+        return total, ""
+
+    began = time.monotonic()
+    task = server.executor.create_task(sum_up)
+    assert wait_for(task) == (20, "-1 is negative")
+    # 21 wake-ups: one that waited for the executor's own time-out would take a second.
+    assert time.monotonic() - began < 0.9
+
+
+def test_callback_that_raises_does_not_end_the_others(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    add_service(server, host, Trigger, "alive", echo_thread)
+
+    def bare(*_: Any) -> Any:
+        raise RuntimeError("not caught by anybody")
+
+    server.create_service(Trigger, "bare", bare)
+    with capture_logs() as logs:
+        caller.send(Trigger, "bare")
+        assert caller.call(Trigger, "alive").success
+    assert "a ROS callback raised" in [log["event"] for log in logs]
+
+
+def test_message_handler_that_raises_gets_the_next_message(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    seen = threading.Semaphore(0)
+
+    def handler(_: Empty) -> None:
+        seen.release()
+        raise RuntimeError("broken")
+
+    add_subscription(server, Empty, "topic", handler, 10)
+    publisher = caller.node.create_publisher(Empty, "topic", 10)
+    deadline = time.monotonic() + WAIT_S
+    while publisher.get_subscription_count() == 0:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    for _ in range(3):
+        publisher.publish(Empty())
+    assert all(seen.acquire(timeout=WAIT_S) for _ in range(3))
+
+
+def test_action_runs_beside_services_and_is_cancelled(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    started = threading.Event()
+
+    def run(goal: Any) -> FollowJointTrajectory.Result:
+        started.set()
+        while not goal.is_cancel_requested:
+            goal.publish_feedback(FollowJointTrajectory.Feedback(joint_names=["a"]))
+            time.sleep(0.005)
+        return FollowJointTrajectory.Result(error_string="cancelled")
+
+    async def execute(goal: Any) -> FollowJointTrajectory.Result:
+        result = await host.offload(run, goal)
+        goal.canceled()
+        return result
+
+    action = ActionServer(
+        server,
+        FollowJointTrajectory,
+        "follow",
+        execute,
+        cancel_callback=lambda _: CancelResponse.ACCEPT,
+    )
+    add_service(server, host, Trigger, "alive", echo_thread)
+    feedback = threading.Event()
+    client = ActionClient(caller.node, FollowJointTrajectory, "follow")
+    assert client.wait_for_server(WAIT_S)
+    goal = wait_for(client.send_goal_async(FollowJointTrajectory.Goal(), lambda _: feedback.set()))
+    assert goal.accepted
+    assert started.wait(WAIT_S)
+    assert feedback.wait(WAIT_S)
+    assert caller.call(Trigger, "alive").success
+    assert len(wait_for(goal.cancel_goal_async()).goals_canceling) == 1
+    assert wait_for(goal.get_result_async()).result.error_string == "cancelled"
+    client.destroy()
+    action.destroy()
+
+
+def cycle_once(make_executor: Any) -> None:
+    with RosHost(make_executor=make_executor) as host:
+        node = rclpy.create_node("short", context=host.context)
+        add_service(node, host, Trigger, "service", echo_thread)
+        host.add_node(node)
+        wait_for(host.offload(int))
+
+
+@pytest.mark.parametrize("make_executor", EXECUTORS)
+def test_close_leaves_no_threads_python_or_native(make_executor: Any) -> None:
+    cycle_once(make_executor)  # what the middleware keeps for the whole process exists now
+    before = thread_count()
+    cycle_once(make_executor)
+    assert [t.name for t in threading.enumerate() if t.name.startswith("robotd-")] == []
+    deadline = time.monotonic() + WAIT_S
+    while thread_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert thread_count() <= before
+
+
+def test_close_waits_for_a_running_call_but_not_for_ever(host: RosHost) -> None:
+    release, finished = threading.Event(), threading.Event()
+
+    def quick() -> None:
+        time.sleep(0.05)
+        finished.set()
+
+    host.submit(quick)
+    host.submit(release.wait, WAIT_S)
+    with capture_logs() as logs:
+        host.close()
+    release.set()
+    assert finished.is_set()
+    assert [(log["event"], log["count"]) for log in logs] == [("calls still run at shut-down", 1)]
+    host.close()
+    for use in (host.future, lambda: host.submit(int), lambda: host.offload(int)):
+        with pytest.raises(NotReady, match="ROS is not running"):
+            use()
+
+
+def test_wrong_ros_arguments_are_an_error_of_ours() -> None:
+    host = RosHost(["--ros-args", "--remap", "nonsense"])
+    with pytest.raises(OperationError, match=r"ROS does not start: .*nonsense"):
+        host.start()
+    host.close()
+
+
+SERVER = """
+import signal, threading, rclpy
+from robotd.ros.host import RosHost
+from robotd.ros.service import add_service
+from std_srvs.srv import SetBool
+
+def handler(request, response):
+    response.success, response.message = request.data, "from the other process"
+    return response
+
+stop = threading.Event()
+for number in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, lambda *_: stop.set())
+with RosHost(["--ros-args", "-r", "service:=renamed"]) as host:
+    node = rclpy.create_node("other", context=host.context)
+    add_service(node, host, SetBool, "service", handler)
+    host.add_node(node)
+    stop.wait()
+print("closed", [t.name for t in threading.enumerate()])
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_other_process_answers_and_ends_on_a_signal(caller: Caller, number: signal.Signals) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", SERVER],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            answer = caller.call(SetBool, "renamed", SetBool.Request(data=True))
+            process.send_signal(number)
+            output, _ = process.communicate(timeout=WAIT_S)
+        finally:
+            process.kill()
+    assert (answer.success, answer.message) == (True, "from the other process")
+    assert output == "closed ['MainThread']\n"
+    assert process.returncode == 0
