@@ -1,1 +1,44 @@
-"""Pure functions on trajectories, limits, tolerances and kinematics."""
+"""Pure functions and values of motion: trajectories, limits, tolerances. No ROS, no clock.
+
+``plan`` turns a ``TrajectoryRequest`` into a ``Trajectory``; a ``Sampler`` reads it in the
+cycle; ``plan_stop`` ends it early, along its path.
+"""
+
+from robotd.motion.interpolation import Interpolation
+from robotd.motion.joints import JointLimits, MotionState
+from robotd.motion.limits import AxisLimits, check_jog, check_move
+from robotd.motion.peaks import PathPeaks
+from robotd.motion.planning import check_start_delay, plan
+from robotd.motion.refusal import RefusalCode, TrajectoryRefused
+from robotd.motion.request import TrajectoryRequest
+from robotd.motion.stopping import StopPlan, plan_stop
+from robotd.motion.tolerance import (
+    JointTolerance,
+    ToleranceKind,
+    Tolerances,
+    Violation,
+)
+from robotd.motion.trajectory import Sampler, Trajectory
+
+__all__ = [
+    "AxisLimits",
+    "Interpolation",
+    "JointLimits",
+    "JointTolerance",
+    "MotionState",
+    "PathPeaks",
+    "RefusalCode",
+    "Sampler",
+    "StopPlan",
+    "ToleranceKind",
+    "Tolerances",
+    "Trajectory",
+    "TrajectoryRefused",
+    "TrajectoryRequest",
+    "Violation",
+    "check_jog",
+    "check_move",
+    "check_start_delay",
+    "plan",
+    "plan_stop",
+]

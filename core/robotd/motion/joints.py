@@ -1,0 +1,63 @@
+"""What the planner knows about the joints: their limits and how they move now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits of the joints of one trajectory client, in axis order. Arrays of shape (m,).
+
+    Attributes:
+        names: unique joint names; their order is the order of every other array.
+        lower, upper: position limits in rad or m; -inf and inf where there is none.
+        velocity, acceleration: positive, in rad/s and rad/s² (m/s, m/s²); inf where unlimited.
+        units: of position, one per joint; used in texts only.
+
+    Raises:
+        ValueError: a shape is wrong, a range is empty or a limit is not positive.
+    """
+
+    names: tuple[str, ...]
+    lower: FloatArray
+    upper: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    units: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        if len(set(self.names)) != count:
+            raise ValueError(f"joint names {self.names} are not unique")
+        if not self.units:
+            object.__setattr__(self, "units", ("rad",) * count)
+        for name in ("lower", "upper", "velocity", "acceleration", "units"):
+            if np.shape(getattr(self, name)) != (count,):
+                raise ValueError(f"{name} limits do not match {count} joints")
+        if not (self.lower < self.upper).all():
+            raise ValueError("a lower position limit is not below its upper one")
+        if not ((self.velocity > 0).all() and (self.acceleration > 0).all()):
+            raise ValueError("velocity and acceleration limits must be positive")
+
+
+@dataclass(frozen=True, eq=False)
+class MotionState:
+    """Commanded position, velocity and acceleration of the joints; shape (m,), SI units."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    def __post_init__(self) -> None:
+        if len({getattr(self, part.name).shape for part in fields(self)}) != 1:
+            raise ValueError("position, velocity and acceleration differ in shape")
+
+    @classmethod
+    def at_rest(cls, position: FloatArray) -> MotionState:
+        """Standstill at ``position`` (copied)."""
+        return cls(np.array(position), np.zeros_like(position), np.zeros_like(position))

@@ -1,0 +1,103 @@
+"""The one place where a command to a single axis is refused.
+
+Values are in the axis' SI units: rad or m, rad/s, rad/s². The texts carry the unit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from robotd.errors import InvalidArgument
+
+
+@dataclass(frozen=True)
+class AxisLimits:
+    """What an axis may be asked for; inf (and -inf) where there is no limit.
+
+    Attributes:
+        lower, upper: position in ``unit``.
+        velocity, acceleration: in ``unit``/s and ``unit``/s²; acceleration limits both ramps.
+        unit: "rad" or "m".
+    """
+
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    unit: str = "rad"
+
+    @classmethod
+    def unlimited(cls) -> AxisLimits:
+        """An axis of which nothing is known."""
+        return cls(-math.inf, math.inf, math.inf, math.inf)
+
+
+def check_move(
+    axis: str,
+    limits: AxisLimits,
+    target: float,
+    velocity: float,
+    acceleration: float,
+    deceleration: float,
+) -> None:
+    """Refuse a move that the axis must not make.
+
+    Args:
+        axis: its name, for the text.
+        limits: of the axis.
+        target: absolute; for a relative move, where it leads to.
+        velocity, acceleration, deceleration: of the move, positive.
+
+    Raises:
+        InvalidArgument: naming the axis, the value and the limit.
+    """
+    _check_finite(axis, "target", target)
+    _check_positive(axis, "velocity", velocity)
+    _check_speed_and_ramps(axis, limits, velocity, acceleration, deceleration)
+    if target > limits.upper:
+        raise _beyond(axis, "target", target, "exceeds", limits.upper, limits.unit)
+    if target < limits.lower:
+        raise _beyond(axis, "target", target, "is below", limits.lower, limits.unit)
+
+
+def check_jog(
+    axis: str, limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
+) -> None:
+    """Refuse a velocity command beyond the limits; ``velocity`` is signed and may be 0.
+
+    Raises:
+        InvalidArgument: naming the axis, the value and the limit.
+    """
+    _check_finite(axis, "velocity", velocity)
+    _check_speed_and_ramps(axis, limits, velocity, acceleration, deceleration)
+
+
+def _check_speed_and_ramps(
+    axis: str, limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
+) -> None:
+    if abs(velocity) > limits.velocity:
+        unit = f"{limits.unit}/s"
+        raise _beyond(axis, "velocity", velocity, "exceeds", limits.velocity, unit)
+    for name, ramp in (("acceleration", acceleration), ("deceleration", deceleration)):
+        _check_positive(axis, name, ramp)
+        if ramp > limits.acceleration:
+            unit = f"{limits.unit}/s²"
+            raise _beyond(axis, name, ramp, "exceeds", limits.acceleration, unit)
+
+
+def _check_finite(axis: str, name: str, value: float) -> None:
+    if not math.isfinite(value):
+        raise InvalidArgument(f"{axis}: {name} is {value}, must be a finite number")
+
+
+def _check_positive(axis: str, name: str, value: float) -> None:
+    _check_finite(axis, name, value)
+    if value <= 0.0:
+        raise InvalidArgument(f"{axis}: {name} is {value:g}, must be positive")
+
+
+def _beyond(
+    axis: str, name: str, value: float, relation: str, limit: float, unit: str
+) -> InvalidArgument:
+    return InvalidArgument(f"{axis}: {name} {value:.6g} {unit} {relation} {limit:.6g} {unit}")

@@ -1,0 +1,165 @@
+"""A controlled stop along the path: the trajectory's own time slows down to a standstill.
+
+With trajectory time s and rate r = ds/dt the joints move with q'(s)·r and accelerate with
+q''(s)·r² - q'(s)·D, where D = -dr/dt ≥ 0. No joint leaves its path.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.motion.joints import JointLimits
+from robotd.motion.trajectory import Trajectory
+
+# Hardest stop there is: 1 ms. Only reached at standstill and by joints without a limit.
+_HARDEST = 1e3  # 1/s
+# Share of a joint's acceleration limit that goes into stopping where the plan itself brakes
+# beyond the limit and leaves nothing to spare. Without it such a plan could not be stopped.
+_FLOOR = 0.2
+# A chunk of cells is looked at together; the cells of the next chunk are twice as wide.
+_CELLS, _SAMPLES = 32, 5
+_WIDEST_CELL_S = 0.02
+_UNLIMITED = 1e12  # rad/s²: stands for inf, which arithmetic does not forgive
+_SLOW = 1e-9  # rad/s: below, a joint has nothing to stop
+
+
+@dataclass(frozen=True, eq=False)
+class StopPlan:
+    """The ramp of the rate from 1 to 0, in pieces of constant deceleration. Immutable.
+
+    Attributes:
+        from_s, to_s: trajectory time at which the stop begins, and at which it stands still.
+        duration_s: how long the stop takes.
+        position: (m,) where the joints will stand, rad or m.
+        distance: (m,) how far that is from where the stop begins, rad or m, not negative.
+        elapsed_s, times_s, rates: time since the stop began, trajectory time and rate at the
+            beginning of every piece and at the end.
+        decelerations: of the rate, in 1/s, one per piece.
+    """
+
+    from_s: float
+    to_s: float
+    duration_s: float
+    position: FloatArray
+    distance: FloatArray
+    elapsed_s: tuple[float, ...]
+    times_s: tuple[float, ...]
+    rates: tuple[float, ...]
+    decelerations: tuple[float, ...]
+
+    def at(self, elapsed_s: float) -> tuple[float, float, float]:
+        """Trajectory time (s), rate, and its deceleration (1/s). Cycle: yes.
+
+        Before 0 the rate is 1; from ``duration_s`` on it is 0.
+        """
+        if elapsed_s >= self.duration_s:
+            return self.to_s, 0.0, 0.0
+        if elapsed_s < 0.0:
+            return self.from_s + elapsed_s, 1.0, 0.0
+        piece = bisect_right(self.elapsed_s, elapsed_s) - 1
+        since, slope = elapsed_s - self.elapsed_s[piece], self.decelerations[piece]
+        rate = self.rates[piece] - slope * since
+        return self.times_s[piece] + (self.rates[piece] + rate) / 2.0 * since, rate, slope
+
+
+def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> StopPlan:
+    """The quickest stop along the path that keeps every joint within its acceleration limit.
+
+    In each short cell of the path the rate falls as fast as |q''_j|·r² + |q'_j|·D ≤ limit
+    allows for the joints that the plan is braking already, and |q'_j|·D ≤ limit for those
+    that it is speeding up (there the two terms cancel). Where a plan brakes beyond a limit by
+    itself a fifth of the limit is added, so that every stop ends. The end of the trajectory,
+    which is a standstill, ends the stop at the latest.
+
+    Args:
+        trajectory: runs at rate 1 up to the stop.
+        from_s: trajectory time at which the stop begins.
+        limits: of the same joints; their accelerations count.
+    """
+    from_s = min(max(from_s, 0.0), trajectory.duration_s)
+    acceleration = np.minimum(limits.acceleration, _UNLIMITED)
+    ramp = _Ramp(from_s)
+    cell_s = _first_cell(trajectory, from_s, acceleration)
+    while ramp.rate > 0.0 and ramp.time_s < trajectory.duration_s:
+        edges = np.minimum(ramp.time_s + cell_s * np.arange(_CELLS + 1), trajectory.duration_s)
+        ramp.follow(edges.tolist(), *_capacity(trajectory, edges, acceleration))
+        cell_s = min(2.0 * cell_s, _WIDEST_CELL_S)
+    start, end = trajectory.evaluate(np.array([from_s, ramp.time_s]))[0]
+    return StopPlan(
+        from_s,
+        ramp.time_s,
+        ramp.elapsed_s,
+        end,
+        np.abs(end - start),
+        tuple(ramp.all_elapsed_s),
+        tuple(ramp.all_times_s),
+        tuple(ramp.all_rates),
+        tuple(ramp.decelerations),
+    )
+
+
+class _Ramp:
+    """The pieces found so far and where the last of them ends."""
+
+    def __init__(self, from_s: float) -> None:
+        self.elapsed_s, self.time_s, self.rate = 0.0, from_s, 1.0
+        self.all_elapsed_s, self.all_times_s, self.all_rates = [0.0], [from_s], [1.0]
+        self.decelerations: list[float] = []
+
+    def follow(
+        self, edges: list[float], limit: FloatArray, braking: FloatArray, speed: FloatArray
+    ) -> None:
+        """Through the cells between ``edges``, or to standstill within one of them."""
+        for cell, end_s in enumerate(edges[1:]):
+            if self.rate <= 0.0 or end_s <= self.time_s:
+                return
+            spare = limit - braking[cell] * self.rate**2
+            allowed = np.where(spare > 0.0, spare, _FLOOR * limit) / speed[cell]
+            self._slow_down(min(float(allowed.min()), _HARDEST), end_s)
+
+    def _slow_down(self, slope: float, end_s: float) -> None:
+        squared = self.rate**2 - 2.0 * slope * (end_s - self.time_s)
+        rate = max(squared, 0.0) ** 0.5
+        if rate > 0.0:
+            self.elapsed_s += 2.0 * (end_s - self.time_s) / (self.rate + rate)
+            self.time_s = end_s
+        else:
+            self.elapsed_s += self.rate / slope
+            self.time_s += self.rate**2 / (2.0 * slope)
+        self.rate = rate
+        self.decelerations.append(slope)
+        self.all_elapsed_s.append(self.elapsed_s)
+        self.all_times_s.append(self.time_s)
+        self.all_rates.append(rate)
+
+
+def _first_cell(trajectory: Trajectory, from_s: float, acceleration: FloatArray) -> float:
+    """A cell of which a stop at the present speed takes about 24."""
+    speed = np.maximum(np.abs(trajectory.state_at(from_s).velocity), _SLOW)
+    stop_s = 0.5 / float(np.min(np.minimum(acceleration / speed, _HARDEST)))
+    return min(max(stop_s / 24.0, 1e-3), _WIDEST_CELL_S)
+
+
+def _capacity(
+    trajectory: Trajectory, edges: FloatArray, limit: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Per cell and sample in it: the limit, the plan's own braking, and the speed.
+
+    Shapes (samples * m,) and twice (cells, samples * m). Samples include both edges.
+    """
+    within = np.linspace(0.0, 1.0, _SAMPLES)
+    times_s = edges[:-1, None] + np.diff(edges)[:, None] * within
+    _, velocity, acceleration = trajectory.evaluate(times_s.reshape(-1))
+    speed = np.abs(velocity)
+    braking = np.maximum(-acceleration * np.sign(velocity), 0.0)
+    braking[speed < _SLOW] = 0.0
+    shape = (len(times_s), -1)
+    return (
+        np.tile(limit, _SAMPLES),
+        braking.reshape(shape),
+        np.maximum(speed, _SLOW).reshape(shape),
+    )

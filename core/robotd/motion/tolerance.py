@@ -1,0 +1,215 @@
+"""Tolerances of a goal: which apply, and whether the joints are within."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.descriptor.model import TrajectorySettings
+from robotd.motion.refusal import refuse, refuse_joints
+
+# The unit is that of the joint; this is what follows it.
+_PER = {"position": "", "velocity": "/s"}
+
+
+class ToleranceKind(Enum):
+    """When a tolerance is looked at; the values are words for texts."""
+
+    PATH = "path tolerance"  # while the trajectory runs
+    GOAL = "goal tolerance"  # after its end
+
+
+@dataclass(frozen=True)
+class JointTolerance:
+    """One entry of a goal message: 0 means the configured default, -1 no limit, > 0 the value."""
+
+    name: str
+    position: float = 0.0
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A joint out of tolerance. ``str()`` is a sentence for ``error_string``."""
+
+    kind: ToleranceKind
+    joint: str
+    quantity: str
+    error: float
+    limit: float
+    time_s: float
+    unit: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.joint} at {self.time_s:.3f} s: {self.quantity} error {self.error:.3g} "
+            f"{self.unit} exceeds {self.kind.value} {self.limit:.3g} {self.unit}"
+        )
+
+
+class Tolerances:
+    """What applies to one execution. One owner thread; the checks allocate only for a violation.
+
+    Attributes:
+        path, goal: limits per joint and quantity.
+        goal_time_s: time after the end to get within ``goal``; inf waits without an end.
+        ignored: a sentence for each entry that nothing measures (acceleration).
+    """
+
+    def __init__(self, path: JointBounds, goal: JointBounds, goal_time_s: float) -> None:
+        self.path = path
+        self.goal = goal
+        self.goal_time_s = goal_time_s
+        self.ignored = (*path.ignored, *goal.ignored)
+        self._standstill = np.zeros(len(goal.names))
+
+    @classmethod
+    def of_goal(
+        cls,
+        names: tuple[str, ...],
+        settings: TrajectorySettings,
+        path: Iterable[JointTolerance] = (),
+        goal: Iterable[JointTolerance] = (),
+        goal_time_s: float = 0.0,
+    ) -> Tolerances:
+        """The descriptor's defaults with the tolerances of a goal message laid over them.
+
+        Raises:
+            TrajectoryRefused: an unknown or doubled joint, or a value that is not a number or
+                negative and not -1.
+        """
+        return cls(
+            JointBounds(ToleranceKind.PATH, names, settings.path_tolerance_rad, None, path),
+            JointBounds(
+                ToleranceKind.GOAL,
+                names,
+                settings.goal_tolerance_rad,
+                settings.stopped_velocity_rad_s,
+                goal,
+            ),
+            _resolve(goal_time_s, settings.goal_time_s, "goal time tolerance"),
+        )
+
+    def check_path(
+        self,
+        time_s: float,
+        position: FloatArray,
+        actual_position: FloatArray,
+        velocity: FloatArray,
+        actual_velocity: FloatArray,
+    ) -> Violation | None:
+        """The worst path violation, None when every joint is within. Cycle: yes.
+
+        Desired and actual values are (m,) and of the same moment, ``time_s`` on the
+        trajectory. An actual value that is not a number is out of every tolerance.
+        """
+        return self.path.check(time_s, position, actual_position, velocity, actual_velocity)
+
+    def check_goal(
+        self,
+        time_s: float,
+        position: FloatArray,
+        actual_position: FloatArray,
+        actual_velocity: FloatArray,
+    ) -> Violation | None:
+        """The worst goal violation; the joints should stand still at ``position``. Cycle: yes."""
+        return self.goal.check(time_s, position, actual_position, self._standstill, actual_velocity)
+
+
+class JointBounds:
+    """The bounds of one kind, arrays (m,) in rad or m and their rates; inf is no limit.
+
+    Args:
+        kind: for texts.
+        names: the joints, in axis order.
+        position, velocity: defaults for every joint; None is no limit.
+        entries: of the goal message.
+        unit: of position, for texts.
+
+    Raises:
+        TrajectoryRefused: see ``Tolerances.of_goal``.
+    """
+
+    def __init__(
+        self,
+        kind: ToleranceKind,
+        names: tuple[str, ...],
+        position: float | None,
+        velocity: float | None,
+        entries: Iterable[JointTolerance] = (),
+        unit: str = "rad",
+    ) -> None:
+        self.kind, self.names, self.unit = kind, names, unit
+        self.position: FloatArray = np.full(len(names), np.inf if position is None else position)
+        self.velocity: FloatArray = np.full(len(names), np.inf if velocity is None else velocity)
+        self.ignored = self._apply(list(entries))
+        self._position_limited = bool(np.isfinite(self.position).any())
+        self._velocity_limited = bool(np.isfinite(self.velocity).any())
+        self._error: FloatArray = np.zeros(len(names))
+        self._within = np.zeros(len(names), bool)
+
+    def check(
+        self,
+        time_s: float,
+        position: FloatArray,
+        actual_position: FloatArray,
+        velocity: FloatArray,
+        actual_velocity: FloatArray,
+    ) -> Violation | None:
+        """The worst violation, of position before velocity; None when all are within."""
+        if self._position_limited and self._exceeds(position, actual_position, self.position):
+            return self._worst("position", self.position, time_s)
+        if self._velocity_limited and self._exceeds(velocity, actual_velocity, self.velocity):
+            return self._worst("velocity", self.velocity, time_s)
+        return None
+
+    def _apply(self, entries: list[JointTolerance]) -> tuple[str, ...]:
+        ignored: list[str] = []
+        given: set[str] = set()
+        for entry in entries:
+            if entry.name not in self.names or entry.name in given:
+                which = "joint given twice" if entry.name in given else "unknown joint"
+                raise refuse_joints(f"{self.kind.value}: {which}: '{entry.name}'")
+            given.add(entry.name)
+            joint, label = self.names.index(entry.name), f"{entry.name}: {self.kind.value} of"
+            for name, bounds in (("position", self.position), ("velocity", self.velocity)):
+                default = float(bounds[joint])
+                bounds[joint] = _resolve(getattr(entry, name), default, f"{label} {name}")
+            if np.isfinite(_resolve(entry.acceleration, np.inf, f"{label} acceleration")):
+                ignored.append(f"{label} acceleration is not watched: it is not measured")
+        return tuple(ignored)
+
+    def _exceeds(self, desired: FloatArray, actual: FloatArray, bounds: FloatArray) -> bool:
+        np.subtract(desired, actual, self._error)
+        np.absolute(self._error, self._error)
+        np.less_equal(self._error, bounds, self._within)
+        return not self._within.all()
+
+    def _worst(self, quantity: str, bounds: FloatArray, time_s: float) -> Violation:
+        # No number counts as infinitely wrong, also where there is no limit to divide by.
+        ratio = np.nan_to_num(self._error / bounds, nan=np.inf)
+        joint = int(np.argmax(np.where(self._within, -1.0, ratio)))
+        return Violation(
+            self.kind,
+            self.names[joint],
+            quantity,
+            float(self._error[joint]),
+            float(bounds[joint]),
+            time_s,
+            self.unit + _PER[quantity],
+        )
+
+
+def _resolve(value: float, default: float, label: str) -> float:
+    if value == 0.0:
+        return default
+    if value == -1.0:
+        return np.inf
+    if value > 0.0:
+        return value
+    raise refuse(f"{label} is {value:g}, must be positive, 0 (default) or -1 (no limit)")
