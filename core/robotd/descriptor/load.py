@@ -167,6 +167,9 @@ def _extended(path: Path, above: tuple[Path, ...]) -> Node:
         raise DescriptorError(
             f"extends itself or is too deep: {what}", path=path, line=node.line, key="extends"
         )
+    if not is_file(base):
+        what = f"there is no file {str(base)!r}"
+        raise DescriptorError(what, path=path, line=node.line, key="extends")
     merged = merge(_extended(base, chain), tree)
     return replace(merged, path=path)
 

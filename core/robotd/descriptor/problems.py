@@ -15,11 +15,12 @@ from robotd.errors import DescriptorError
 
 Model = TypeVar("Model", bound=BaseModel)
 
+_CONSEQUENCE = "default_factory_not_called"  # of another finding, which is reported
 _BOUNDS = {
-    "greater_than": ("must be greater than {gt}", "gt"),
-    "greater_than_equal": ("must be at least {ge}", "ge"),
-    "less_than": ("must be less than {lt}", "lt"),
-    "less_than_equal": ("must be at most {le}", "le"),
+    "greater_than": ("must be greater than {gt:g}", "gt"),
+    "greater_than_equal": ("must be at least {ge:g}", "ge"),
+    "less_than": ("must be less than {lt:g}", "lt"),
+    "less_than_equal": ("must be at most {le:g}", "le"),
 }
 
 
@@ -40,7 +41,8 @@ def problems_of(
     model: type[BaseModel], error: ValidationError, tree: Node | None, keys: Sequence[str | int]
 ) -> list[DescriptorError]:
     """One DescriptorError per finding of ``error``, each with its place in the file."""
-    return [_problem(model, found, tree, keys) for found in error.errors()]
+    findings = [found for found in error.errors() if found["type"] != _CONSEQUENCE]
+    return [_problem(model, found, tree, keys) for found in findings]
 
 
 def join(problems: Iterable[DescriptorError]) -> DescriptorError:

@@ -95,6 +95,7 @@ class _Reader:
                 self._axis(block)
             else:
                 self._unknown(block, ("GlobalParameters", "AxisParameters"), "Parameters")
+            block.clear()  # freeing the whole tree at the end would hold the interpreter for 3 ms
         missing: dict[str, tuple[int, ...]] = {}
         global_columns = self._columns(self._globals, missing)
         columns = self._columns(self._axes, missing)

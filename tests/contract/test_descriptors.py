@@ -1,0 +1,159 @@
+"""What ships in robots/ is sound, complete and explained."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from robotd.descriptor import (
+    RobotDescriptor,
+    default_search_path,
+    default_wmx_parameters,
+    list_robots,
+    load_robot_descriptor,
+    read_wmx_parameters,
+    write_wmx_parameters,
+)
+from robotd.descriptor.reference import BEGIN, END, key_tables
+
+SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
+MANIPULATOR_STATE = {
+    "joint_number": 6,
+    "joint_feedback_rate": 500,
+    "gripper_open_value": 0.0,
+    "gripper_close_value": 0.045,
+    "joint_name": [f"joint{n}" for n in range(1, 7)] + ["picker_1_joint", "picker_2_joint"],
+    "encoder_joint_topic": "/joint_states",
+    "wmx_param_file_path": "",
+}
+TRAJECTORY_SERVER = {
+    "joint_number": 6,
+    "wmx_gripper_topic": "/wmx/set_gripper",
+    "joint_trajectory_action": "/movensys_manipulator_arm_controller/follow_joint_trajectory",
+}
+
+
+@pytest.fixture(scope="module")
+def cr3a() -> RobotDescriptor:
+    return load_robot_descriptor("cr3a")
+
+
+@pytest.fixture(scope="module")
+def urdf(cr3a: RobotDescriptor) -> Any:
+    assert cr3a.urdf is not None
+    return etree.parse(cr3a.urdf).getroot()
+
+
+def test_every_robot_is_sound_and_named_as_its_folder() -> None:
+    robots = list_robots()
+    assert {"cr3a", "standalone"} <= {robot.name for robot in robots}
+    for robot in robots:
+        assert robot.problem is None
+        assert robot.summary
+        for variant in robot.variants or (None,):
+            assert load_robot_descriptor(robot.name, variant).name == robot.name
+
+
+def test_the_key_tables_of_the_readme_are_those_of_the_models() -> None:
+    readme = (default_search_path()[0] / "README.md").read_text()
+    tables = readme.partition(BEGIN)[2].partition(END)[0].strip()
+    assert tables == key_tables(), "run: python -m robotd.descriptor.reference"
+
+
+def test_every_robot_is_in_the_readme() -> None:
+    readme = (default_search_path()[0] / "README.md").read_text()
+    for robot in list_robots():
+        row = next(line for line in readme.splitlines() if line.startswith(f"| `{robot.name}`"))
+        assert all(f"`{variant}`" in row for variant in robot.variants)
+
+
+def test_cr3a_parameters_of_both_deployments() -> None:
+    intel = load_robot_descriptor("cr3a")
+    orin = load_robot_descriptor("cr3a", "orin")
+    assert intel.variant == "intel"
+    assert intel.ros_parameters["manipulator_state"] == MANIPULATOR_STATE | {
+        "gazebo_joint_topic": "/gazebo_position_controller/commands"
+    }
+    assert orin.ros_parameters["manipulator_state"] == MANIPULATOR_STATE | {
+        "isaacsim_joint_topic": "/isaacsim/joint_command"
+    }
+    for robot in (intel, orin):
+        assert robot.ros_parameters["follow_joint_trajectory_server"] == TRAJECTORY_SERVER
+
+
+def test_cr3a_says_the_same_thing_twice_only_in_agreement(cr3a: RobotDescriptor) -> None:
+    parameters = cr3a.ros_parameters["manipulator_state"]
+    assert cr3a.gripper is not None
+    assert parameters["joint_name"] == [*cr3a.joint_names, *cr3a.gripper.joints]
+    assert parameters["joint_number"] == len(cr3a.joints) == cr3a.axes
+    assert parameters["joint_feedback_rate"] == cr3a.cycle.rate_hz
+    assert parameters["gripper_open_value"] == cr3a.gripper.open_m
+    assert parameters["gripper_close_value"] == cr3a.gripper.closed_m
+
+
+def test_standalone_moves_nothing_by_itself() -> None:
+    robot = load_robot_descriptor("standalone")
+    assert (robot.axes, robot.joints, robot.parameters_file) == (2, (), None)
+    assert robot.nodes == SERVICE_NODES
+
+
+def test_cr3a_parameter_file(cr3a: RobotDescriptor, tmp_path: Path) -> None:
+    assert cr3a.parameters_file is not None
+    parameters = read_wmx_parameters(cr3a.parameters_file)
+    counts_per_turn = [2**19 * 101] * 2 + [2**19 * 81] * 4
+    assert list(parameters["AxisGearRatioNumerator"][:6]) == counts_per_turn
+    assert np.all(parameters["AxisGearRatioDenominator"][:6] == 2 * np.pi)
+    assert list(parameters["AxisPolarity"][:6]) == [-1, -1, 1, -1, -1, -1]
+    assert np.all(parameters["AbsoluteEncoderMode"][:6])
+    assert np.all(parameters["InPosWidth"][:6] == 0.001)
+    changed = {
+        name
+        for name, column in default_wmx_parameters().columns.items()
+        if not np.array_equal(column, parameters[name])
+    }
+    assert changed == {
+        "AxisGearRatioNumerator",
+        "AxisGearRatioDenominator",
+        "AxisPolarity",
+        "AbsoluteEncoderMode",
+        "InPosWidth",
+    }
+    write_wmx_parameters(parameters, tmp_path / "again.xml")
+    assert (tmp_path / "again.xml").read_bytes() == cr3a.parameters_file.read_bytes()
+
+
+def test_cr3a_urdf_has_the_joints_and_limits_of_the_descriptor(
+    cr3a: RobotDescriptor, urdf: Any
+) -> None:
+    limits = {joint.get("name"): joint.find("limit") for joint in urdf.iter("joint")}
+    assert cr3a.gripper is not None
+    assert set(limits) == {*cr3a.joint_names, *cr3a.gripper.joints}
+    for joint in cr3a.joints:
+        limit = limits[joint.name]
+        assert float(limit.get("lower")) == joint.lower_rad
+        assert float(limit.get("upper")) == joint.upper_rad
+        assert float(limit.get("velocity")) == joint.velocity_rad_s
+    for name in cr3a.gripper.joints:
+        ends = (float(limits[name].get("lower")), float(limits[name].get("upper")))
+        assert ends == (cr3a.gripper.open_m, cr3a.gripper.closed_m)
+
+
+def test_cr3a_urdf_is_a_tree_of_solid_links(urdf: Any) -> None:
+    links = {link.get("name") for link in urdf.iter("link")}
+    parents = {
+        joint.find("child").get("link"): joint.find("parent").get("link")
+        for joint in urdf.iter("joint")
+    }
+    assert len(parents) == len(list(urdf.iter("joint"))), "a link has two parents"
+    assert links - set(parents) == {"base_link"}
+    assert set(parents.values()) <= links
+    for link in links:
+        steps = 0
+        while link != "base_link":
+            link, steps = parents[link], steps + 1  # noqa: PLW2901
+            assert steps < len(links), "a loop"
+    for inertia in urdf.iter("inertia"):
+        x, y, z = sorted(float(inertia.get(key)) for key in ("ixx", "iyy", "izz"))
+        assert 0 < x <= y <= z <= (x + y) * 1.001, "no solid body has such moments"
