@@ -51,7 +51,9 @@ class DescriptorError(RobotdError):
         self.line = line
         self.key = key
         where = "" if path is None else f"{path}:" if line is None else f"{path}:{line}:"
-        super().__init__(" ".join(part for part in (where, f"{key}:" if key else "", message) if part))
+        super().__init__(
+            " ".join(part for part in (where, f"{key}:" if key else "", message) if part)
+        )
 
     @classmethod
     def join(cls, errors: Iterable[DescriptorError]) -> DescriptorError:

@@ -15,6 +15,8 @@ from structlog.typing import FilteringBoundLogger, Processor
 
 
 class LogFormat(StrEnum):
+    """How a log line looks."""
+
     CONSOLE = "console"
     JSON = "json"
 
@@ -49,5 +51,5 @@ def configure_logging(level: str = "info", log_format: LogFormat = LogFormat.CON
 
 
 def get_logger(name: str) -> FilteringBoundLogger:
-    """A logger whose lines carry ``logger=name``. Any thread may use it."""
-    return cast(FilteringBoundLogger, structlog.get_logger(logger=name))
+    """A logger whose lines carry ``component=name``. Any thread may use it."""
+    return cast(FilteringBoundLogger, structlog.get_logger(component=name))

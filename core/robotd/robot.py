@@ -23,7 +23,7 @@ from robotd.device.image import ProcessImage
 from robotd.device.io import Io
 from robotd.errors import ConnectError, RobotdError
 from robotd.log import get_logger
-from robotd.motion.limits import AxisLimits
+from robotd.motion.limits import UNLIMITED, AxisLimits
 from robotd.plugin.hookspecs import BackendInfo, DeviceContext
 from robotd.plugin.manager import Backend, load_backend
 
@@ -55,7 +55,7 @@ class Robot:
         self.engine = Engine(
             device,
             descriptor.engine,
-            descriptor.parameters_path,
+            descriptor.parameters_file,
             name,
             has_parameters=Capability.PARAMETERS_FILE in capabilities,
         )
@@ -70,9 +70,7 @@ class Robot:
             clock,
         )
         self.io = Io(backend.io(device, context), self.engine, name)
-        self.fieldbus = Fieldbus(
-            backend.fieldbus(device, context), self.engine, capabilities, name
-        )
+        self.fieldbus = Fieldbus(backend.fieldbus(device, context), self.engine, capabilities, name)
         self.gripper = Gripper(self.io, descriptor.gripper) if descriptor.gripper else None
         streamer = Streamer(driver, descriptor.axes, descriptor.cycle.rate_hz)
         self.cycle = Cycle(
@@ -144,9 +142,9 @@ class Robot:
                 self.axes.rest(enabled, self.descriptor.engine.shutdown_s)
         except RobotdError as error:
             log.error("controlled stop failed", reason=str(error))
-        for axis, error in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
-            if error is not None:
-                log.error("servo off failed", axis=self.axes.names[axis], reason=str(error))
+        for axis, failure in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
+            if failure is not None:
+                log.error("servo off failed", axis=self.axes.names[axis], reason=str(failure))
 
 
 def build_robot(
@@ -200,6 +198,6 @@ def _axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
             joint.lower_rad, joint.upper_rad, joint.velocity_rad_s, joint.acceleration_rad_s2
         )
         if (joint := joints.get(axis))
-        else AxisLimits.unlimited()
+        else UNLIMITED
         for axis in range(descriptor.axes)
     ]

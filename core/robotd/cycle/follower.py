@@ -141,9 +141,7 @@ class TrajectoryFollower:
             self._streamer.submit(execution, self._joint_axes)
             return execution
 
-    def _plan(
-        self, request: TrajectoryRequest, start_ns: int | None
-    ) -> tuple[Plan, int | None]:
+    def _plan(self, request: TrajectoryRequest, start_ns: int | None) -> tuple[Plan, int | None]:
         """The plan, and when it must take over from a running one (None: none runs)."""
         lead_s = LEAD_S
         while (running := self._streamer.running) is not None and not running.done:

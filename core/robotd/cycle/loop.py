@@ -104,7 +104,7 @@ class Cycle:
         """
         self._engine.update_ready()
         state = self._engine.state
-        if state not in (EngineState.COMMUNICATING, EngineState.UNKnow_nsN):
+        if state not in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
             self._communicating_since_ns = 0
             self._engine.set_stale(False)
             self._streamer.device_lost(f"engine is {state.value}")

@@ -8,10 +8,10 @@ from robotd.descriptor.load import (
     validate_section,
 )
 from robotd.descriptor.model import (
-    Cycle,
-    Engine,
-    Gripper,
-    Joint,
+    CycleSettings,
+    EngineSettings,
+    GripperSettings,
+    JointSettings,
     RobotDescriptor,
     TrajectorySettings,
 )
@@ -19,10 +19,10 @@ from robotd.descriptor.wmx_parameters import WmxParameters, default_wmx_paramete
 from robotd.descriptor.wmx_xml import axis_text, read_wmx_parameters, write_wmx_parameters
 
 __all__ = [
-    "Cycle",
-    "Engine",
-    "Gripper",
-    "Joint",
+    "CycleSettings",
+    "EngineSettings",
+    "GripperSettings",
+    "JointSettings",
     "RobotDescriptor",
     "RobotSummary",
     "TrajectorySettings",

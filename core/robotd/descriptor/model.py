@@ -78,13 +78,16 @@ class Section(BaseModel):
         return self
 
 
-class Cycle(Section):
+class CycleSettings(Section):
     """The real-time loop that reads the device and streams setpoints."""
 
     rate_hz: float = Field(DEFAULT_RATE_HZ, ge=10, le=2000, description="Periods per second.")
+    realtime_priority: int = Field(
+        60, ge=0, le=99, description="SCHED_FIFO priority, where the system grants it; 0: none."
+    )
 
 
-class Engine(Section):
+class EngineSettings(Section):
     """How patiently the device is opened, watched and closed."""
 
     open_tries: int = Field(5, ge=1, le=1000, description="Attempts to open the device.")
@@ -99,7 +102,7 @@ class Engine(Section):
     servo_timeout_s: Positive = Field(5.0, description="Time for a servo to report on or off.")
 
 
-class Joint(Section):
+class JointSettings(Section):
     """One joint of an arm, moved by one axis of the device."""
 
     name: Name = Field(description="Name in JointState, in trajectories and in the URDF.")
@@ -120,7 +123,7 @@ class Joint(Section):
             yield ("lower_rad",), what, self.lower_rad
 
 
-class Gripper(Section):
+class GripperSettings(Section):
     """A gripper on one output bit; its fingers are reported as joints."""
 
     output_byte: int = Field(ge=0, lt=8000, description="Byte of the output image.")
@@ -171,13 +174,13 @@ class RobotDescriptor(Section):
     name: Name = Field(description="Short name, the same as the folder's.")
     summary: str = Field("", description="One line for `robotd robots`.")
     backend: str = Field("sim", description="Backend that is used when none is asked for.")
-    cycle: Cycle = Field(Cycle(), description="Cycle of the control loop.")
-    engine: Engine = Field(Engine(), description="Times of start-up and shut-down.")
+    cycle: CycleSettings = Field(CycleSettings(), description="Cycle of the control loop.")
+    engine: EngineSettings = Field(EngineSettings(), description="Times of start-up and shut-down.")
     parameters_file: File | None = Field(
         None, description="WMX parameter file, relative to this file; null loads none."
     )
     urdf: File | None = Field(None, description="URDF of the robot, relative to this file.")
-    joints: tuple[Joint, ...] = Field(
+    joints: tuple[JointSettings, ...] = Field(
         (), strict=False, description="Joints in the order of JointState; switched on at start."
     )
     axes: int = Field(
@@ -187,7 +190,7 @@ class RobotDescriptor(Section):
         description="Axes of the device in use, 0 to axes - 1; by default the highest of a "
         "joint, plus 1.",
     )
-    gripper: Gripper | None = Field(None, description="Gripper; null when there is none.")
+    gripper: GripperSettings | None = Field(None, description="Gripper; null when there is none.")
     trajectory: TrajectorySettings = Field(
         TrajectorySettings(), description="Rules for trajectories."
     )

@@ -15,7 +15,7 @@ from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, Unsupported
-from robotd.motion.limits import AxisLimits, check_jog, check_move
+from robotd.motion.limits import AxisLimits, check_move, check_velocity
 
 
 @dataclass(frozen=True)
@@ -139,15 +139,8 @@ class Axes:
             self._check_command([move.axis for move in moves], CommandMode.POSITION)
             absolute = [self._absolute(move, relative) for move in moves]
             for move in absolute:
-                profile = move.profile
-                check_move(
-                    self.names[move.axis],
-                    self.limits[move.axis],
-                    move.target,
-                    profile.velocity,
-                    profile.acceleration,
-                    profile.deceleration,
-                )
+                name, limits = self.names[move.axis], self.limits[move.axis]
+                check_move(name, move.target, move.profile, limits)
             for move in absolute:
                 self._driver.move(move.axis, move.target, move.profile)
 
@@ -157,14 +150,7 @@ class Axes:
         with self._lock:
             self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
             for jog in jogs:
-                profile = jog.profile
-                check_jog(
-                    self.names[jog.axis],
-                    self.limits[jog.axis],
-                    profile.velocity,
-                    profile.acceleration,
-                    profile.deceleration,
-                )
+                check_velocity(self.names[jog.axis], jog.profile, self.limits[jog.axis])
             for jog in jogs:
                 self._driver.jog(jog.axis, jog.profile)
 

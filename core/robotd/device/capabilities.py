@@ -6,6 +6,8 @@ from enum import StrEnum
 
 
 class Capability(StrEnum):
+    """One feature that not every backend has."""
+
     AXES = "axes"
     IO = "io"
     FIELDBUS = "fieldbus"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from robotd.device.capabilities import Capability
 from robotd.device.drivers import FieldbusDriver, NetworkState
 from robotd.device.engine import Engine
 from robotd.errors import InvalidArgument, Unsupported
-from robotd.device.capabilities import Capability
 
 REGISTER_SPACE = 0x1000  # ESC registers end at 0x0FFF; process data RAM follows
 

@@ -69,4 +69,6 @@ class ProcessImage:
                 return twin
 
 
-_ARRAYS = tuple(name for name, value in vars(ProcessImage(0)).items() if isinstance(value, np.ndarray))
+_ARRAYS = tuple(
+    name for name, value in vars(ProcessImage(0)).items() if isinstance(value, np.ndarray)
+)

@@ -8,6 +8,7 @@ from robotd.descriptor import (
     default_wmx_parameters,
     read_wmx_parameters,
 )
+from robotd.device.capabilities import Capability
 from robotd.device.drivers import (
     AxisDriver,
     DeviceDriver,
@@ -31,7 +32,6 @@ from robotd.errors import (
     Unsupported,
 )
 from robotd.log import get_logger
-from robotd.device.capabilities import Capability
 from robotd.plugin.hookspecs import (
     API_VERSION,
     BackendInfo,

@@ -18,8 +18,8 @@ from pydantic import BaseModel, ConfigDict
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.descriptor import RobotDescriptor
-from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.capabilities import Capability
+from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 API_VERSION = 1
@@ -96,5 +96,7 @@ class RobotdHooks:
         """Make the I/O driver of the device, None where there is no I/O."""
 
     @hookspec
-    def robotd_fieldbus(self, device: DeviceDriver, context: DeviceContext) -> FieldbusDriver | None:
+    def robotd_fieldbus(
+        self, device: DeviceDriver, context: DeviceContext
+    ) -> FieldbusDriver | None:
         """Make the diagnostics driver of the device, None where there is no fieldbus."""

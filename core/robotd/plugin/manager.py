@@ -191,7 +191,9 @@ def register_all(plugins: Iterable[Plugin]) -> tuple[RobotRegistry, NodeRegistry
 Loaded = TypeVar("Loaded", bound=Plugin)
 
 
-def _load(kind: Callable[[PluginOrigin, object], Loaded], origin: PluginOrigin, entry: EntryPoint) -> Loaded:
+def _load(
+    kind: Callable[[PluginOrigin, object], Loaded], origin: PluginOrigin, entry: EntryPoint
+) -> Loaded:
     try:
         module = entry.load()
     except Exception as error:

@@ -1,0 +1,61 @@
+"""What is installed: robots, nodes, and the plugins that bring more of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+from robotd.cli.layout import warn
+from robotd.descriptor import RobotDescriptor, default_search_path
+from robotd.errors import DescriptorError
+from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
+from robotd.plugin.registry import NodeRegistry
+from robotd.ros.nodes import check_names
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """What can be named on the command line and in a descriptor.
+
+    Attributes:
+        search_path: folders of robots, robotd's own first.
+        nodes: nodes that plugins bring, beside the built-in ones.
+        failures: plugins that bring robots or nodes and cannot load, with the reason.
+    """
+
+    search_path: tuple[Path, ...]
+    nodes: NodeRegistry
+    failures: Mapping[PluginOrigin, str]
+
+    def warn(self) -> None:
+        """Tell of plugins that failed: what they bring is missing, all else works."""
+        for reason in self.failures.values():
+            warn(reason)
+
+    def check_nodes(self, descriptor: RobotDescriptor) -> None:
+        """Raise DescriptorError, with every unknown name, unless all nodes exist."""
+        problems = []
+        for name in descriptor.nodes:
+            try:
+                check_names([name], self.nodes)
+            except DescriptorError as error:
+                problems.append(error)
+        if problems:
+            raise DescriptorError.join(problems)
+
+
+def load_catalogue() -> Catalogue:
+    """Ask every plugin. Raises PluginError when two of them bring the same node."""
+    plugins, failures = load_plugins()
+    robots, nodes = register_all(plugins)
+    return Catalogue((*default_search_path(), *robots.folders), nodes, failures)
+
+
+def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
+    """``unknown node 'x'; did you mean 'y'? (there is y, z)``."""
+    names = list(known)
+    near = get_close_matches(name, names, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"unknown {what} {name!r}{hint} (there is {', '.join(names) or 'none'})"

@@ -1,0 +1,70 @@
+"""``robotd run``: put robot, backend and nodes together and serve them until Ctrl-C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import click
+
+from robotd.cli.catalogue import Catalogue, load_catalogue, unknown_name
+from robotd.cli.preflight import import_ros_server, process_age_s
+from robotd.cli.summary import start_summary
+from robotd.clock import MonotonicClock
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """The options of the command.
+
+    Attributes:
+        robot: a name of the search path, or a file.
+        variant, backend, nodes, rate_hz: None leaves the descriptor's own.
+        ros_args: from ``--ros-args`` on, for rclpy.
+    """
+
+    robot: str
+    variant: str | None
+    backend: str | None
+    nodes: Sequence[str] | None
+    rate_hz: float | None
+    ros_args: Sequence[str]
+
+
+def run_robot(options: RunOptions) -> int:
+    """Serve the robot; returns the exit status. Raises RobotdError before anything is opened."""
+    catalogue = load_catalogue()
+    catalogue.warn()
+    descriptor = _descriptor(options, catalogue)
+    nodes = _chosen_nodes(descriptor, options.nodes)
+    backend = load_backend(options.backend or descriptor.backend)
+    robot = Robot(descriptor, backend, MonotonicClock())
+    server = import_ros_server()
+
+    def served(report: object) -> None:
+        click.echo(start_summary(robot, backend.origin, report))
+
+    def ready() -> None:
+        click.echo(f"ready after {process_age_s():.1f} s; Ctrl-C stops")
+
+    return int(server.serve(robot, nodes, options.ros_args, served=served, ready=ready))
+
+
+def _descriptor(options: RunOptions, catalogue: Catalogue) -> RobotDescriptor:
+    descriptor = load_robot_descriptor(options.robot, options.variant, catalogue.search_path)
+    catalogue.check_nodes(descriptor)
+    if options.rate_hz is None:
+        return descriptor
+    cycle = descriptor.cycle.model_copy(update={"rate_hz": options.rate_hz})
+    return descriptor.model_copy(update={"cycle": cycle})
+
+
+def _chosen_nodes(descriptor: RobotDescriptor, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    for name in wanted or ():
+        if name not in descriptor.nodes:
+            text = unknown_name(f"node of {descriptor.name}", name, descriptor.nodes)
+            raise click.BadParameter(text, param_hint="--nodes")
+    return descriptor.nodes if wanted is None else tuple(wanted)

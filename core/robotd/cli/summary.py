@@ -1,0 +1,84 @@
+"""The page that ``robotd run`` prints once everything is there: what runs, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import version
+
+from robotd.cli.layout import columns, field, heading, warning
+from robotd.cli.preflight import realtime_permitted
+from robotd.descriptor import RobotDescriptor
+from robotd.plugin.manager import PluginOrigin
+from robotd.robot import Robot
+from robotd.ros.serve import ServeReport
+
+SIMULATED = "simulated"  # the capability of a backend without hardware
+
+
+def start_summary(robot: Robot, origin: PluginOrigin, report: ServeReport) -> str:
+    """Everything a person wants to know before the robot moves, in about thirty lines."""
+    fields = (*_robot(robot, origin), *_axes(robot.descriptor), *_ros(report), *_missing(robot))
+    title = heading(f"robotd {version('robotd')}: {robot.descriptor.name} on {robot.backend.name}")
+    return "\n".join((title, *fields, ""))
+
+
+def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
+    descriptor, backend = robot.descriptor, robot.backend
+    yield field("robot", descriptor.summary or descriptor.name)
+    if descriptor.path:
+        yield field("", [str(descriptor.path)])
+    if descriptor.variants:
+        others = [name for name in descriptor.variants if name != descriptor.variant]
+        also = f" (there is also {', '.join(others)})" if others else ""
+        yield field("variant", f"{descriptor.variant or 'none'}{also}")
+    yield field("backend", f"{backend.summary} ({origin.distribution} {origin.version})")
+    if SIMULATED in backend.capabilities:
+        yield field("", [warning("SIMULATED: no hardware is connected, nothing real moves")])
+
+
+def _axes(descriptor: RobotDescriptor) -> Iterator[str]:
+    yield field("cycle", f"{descriptor.cycle.rate_hz:g} Hz")
+    joints = [
+        (
+            joint.name,
+            f"axis {joint.axis}",
+            f"{joint.lower_rad:+.2f} to {joint.upper_rad:+.2f} rad",
+            f"{joint.velocity_rad_s:.2f} rad/s",
+            f"{joint.acceleration_rad_s2:.2f} rad/s²",
+        )
+        for joint in descriptor.joints
+    ]
+    yield field("joints", columns(joints) if joints else "none; no servo is switched on at start")
+    if len(joints) < descriptor.axes:
+        yield field("axes", f"{descriptor.axes}, 0 to {descriptor.axes - 1}")
+    if gripper := descriptor.gripper:
+        bit = f"output bit {gripper.output_byte}.{gripper.output_bit}"
+        yield field("gripper", f"{bit} moves {', '.join(gripper.joints)}")
+
+
+def _ros(report: ServeReport) -> Iterator[str]:
+    yield field("nodes", report.nodes)
+    topics = [
+        (topic.name, f"{topic.rate_hz:g} Hz" if topic.rate_hz else "", topic.type)
+        for topic in report.topics
+    ]
+    yield field("topics", columns(topics) if topics else "none")
+    yield field("services", f"{len(report.services)}")
+    yield field("actions", report.actions or "none")
+
+
+def _missing(robot: Robot) -> Iterator[str]:
+    priority = robot.descriptor.cycle.realtime_priority
+    if not priority or realtime_permitted(priority):
+        return
+    yield field(
+        "missing",
+        map(
+            warning,
+            (
+                "real-time priority: under load the cycle starts late, by milliseconds at times.",
+                f"Allow it with: ulimit -r {priority} (as root), or 'rtprio {priority}' in"
+                " /etc/security/limits.conf.",
+            ),
+        ),
+    )

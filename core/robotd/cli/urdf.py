@@ -1,0 +1,70 @@
+"""Does the URDF tell the same robot as the descriptor?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from lxml import etree
+
+from robotd.descriptor import JointSettings, RobotDescriptor
+from robotd.descriptor.files import read_limited
+from robotd.errors import DescriptorError
+
+MAX_BYTES = 8_000_000
+ROUNDING = 1e-3  # rad or rad/s: files are written with few digits
+
+_LIMITS = (("lower", "lower_rad"), ("upper", "upper_rad"), ("velocity", "velocity_rad_s"))
+
+
+def check_urdf(path: Path, descriptor: RobotDescriptor) -> None:
+    """Compare names and limits of the joints.
+
+    Raises DescriptorError with every difference: a joint that the URDF does not have or does
+    not move, and a limit of the descriptor beyond that of the URDF.
+    """
+    joints = {joint.get("name"): joint for joint in _parse(path).iter("joint")}
+    problems = []
+    for joint in descriptor.joints:
+        problems += _differences(path, joint, joints.get(joint.name))
+    for name in descriptor.gripper.joints if descriptor.gripper else ():
+        if name not in joints:
+            problems.append(DescriptorError(f"has no joint {name!r}", path=path))
+    if problems:
+        raise DescriptorError.join(problems)
+
+
+def _parse(path: Path) -> etree._Element:
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    try:
+        return etree.fromstring(read_limited(path, MAX_BYTES), parser)
+    except etree.XMLSyntaxError as error:
+        raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
+
+
+def _differences(
+    path: Path, joint: JointSettings, element: etree._Element | None
+) -> Iterator[DescriptorError]:
+    if element is None:
+        yield DescriptorError(f"has no joint {joint.name!r}", path=path)
+        return
+    line = element.sourceline
+    if element.get("type") not in ("revolute", "continuous"):
+        what = f"is {element.get('type')!r}, not 'revolute'"
+        yield DescriptorError(what, path=path, line=line, key=joint.name)
+    limit = element.find("limit")
+    for attribute, key in _LIMITS if limit is not None else ():
+        theirs, ours = _number(limit.get(attribute)), getattr(joint, key)
+        beyond = theirs - ours if attribute == "lower" else ours - theirs
+        if not beyond <= ROUNDING and not math.isnan(theirs):
+            what = f"{attribute} limit {theirs:g} is exceeded by {key} {ours:g} of the descriptor"
+            yield DescriptorError(what, path=path, line=line, key=joint.name)
+
+
+def _number(text: str | None) -> float:
+    """NaN where the file gives none."""
+    try:
+        return float(text) if text is not None else math.nan
+    except ValueError:
+        return math.nan

@@ -1,0 +1,60 @@
+"""The topic wmx/axis/state: all axes of the robot, published by the cycle."""
+
+from __future__ import annotations
+
+import numpy as np
+from rclpy.node import Node
+from std_msgs.msg import Header
+from wmx_ros2_message.msg import AxisState
+
+from robotd.device.engine import Engine
+from robotd.device.image import ProcessImage
+from robotd.ros.cdr import HotPublisher
+
+TOPIC = "wmx/axis/state"
+RATE_HZ = 100.0
+FRAME = "base_link"
+DEPTH = 10
+
+# Field of the message → array of the process image.
+FIELDS = {
+    "amp_alarm": "amp_alarm",
+    "servo_on": "servo_on",
+    "home_done": "home_done",
+    "home_switch": "home_switch",
+    "negative_ls": "negative_limit",
+    "positive_ls": "positive_limit",
+    "motion_complete": "motion_complete",
+    "pos_cmd": "position_command",
+    "velocity_cmd": "velocity_command",
+    "actual_pos": "position",
+    "actual_velocity": "velocity",
+    "actual_torque": "torque",
+}
+
+
+class AxisStateTopic:
+    """Made in any thread; ``publish`` belongs to the cycle.
+
+    Nothing is published while the engine is not ready: old values must not look alive.
+    """
+
+    def __init__(self, node: Node, axes: int, engine: Engine) -> None:
+        zero = ProcessImage(axes)
+        values = {
+            field: np.zeros_like(getattr(zero, array)).tolist() for field, array in FIELDS.items()
+        }
+        template = AxisState(header=Header(frame_id=FRAME), **values)
+        publisher = node.create_publisher(AxisState, TOPIC, DEPTH)
+        self._engine = engine
+        self._clock = node.get_clock()
+        self._message = HotPublisher(publisher, template, FIELDS)
+        self._views = [(self._message.view(field), array) for field, array in FIELDS.items()]
+
+    def publish(self, image: ProcessImage) -> None:
+        if not self._engine.ready:
+            return
+        for view, array in self._views:
+            view[:] = getattr(image, array)
+        self._message.stamp(self._clock.now().nanoseconds)
+        self._message.publish()

@@ -1,0 +1,104 @@
+"""A node's parameters: the reference's default < the robot's descriptor < the command line.
+
+Every parameter here is read once, while its node is made, and is read-only from then on: to set
+one at run time is refused by ROS with a reason. What is wrong with a value is said before
+anything moves, by node, parameter, value and limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.validate_full_topic_name import validate_full_topic_name
+
+from robotd.errors import DescriptorError
+
+
+class Parameters:
+    """Declares the read-only parameters of one node.
+
+    Args:
+        node: the owner, not yet served by an executor.
+        defaults: the section ``ros_parameters.<node>`` of the descriptor, empty if it has none.
+
+    Every method raises DescriptorError for a value of the wrong type or outside its limits.
+    """
+
+    def __init__(self, node: Node, defaults: Mapping[str, Any]) -> None:
+        self._node = node
+        self._defaults = defaults
+        self._declared: set[str] = set()
+
+    def integer(self, name: str, default: int, limits: tuple[int, int], meaning: str) -> int:
+        """A whole number within ``limits``, both included."""
+        low, high = limits
+        value = int(self._declare(name, default, f"{meaning}; {low} to {high}"))
+        if not low <= value <= high:
+            raise self.error(name, f"{value} is outside {low} to {high}")
+        return value
+
+    def number(self, name: str, default: float, meaning: str) -> float:
+        """A finite number."""
+        value = float(self._declare(name, float(default), meaning))
+        if not -float("inf") < value < float("inf"):
+            raise self.error(name, f"{value} is not a finite number")
+        return value
+
+    def text(self, name: str, default: str, meaning: str) -> str:
+        """Any text."""
+        return str(self._declare(name, default, meaning))
+
+    def texts(self, name: str, default: Sequence[str], meaning: str) -> tuple[str, ...]:
+        """A list of texts."""
+        return tuple(self._declare(name, list(default), meaning))
+
+    def topic(self, name: str, meaning: str, *, required: bool = False) -> str:
+        """Name of a topic, service or action; "" where it is not wanted and not required."""
+        value = self.text(name, "", meaning if required else f"{meaning}; empty: none")
+        if value:
+            self._check_topic(name, value)
+        elif required:
+            raise self.error(name, "is empty, but needs a name")
+        return value
+
+    def done(self) -> None:
+        """Refuse what the descriptor gives and the node does not have."""
+        for name in self._defaults:
+            if name not in self._declared:
+                near = get_close_matches(name, self._declared, 1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise self.error(name, f"the node has no such parameter{hint}")
+
+    def error(self, name: str, what: str) -> DescriptorError:
+        """An error about parameter ``name``, ready to be raised."""
+        return DescriptorError(what, key=f"{self._node.get_name()}.{name}")
+
+    def _declare(self, name: str, reference: Any, meaning: str) -> Any:
+        default = self._defaults.get(name, reference)
+        if isinstance(reference, float) and type(default) is int:
+            default = float(default)
+        if type(default) is not type(reference):
+            raise self._wrong_type(name, default, reference)
+        descriptor = ParameterDescriptor(description=meaning, read_only=True)
+        self._declared.add(name)
+        try:
+            return self._node.declare_parameter(name, default, descriptor).value
+        except ParameterException as error:
+            override = self._node._parameter_overrides[name].value  # noqa: SLF001
+            raise self._wrong_type(name, override, reference) from error
+
+    def _wrong_type(self, name: str, value: Any, reference: Any) -> DescriptorError:
+        kinds = {int: "a whole number", float: "a number with a decimal point", str: "a text"}
+        wanted = kinds.get(type(reference), "a list of texts")
+        return self.error(name, f"{value!r} is not {wanted}")
+
+    def _check_topic(self, name: str, value: str) -> None:
+        try:
+            validate_full_topic_name(self._node.resolve_topic_name(value, only_expand=True))
+        except Exception as error:
+            raise self.error(name, f"{value!r} is not a ROS name: {error}") from error

@@ -1,0 +1,227 @@
+"""Drivers that obey at once and remember every call, for tests without a simulation.
+
+Each has ``calls``, a list of tuples: the method's name, then its arguments. ``failures`` maps
+the name of a method to the error that it raises instead of obeying.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.device.drivers import (
+    AxisDriver,
+    DeviceDriver,
+    FieldbusDriver,
+    IoDriver,
+    NetworkState,
+    Profile,
+    SlaveInfo,
+)
+from robotd.device.image import ProcessImage
+from robotd.device.state import CommandMode, EngineState, Operation
+
+Call = tuple[object, ...]
+
+
+class Recorder:
+    """Remembers calls and fails where it is told to."""
+
+    def __init__(self) -> None:
+        self.calls: list[Call] = []
+        self.failures: dict[str, Exception] = {}
+
+    def record(self, name: str, *arguments: object) -> None:
+        """Note a call. Raises what ``failures`` has for ``name``."""
+        self.calls.append((name, *arguments))
+        if name in self.failures:
+            raise self.failures[name]
+
+
+class FakeDevice(Recorder, DeviceDriver):
+    """A device that changes its state at once.
+
+    Args:
+        failing_opens: how many times ``open`` raises ``failures["open"]`` before it works; None
+            for ever.
+    """
+
+    def __init__(self, failing_opens: int | None = None) -> None:
+        super().__init__()
+        self.current = EngineState.IDLE
+        self.failing_opens = failing_opens
+
+    def open(self, path: str = "", name: str = "") -> None:
+        opened = sum(call[0] == "open" for call in self.calls)
+        if opened == self.failing_opens:
+            self.failures.pop("open", None)
+        self.record("open", path, name)
+        self.current = EngineState.RUNNING
+
+    def close(self) -> None:
+        self.record("close")
+        self.current = EngineState.IDLE
+
+    def start_communication(self, timeout_s: float) -> None:
+        self.record("start_communication", timeout_s)
+        self.current = EngineState.COMMUNICATING
+
+    def stop_communication(self, timeout_s: float) -> None:
+        self.record("stop_communication", timeout_s)
+        self.current = EngineState.RUNNING
+
+    def state(self) -> EngineState:
+        return self.current
+
+    def scan_network(self) -> str:
+        self.record("scan_network")
+        return "a fake network"
+
+    def load_parameters(self, path: Path) -> None:
+        self.record("load_parameters", path)
+
+    def dump_parameters(self, axis: int) -> str:
+        self.record("dump_parameters", axis)
+        return f"parameters of axis {axis}"
+
+
+class FakeAxes(Recorder, AxisDriver):
+    """Axes that never move by themselves; ``image`` is what ``read`` copies out.
+
+    A servo obeys at once, ``stream`` becomes the position, and a move only sets ``operation``:
+    a test changes the arrays of ``image`` to make the axes do what it needs.
+    """
+
+    def __init__(self, axes: int) -> None:
+        super().__init__()
+        self.image = ProcessImage(axes)
+        for array in (
+            self.image.position,
+            self.image.velocity,
+            self.image.torque,
+            self.image.position_command,
+            self.image.velocity_command,
+        ):
+            array[:] = 0.0
+        self.image.offline[:] = False
+
+    def read(self, image: ProcessImage) -> None:
+        for name, value in vars(self.image).items():
+            if isinstance(value, np.ndarray):
+                getattr(image, name)[:] = value
+        image.fresh_ns = self.image.fresh_ns
+
+    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+        streaming = self.image.operation == Operation.STREAM
+        for mine, theirs in (
+            (self.image.position_command, position),
+            (self.image.velocity_command, velocity),
+            (self.image.position, position),
+        ):
+            mine[streaming] = theirs[streaming]
+
+    def begin_stream(self, axes: Sequence[int]) -> None:
+        self.record("begin_stream", list(axes))
+        self.image.operation[list(axes)] = Operation.STREAM
+
+    def end_stream(self, axes: Sequence[int]) -> None:
+        self.record("end_stream", list(axes))
+        self.image.operation[list(axes)] = Operation.IDLE
+
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        self.record("servo", axis, on, timeout_s)
+        self.image.servo_on[axis] = on
+
+    def clear_alarm(self, axis: int, timeout_s: float) -> None:
+        self.record("clear_alarm", axis, timeout_s)
+        self.image.amp_alarm[axis], self.image.alarm_code[axis] = False, 0
+
+    def set_command_mode(self, axis: int, mode: CommandMode) -> None:
+        self.record("set_command_mode", axis, mode)
+        self.image.mode[axis] = mode
+
+    def set_polarity(self, axis: int, polarity: int) -> None:
+        self.record("set_polarity", axis, polarity)
+
+    def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+        self.record("set_gear_ratio", axis, numerator, denominator)
+
+    def home(self, axis: int, timeout_s: float) -> None:
+        self.record("home", axis, timeout_s)
+        self.image.home_done[axis] = True
+
+    def move(self, axis: int, target: float, profile: Profile) -> None:
+        self.record("move", axis, target, profile)
+        self.image.operation[axis] = Operation.POSITION
+
+    def jog(self, axis: int, profile: Profile) -> None:
+        self.record("jog", axis, profile)
+        self.image.operation[axis] = Operation.VELOCITY if profile.velocity else Operation.IDLE
+
+    def stop(self, axes: Sequence[int]) -> None:
+        self.record("stop", list(axes))
+        self.image.operation[list(axes)] = Operation.IDLE
+
+    def quick_stop(self, axes: Sequence[int]) -> None:
+        self.record("quick_stop", list(axes))
+        self.image.operation[list(axes)] = Operation.IDLE
+
+
+class FakeIo(Recorder, IoDriver):
+    """Two byte arrays that a test may change: ``inputs`` and ``outputs``."""
+
+    def __init__(self, input_bytes: int = 8, output_bytes: int = 8) -> None:
+        super().__init__()
+        self.inputs = bytearray(input_bytes)
+        self.outputs = bytearray(output_bytes)
+
+    @property
+    def input_bytes(self) -> int:
+        return len(self.inputs)
+
+    @property
+    def output_bytes(self) -> int:
+        return len(self.outputs)
+
+    def read_inputs(self, byte: int, length: int) -> bytes:
+        return bytes(self.inputs[byte : byte + length])
+
+    def read_outputs(self, byte: int, length: int) -> bytes:
+        return bytes(self.outputs[byte : byte + length])
+
+    def write_outputs(self, byte: int, data: bytes) -> None:
+        self.record("write_outputs", byte, data)
+        self.outputs[byte : byte + len(data)] = data
+
+    def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
+        self.record("write_output_bit", byte, bit, value)
+        mask = 1 << bit
+        self.outputs[byte] = self.outputs[byte] | mask if value else self.outputs[byte] & ~mask
+
+
+class FakeFieldbus(Recorder, FieldbusDriver):
+    """One master with ``slaves``; a register holds the low byte of its address."""
+
+    def __init__(self, slaves: int = 2) -> None:
+        super().__init__()
+        self.network = NetworkState(state=16, slaves=tuple(SlaveInfo(n, 16) for n in range(slaves)))
+
+    @property
+    def masters(self) -> int:
+        return 1
+
+    def network_state(self, master: int) -> NetworkState:
+        return self.network
+
+    def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
+        self.record("read_register", master, slave, address, length)
+        return bytes(number % 256 for number in range(address, address + length))
+
+    def reset_statistics(self, master: int) -> None:
+        self.record("reset_statistics", master)
+
+    def start_hot_connect(self, master: int) -> None:
+        self.record("start_hot_connect", master)
