@@ -23,7 +23,7 @@ from robotd.device.image import ProcessImage
 from robotd.device.io import Io
 from robotd.errors import ConnectError, RobotdError
 from robotd.log import get_logger
-from robotd.motion.limits import UNLIMITED, AxisLimits
+from robotd.motion.limits import AxisLimits
 from robotd.plugin.hookspecs import BackendInfo, DeviceContext
 from robotd.plugin.manager import Backend, load_backend
 
@@ -198,6 +198,6 @@ def _axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
             joint.lower_rad, joint.upper_rad, joint.velocity_rad_s, joint.acceleration_rad_s2
         )
         if (joint := joints.get(axis))
-        else UNLIMITED
+        else AxisLimits.unlimited()
         for axis in range(descriptor.axes)
     ]
