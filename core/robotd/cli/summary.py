@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
 from robotd.descriptor import RobotDescriptor
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
-from robotd.ros.serve import ServeReport
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd.ros.surface import ServeReport
 
 SIMULATED = "simulated"  # the capability of a backend without hardware
 
