@@ -42,11 +42,11 @@ class CycleStats:
         self._lateness_ns = np.zeros(WINDOW, np.int64)
         self._execution_ns = np.zeros(WINDOW, np.int64)
 
-    def record(self, deadline_ns: int, start_ns: int, end_ns: int) -> None:
-        """Cycle thread: one period ran from ``start_ns`` to ``end_ns``."""
+    def record(self, late_ns: int, start_ns: int, end_ns: int) -> None:
+        """Cycle thread: one period, begun ``late_ns`` late, ran from ``start_ns`` to ``end_ns``."""
         slot = self.cycles % WINDOW
         self._start_ns[slot] = start_ns
-        self._lateness_ns[slot] = start_ns - deadline_ns
+        self._lateness_ns[slot] = late_ns
         self._execution_ns[slot] = end_ns - start_ns
         self.cycles += 1
 
