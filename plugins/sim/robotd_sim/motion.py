@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from math import ceil, floor
+from math import ceil
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from robotd_sim.stream import Stream
 from robotd_sim.world import FOREVER, World
 
 _STANDS = 1e-3  # a last setpoint slower than this (rad/s) ends a stream at rest
+_ROUNDING = 1e-6  # part of a tick by which computed times may be late
 
 
 class Motion:
@@ -146,7 +147,7 @@ class Motion:
     ) -> None:
         """Load the first segment now and the others as they begin.
 
-        A segment is loaded at the last tick before it begins, so that the next tick lies on it.
+        A segment is loaded at the last tick before it begins, so that the next one lies on it.
         """
         number, begun, tick_s = self._drop(axis), self._world.tick, self._servo.tick_s
         self._states.operation[axis] = operation
@@ -165,16 +166,16 @@ class Motion:
                     then()
 
         for segment in plan:
-            first = floor(segment.start_s / tick_s)
-            if first == 0:
+            before = ceil(segment.start_s / tick_s - _ROUNDING) - 1
+            if before <= 0:
                 load(segment)
             else:
-                self._world.at(begun + first, partial(load, segment))
+                self._world.at(begun + before, partial(load, segment))
         last = plan[-1]
         if last.velocity:
             self._world.busy(axis, FOREVER)
             return
-        ended = begun + ceil(last.start_s / tick_s - 1e-6)
+        ended = begun + ceil(last.start_s / tick_s - _ROUNDING)
         self._world.busy(axis, ended)
         if operation != Operation.IDLE:
             self._world.at(ended, finish)

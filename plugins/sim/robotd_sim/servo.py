@@ -151,8 +151,8 @@ class Servo:
     def measure_torque(self, velocity: FloatArray, out: FloatArray) -> None:
         """Torque of the motors into ``out``; ``velocity`` is the measured one."""
         slip = self._terms[0]
-        np.maximum(velocity, -_STICTION_RAD_S, slip)
-        np.minimum(slip, _STICTION_RAD_S, slip)
+        np.maximum(velocity, -_STICTION_RAD_S, out=slip)
+        np.minimum(slip, _STICTION_RAD_S, out=slip)
         np.multiply(slip, self._friction, slip)
         np.multiply(self._torque, self._state[1:], self._products)
         np.add.reduce(self._products, 0, out=out)

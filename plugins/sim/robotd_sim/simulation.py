@@ -60,7 +60,7 @@ class Simulation:
         self.failures_left = options.fail_open
         self.all_connected = True
         self._starts = 0  # number of the present request for communication
-        self.parameters = self._engine_defaults()
+        self._defaults = self.parameters = self._engine_defaults()
         self.scaling = Scaling(gains(self.parameters, self.axes))
         ramp = np.full(self.axes, np.nan)
         for joint in robot.joints:
@@ -173,7 +173,7 @@ class Simulation:
         self.io.clear()
         for axis in range(self.axes):
             self.motion.hold(axis, float(self.servo.command[axis]))
-        self.apply(self._engine_defaults())
+        self.apply(self._defaults)
 
     def _connect(self, slave: int, *, connected: bool) -> None:
         self.network.slaves[slave].connected = connected
