@@ -17,11 +17,12 @@ from robotd.robot import Robot
 from robotd.ros import convert
 from robotd.ros.axis_state import RATE_HZ, AxisStateTopic
 from robotd.ros.host import RosHost
-from robotd.ros.ready import ReadyTopic
+from robotd.ros.ready import PERIOD_S, ReadyTopic
 from robotd.ros.refusal_log import RefusalLog
 from robotd.ros.service import add_service, add_subscription
 
 COMMAND_DEPTH = 10
+READY = "wmx/core_motion/ready"
 
 
 class WmxCoreMotionNode(Node):
@@ -47,8 +48,10 @@ class WmxCoreMotionNode(Node):
             handler = self._obey_or_tell(topic, command)
             add_subscription(self, message_type, topic, handler, COMMAND_DEPTH)
         state = AxisStateTopic(self, robot.descriptor.axes, robot.engine)
-        robot.cycle.every(min(RATE_HZ, robot.descriptor.cycle.rate_hz), "axis state", state.publish)
-        self._ready = ReadyTopic(self, robot.engine, "wmx/core_motion/ready")
+        rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
+        robot.cycle.every(rate_hz, "axis state", state.publish)
+        self.rates_hz = {state.topic: rate_hz, self.resolve_topic_name(READY): 1 / PERIOD_S}
+        self._ready = ReadyTopic(self, robot.engine, READY)
 
     def _add_axis_services(self, host: RosHost) -> None:
         axes = self._axes
@@ -62,9 +65,7 @@ class WmxCoreMotionNode(Node):
         ):
             handler = self._axis_handler(allowed, command)
             add_service(self, host, SetAxis, f"wmx/axis/{name}", handler)
-        add_service(
-            self, host, SetAxisGearRatio, "wmx/axis/set_gear_ratio", self._set_gear_ratio
-        )
+        add_service(self, host, SetAxisGearRatio, "wmx/axis/set_gear_ratio", self._set_gear_ratio)
 
     def _axis_handler(
         self, allowed: Collection[int] | None, command: Callable[[int, int], None]
