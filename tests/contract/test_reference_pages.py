@@ -120,8 +120,8 @@ def test_every_option_of_the_lists_is_explained() -> None:
 
 
 def test_the_page_explains_no_option_that_is_not_there() -> None:
-    known = {name for command in commands().values() for item in command.params for name in item.opts}
-    known |= {name for item in main.params for name in item.opts}
+    params = [item for command in (main, *commands().values()) for item in command.params]
+    known = {name for item in params for name in item.opts}
     explained = set(re.findall(r"`(--[a-z-]+)", page("cli.md")))
     assert explained - known - {"--help", "--ros-args", "--params-file"} == set()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -26,6 +27,12 @@ def _names(ctx: click.Context, option: click.Parameter, value: str | None) -> li
     if not names:
         raise click.BadParameter("no name given")
     return list(dict.fromkeys(names))
+
+
+def _not_nan(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    if value is not None and math.isnan(value):  # no comparison with a limit holds it back
+        raise click.BadParameter("nan is not a number")
+    return value
 
 
 def _keep(ctx: click.Context, option: click.Parameter, value: str) -> None:
@@ -85,10 +92,17 @@ def main() -> None:
 @main.command("run", epilog="What follows --ros-args goes to ROS: remaps, -p, --params-file.")
 @robot_options
 @click.option("--nodes", metavar="A,B", callback=_names, help="Only these of the robot's nodes.")
-@click.option("--rate", "rate_hz", metavar="HZ", type=RATE_HZ, help="Cycle rate, 10 to 2000.")
+@click.option(
+    "--rate",
+    "rate_hz",
+    metavar="HZ",
+    type=RATE_HZ,
+    callback=_not_nan,
+    help="Cycle rate, 10 to 2000; by default the robot's own.",
+)
 @log_options
 @click.pass_context
-def run(ctx: click.Context, **options: Any) -> None:
+def run(ctx: click.Context, /, **options: Any) -> None:
     """Serve the robot until Ctrl-C."""
     from robotd.cli.run import RunOptions, run_robot
 
@@ -100,7 +114,7 @@ def run(ctx: click.Context, **options: Any) -> None:
 @robot_options
 @log_options
 @click.pass_context
-def check(ctx: click.Context, **options: Any) -> None:
+def check(ctx: click.Context, /, **options: Any) -> None:
     """Check a robot's files and plugins, without hardware and without ROS."""
     from robotd.cli.check import check_robot
 

@@ -71,9 +71,7 @@ def _serve(
         click.echo(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
 
     try:
-        code = server.serve(
-            robot, nodes, ros_args, registry=registry, served=served, ready=ready
-        )
+        code = server.serve(robot, nodes, ros_args, registry=registry, served=served, ready=ready)
     except OperationError as error:
         # The device is touched only after the nodes are there: until then it can be but ROS.
         if is_served or isinstance(error, InvalidArgument):
@@ -95,5 +93,5 @@ def _chosen_nodes(descriptor: RobotDescriptor, wanted: Sequence[str] | None) -> 
     for name in wanted or ():
         if name not in descriptor.nodes:
             text = unknown_name(f"node of {descriptor.name}", name, descriptor.nodes)
-            raise click.BadParameter(text, param_hint="--nodes")
+            raise click.BadParameter(text, param_hint="'--nodes'")
     return descriptor.nodes if wanted is None else tuple(wanted)

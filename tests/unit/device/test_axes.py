@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from tests.unit.device.rig import ALL, Rig
 
 from robotd.device.axes import Axes, Jog, Move, each
 from robotd.device.capabilities import Capability
@@ -20,7 +21,6 @@ from robotd.errors import (
     RobotdError,
     Unsupported,
 )
-from tests.unit.device.conftest import ALL, Bench
 
 PROFILE = Profile(1.0, 5.0, 5.0)
 UNLIMITED_AXIS = 2
@@ -38,98 +38,99 @@ ONE_AXIS: dict[str, Command] = {
 }
 
 
-def jogging(bench: Bench) -> Bench:
-    bench.driver.image.mode[:] = CommandMode.VELOCITY
-    bench.refresh()
-    return bench
+def jogging(rig: Rig) -> Rig:
+    rig.driver.image.mode[:] = CommandMode.VELOCITY
+    rig.refresh()
+    return rig
 
 
-def servo_off(bench: Bench) -> Bench:
-    bench.driver.image.servo_on[:] = False
-    bench.refresh()
-    return bench
+def servo_off(rig: Rig) -> Rig:
+    rig.driver.image.servo_on[:] = False
+    rig.refresh()
+    return rig
 
 
-def refused(bench: Bench, error: type[RobotdError], text: str, command: Callable[[], Any]) -> None:
-    before = list(bench.driver.calls)
+def refused(rig: Rig, error: type[RobotdError], text: str, command: Callable[[], Any]) -> None:
+    before = list(rig.driver.calls)
     with pytest.raises(error, match=text):
         command()
-    assert bench.driver.calls == before
+    assert rig.driver.calls == before
 
 
 @pytest.mark.parametrize("command", ONE_AXIS.values(), ids=ONE_AXIS)
 @pytest.mark.parametrize("axis", [-1, 3])
-def test_an_axis_that_is_not_there_is_refused(bench: Bench, command: Command, axis: int) -> None:
+def test_an_axis_that_is_not_there_is_refused(rig: Rig, command: Command, axis: int) -> None:
     text = rf"^axis {axis} is outside 0\.\.2$"
-    refused(bench, InvalidArgument, text, lambda: command(bench.axes, axis))
+    refused(rig, InvalidArgument, text, lambda: command(rig.axes, axis))
 
 
 @pytest.mark.parametrize("command", ONE_AXIS.values(), ids=ONE_AXIS)
 def test_nothing_is_commanded_before_the_engine_is_ready(command: Command) -> None:
-    bench = Bench()
+    rig = Rig()
     text = r"^engine is not ready \(state Idle\)$"
-    refused(bench, NotReady, text, lambda: command(bench.axes, 0))
+    refused(rig, NotReady, text, lambda: command(rig.axes, 0))
 
 
-def test_a_servo_obeys_within_the_descriptors_time_out(bench: Bench) -> None:
-    timeout_s = bench.engine.settings.servo_timeout_s
-    bench.axes.servo(1, False)
-    bench.axes.servo(1, True)
-    assert bench.driver.calls == [("servo", 1, False, timeout_s), ("servo", 1, True, timeout_s)]
+def test_a_servo_obeys_within_the_descriptors_time_out(rig: Rig) -> None:
+    timeout_s = rig.engine.settings.servo_timeout_s
+    rig.axes.servo(1, False)
+    rig.axes.servo(1, True)
+    assert rig.driver.calls == [("servo", 1, False, timeout_s), ("servo", 1, True, timeout_s)]
 
 
-def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(bench: Bench) -> None:
-    bench.driver.image.amp_alarm[0], bench.driver.image.alarm_code[0] = True, 16
-    servo_off(bench)
+def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(rig: Rig) -> None:
+    rig.driver.image.amp_alarm[0], rig.driver.image.alarm_code[0] = True, 16
+    servo_off(rig)
     text = "^joint1: amplifier alarm 16; clear it first$"
-    refused(bench, NotReady, text, lambda: bench.axes.servo(0, True))
-    bench.axes.servo(0, False)
-    bench.axes.clear_alarm(0)
-    bench.refresh()
-    bench.axes.servo(0, True)
+    refused(rig, NotReady, text, lambda: rig.axes.servo(0, True))
+    rig.axes.servo(0, False)
+    rig.axes.clear_alarm(0)
+    rig.refresh()
+    rig.axes.servo(0, True)
 
 
 @pytest.mark.parametrize("mode", [-1, 3])
-def test_an_unknown_mode_is_refused(bench: Bench, mode: int) -> None:
+def test_an_unknown_mode_is_refused(rig: Rig, mode: int) -> None:
     text = f"^joint1: mode {mode} is not 0, 1 or 2$"
-    refused(bench, InvalidArgument, text, lambda: bench.axes.set_command_mode(0, mode))
+    refused(rig, InvalidArgument, text, lambda: rig.axes.set_command_mode(0, mode))
 
 
 @pytest.mark.parametrize("operation", [op for op in Operation if op is not Operation.IDLE])
-def test_mode_and_home_need_an_idle_axis(bench: Bench, operation: Operation) -> None:
-    bench.driver.image.operation[0] = operation
-    bench.refresh()
+def test_mode_and_home_need_an_idle_axis(rig: Rig, operation: Operation) -> None:
+    rig.driver.image.operation[0] = operation
+    rig.refresh()
     text = f"needs an idle axis, this one is in {operation.name.lower()}$"
-    refused(bench, NotReady, text, lambda: bench.axes.set_command_mode(0, 1))
-    refused(bench, NotReady, text, lambda: bench.axes.home(0))
+    refused(rig, NotReady, text, lambda: rig.axes.set_command_mode(0, 1))
+    refused(rig, NotReady, text, lambda: rig.axes.home(0))
 
 
-def test_scaling_changes_only_while_the_servo_is_off(bench: Bench) -> None:
-    refused(bench, NotReady, "only while the servo is off", lambda: bench.axes.set_polarity(0, 1))
-    refused(
-        bench, NotReady, "only while the servo is off", lambda: bench.axes.set_gear_ratio(0, 1, 1)
-    )
-    servo_off(bench)
-    bench.axes.set_polarity(0, -1)
-    bench.axes.set_gear_ratio(0, 1000.0, 2.0)
-    assert bench.driver.calls == [("set_polarity", 0, -1), ("set_gear_ratio", 0, 1000.0, 2.0)]
+def test_scaling_changes_only_while_the_servo_is_off(rig: Rig) -> None:
+    refused(rig, NotReady, "only while the servo is off", lambda: rig.axes.set_polarity(0, 1))
+    refused(rig, NotReady, "only while the servo is off", lambda: rig.axes.set_gear_ratio(0, 1, 1))
+    servo_off(rig)
+    rig.axes.set_polarity(0, -1)
+    rig.axes.set_gear_ratio(0, 1000.0, 2.0)
+    assert rig.driver.calls == [("set_polarity", 0, -1), ("set_gear_ratio", 0, 1000.0, 2.0)]
 
 
 @pytest.mark.parametrize("polarity", [0, 2, -2])
-def test_a_polarity_that_is_none_is_refused(bench: Bench, polarity: int) -> None:
+def test_a_polarity_that_is_none_is_refused(rig: Rig, polarity: int) -> None:
     text = f"^joint1: polarity {polarity} is not 1 or -1$"
-    refused(servo_off(bench), InvalidArgument, text, lambda: bench.axes.set_polarity(0, polarity))
+    refused(servo_off(rig), InvalidArgument, text, lambda: rig.axes.set_polarity(0, polarity))
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 2.0**31])
-def test_a_gear_ratio_that_is_none_is_refused(bench: Bench, bad: float) -> None:
-    servo_off(bench)
-    axes = bench.axes
+def test_a_gear_ratio_that_is_none_is_refused(rig: Rig, bad: float) -> None:
+    servo_off(rig)
+    axes = rig.axes
     refused(
-        bench, InvalidArgument, f"gear ratio numerator {bad}", lambda: axes.set_gear_ratio(0, bad, 1)
+        rig,
+        InvalidArgument,
+        f"gear ratio numerator {bad}",
+        lambda: axes.set_gear_ratio(0, bad, 1),
     )
     refused(
-        bench,
+        rig,
         InvalidArgument,
         f"gear ratio denominator {bad}",
         lambda: axes.set_gear_ratio(0, 1, bad),
@@ -150,27 +151,27 @@ def test_a_gear_ratio_that_is_none_is_refused(bench: Bench, bad: float) -> None:
 def test_what_the_backend_cannot_do_is_unsupported(
     missing: Capability, feature: str, command: Callable[[Axes], Any]
 ) -> None:
-    bench = Bench(capabilities=ALL - {missing}).make_ready()
+    rig = Rig(capabilities=ALL - {missing}).make_ready()
     text = f"^{feature}: not supported by the fake backend$"
-    refused(bench, Unsupported, text, lambda: command(bench.axes))
+    refused(rig, Unsupported, text, lambda: command(rig.axes))
 
 
-def test_moves_start_together(bench: Bench) -> None:
-    bench.axes.move([Move(1, 0.5, PROFILE), Move(0, -0.5, PROFILE)])
-    assert bench.driver.calls == [("move", 1, 0.5, PROFILE), ("move", 0, -0.5, PROFILE)]
+def test_moves_start_together(rig: Rig) -> None:
+    rig.axes.move([Move(1, 0.5, PROFILE), Move(0, -0.5, PROFILE)])
+    assert rig.driver.calls == [("move", 1, 0.5, PROFILE), ("move", 0, -0.5, PROFILE)]
 
 
-def test_a_relative_move_counts_from_the_position_command(bench: Bench) -> None:
-    bench.driver.image.position_command[0] = 1.5
-    bench.driver.image.position[0] = 1.4
-    bench.refresh()
-    bench.axes.move([Move(0, 0.25, PROFILE)], relative=True)
-    assert bench.driver.calls == [("move", 0, 1.75, PROFILE)]
+def test_a_relative_move_counts_from_the_position_command(rig: Rig) -> None:
+    rig.driver.image.position_command[0] = 1.5
+    rig.driver.image.position[0] = 1.4
+    rig.refresh()
+    rig.axes.move([Move(0, 0.25, PROFILE)], relative=True)
+    assert rig.driver.calls == [("move", 0, 1.75, PROFILE)]
     refused(
-        bench,
+        rig,
         InvalidArgument,
         "joint1: target 2.25",
-        lambda: bench.axes.move([Move(0, 0.75, PROFILE)], relative=True),
+        lambda: rig.axes.move([Move(0, 0.75, PROFILE)], relative=True),
     )
 
 
@@ -189,31 +190,31 @@ def test_a_relative_move_counts_from_the_position_command(bench: Bench) -> None:
         (Move(UNLIMITED_AXIS, 1.0, Profile(-1.0, 5.0, 5.0)), "^axis 2: velocity .*positive"),
     ],
 )
-def test_a_bad_move_holds_back_the_good_ones_beside_it(bench: Bench, move: Move, text: str) -> None:
+def test_a_bad_move_holds_back_the_good_ones_beside_it(rig: Rig, move: Move, text: str) -> None:
     good = Move(1, 0.5, PROFILE)
-    refused(bench, InvalidArgument, text, lambda: bench.axes.move([good, move]))
+    refused(rig, InvalidArgument, text, lambda: rig.axes.move([good, move]))
 
 
-def test_an_axis_without_limits_goes_anywhere(bench: Bench) -> None:
+def test_an_axis_without_limits_goes_anywhere(rig: Rig) -> None:
     far = Move(UNLIMITED_AXIS, 1e6, Profile(1e3, 1e4, 1e4))
-    bench.axes.move([far])
-    assert bench.driver.calls == [("move", UNLIMITED_AXIS, 1e6, far.profile)]
+    rig.axes.move([far])
+    assert rig.driver.calls == [("move", UNLIMITED_AXIS, 1e6, far.profile)]
 
 
-def test_no_axis_and_the_same_axis_twice_are_refused(bench: Bench) -> None:
-    refused(bench, InvalidArgument, "^no axis given$", lambda: bench.axes.move([]))
+def test_no_axis_and_the_same_axis_twice_are_refused(rig: Rig) -> None:
+    refused(rig, InvalidArgument, "^no axis given$", lambda: rig.axes.move([]))
     twice = [Move(1, 0.5, PROFILE), Move(1, 0.6, PROFILE)]
-    refused(bench, InvalidArgument, "^axis 1 is given twice$", lambda: bench.axes.move(twice))
+    refused(rig, InvalidArgument, "^axis 1 is given twice$", lambda: rig.axes.move(twice))
 
 
-def test_jogs_are_checked_and_start_together(bench: Bench) -> None:
-    jogging(bench)
+def test_jogs_are_checked_and_start_together(rig: Rig) -> None:
+    jogging(rig)
     backwards = Profile(-3.0, 10.0, 10.0)
-    bench.axes.jog([Jog(0, backwards), Jog(1, Profile(0.0, 1.0, 1.0))])
-    assert [call[:2] for call in bench.driver.calls] == [("jog", 0), ("jog", 1)]
+    rig.axes.jog([Jog(0, backwards), Jog(1, Profile(0.0, 1.0, 1.0))])
+    assert [call[:2] for call in rig.driver.calls] == [("jog", 0), ("jog", 1)]
     fast = [Jog(1, PROFILE), Jog(0, Profile(-3.5, 1.0, 1.0))]
     text = r"^joint1: velocity -3\.5 rad/s .* 3 rad/s$"
-    refused(bench, InvalidArgument, text, lambda: bench.axes.jog(fast))
+    refused(rig, InvalidArgument, text, lambda: rig.axes.jog(fast))
 
 
 @pytest.mark.parametrize(
@@ -226,81 +227,81 @@ def test_jogs_are_checked_and_start_together(bench: Bench) -> None:
     ],
 )
 def test_a_state_that_forbids_motion_is_named(
-    bench: Bench, array: str, value: int, reason: str
+    rig: Rig, array: str, value: int, reason: str
 ) -> None:
-    getattr(bench.driver.image, array)[0] = value
-    bench.refresh()
+    getattr(rig.driver.image, array)[0] = value
+    rig.refresh()
     both = [Move(1, 0.5, PROFILE), Move(0, 0.5, PROFILE)]
-    refused(bench, NotReady, reason, lambda: bench.axes.move(both))
+    refused(rig, NotReady, reason, lambda: rig.axes.move(both))
 
 
-def test_a_jog_needs_velocity_mode(bench: Bench) -> None:
+def test_a_jog_needs_velocity_mode(rig: Rig) -> None:
     text = "^joint1 is in position mode, not in velocity mode$"
-    refused(bench, NotReady, text, lambda: bench.axes.jog([Jog(0, PROFILE)]))
+    refused(rig, NotReady, text, lambda: rig.axes.jog([Jog(0, PROFILE)]))
 
 
-def test_claimed_axes_refuse_everybody_but_a_stop(bench: Bench) -> None:
-    with bench.axes.claimed("the test", [0, 1]):
-        bench.refresh()
+def test_claimed_axes_refuse_everybody_but_a_stop(rig: Rig) -> None:
+    with rig.axes.claimed("the test", [0, 1]):
+        rig.refresh()
         text = "^joint1 is in use by the test$"
         for name in ("clear_alarm", "set_command_mode", "home", "move"):
-            refused(bench, NotReady, text, lambda name=name: ONE_AXIS[name](bench.axes, 0))
-        bench.axes.move([Move(2, 0.5, PROFILE)])
-        bench.axes.servo(1, False)
-        bench.axes.stop([0])
-        bench.axes.quick_stop([0])
-        assert bench.axes.refusal(0, CommandMode.POSITION, by="the test") is None
-    bench.refresh()
-    bench.axes.move([Move(0, 0.5, PROFILE)])
-    names = [call[0] for call in bench.driver.calls]
+            refused(rig, NotReady, text, lambda name=name: ONE_AXIS[name](rig.axes, 0))
+        rig.axes.move([Move(2, 0.5, PROFILE)])
+        rig.axes.servo(1, False)
+        rig.axes.stop([0])
+        rig.axes.quick_stop([0])
+        assert rig.axes.refusal(0, CommandMode.POSITION, by="the test") is None
+    rig.refresh()
+    rig.axes.move([Move(0, 0.5, PROFILE)])
+    names = [call[0] for call in rig.driver.calls]
     assert names == [
         "begin_stream", "move", "servo", "stop", "quick_stop", "end_stream", "move",
     ]  # fmt: skip
 
 
-def test_a_claim_ends_with_its_block_whatever_happens_in_it(bench: Bench) -> None:
-    with pytest.raises(ZeroDivisionError), bench.axes.claimed("the test", [0]):
+def test_a_claim_ends_with_its_block_whatever_happens_in_it(rig: Rig) -> None:
+    with pytest.raises(ZeroDivisionError), rig.axes.claimed("the test", [0]):
         raise ZeroDivisionError
-    bench.refresh()
-    assert bench.axes.refusal(0, CommandMode.POSITION) is None
-    assert bench.driver.calls[-1] == ("end_stream", [0])
+    rig.refresh()
+    assert rig.axes.refusal(0, CommandMode.POSITION) is None
+    assert rig.driver.calls[-1] == ("end_stream", [0])
 
 
-def test_a_moving_axis_cannot_be_claimed(bench: Bench) -> None:
-    bench.axes.move([Move(0, 0.5, PROFILE)])
-    bench.refresh()
+def test_a_moving_axis_cannot_be_claimed(rig: Rig) -> None:
+    rig.axes.move([Move(0, 0.5, PROFILE)])
+    rig.refresh()
     with pytest.raises(NotReady, match="the test needs an idle axis, this one is in position"):
-        bench.axes.claimed("the test", [1, 0]).__enter__()
-    assert bench.axes.refusal(1, CommandMode.POSITION) is None
+        rig.axes.claimed("the test", [1, 0]).__enter__()
+    assert rig.axes.refusal(1, CommandMode.POSITION) is None
 
 
 def test_stops_have_no_effect_before_the_engine_is_ready() -> None:
-    bench = Bench()
-    bench.axes.stop([0])
-    bench.axes.quick_stop([0])
-    assert bench.driver.calls == []
+    rig = Rig()
+    rig.axes.stop([0])
+    rig.axes.quick_stop([0])
+    assert rig.driver.calls == []
 
 
-def test_rest_waits_for_standstill_and_names_who_still_moves(bench: Bench) -> None:
-    bench.axes.rest([0, 1], 1.0)
-    bench.driver.image.operation[1] = Operation.STOPPING
-    bench.refresh()
-    before_ns = bench.clock.now_ns()
+def test_rest_waits_for_standstill_and_names_who_still_moves(rig: Rig) -> None:
+    rig.axes.rest([0, 1], 1.0)
+    rig.driver.image.operation[1] = Operation.STOPPING
+    rig.refresh()
+    before_ns = rig.clock.now_ns()
     with pytest.raises(DeviceTimeout, match=r"^joint2: not at rest after 1\.0 s$"):
-        bench.axes.rest([0, 1], 1.0)
-    assert bench.clock.now_ns() - before_ns >= 1_000_000_000
+        rig.axes.rest([0, 1], 1.0)
+    assert rig.clock.now_ns() - before_ns >= 1_000_000_000
 
 
-def test_a_driver_that_fails_is_heard(bench: Bench) -> None:
-    bench.driver.failures["home"] = OperationError("no index pulse")
+def test_a_driver_that_fails_is_heard(rig: Rig) -> None:
+    rig.driver.failures["home"] = OperationError("no index pulse")
     with pytest.raises(OperationError, match="no index pulse"):
-        bench.axes.home(0)
+        rig.axes.home(0)
 
 
-def test_each_tries_every_axis(bench: Bench) -> None:
-    bench.driver.image.amp_alarm[1] = True
-    bench.refresh()
-    results = each([0, 1, 2], lambda axis: bench.axes.servo(axis, True))
+def test_each_tries_every_axis(rig: Rig) -> None:
+    rig.driver.image.amp_alarm[1] = True
+    rig.refresh()
+    results = each([0, 1, 2], lambda axis: rig.axes.servo(axis, True))
     assert [results[axis] is None for axis in (0, 1, 2)] == [True, False, True]
     assert isinstance(results[1], NotReady)
-    assert [call[1] for call in bench.driver.calls] == [0, 2]
+    assert [call[1] for call in rig.driver.calls] == [0, 2]

@@ -24,9 +24,7 @@ from robotd.testing.fakes import FakeDevice
 
 
 def make(device: FakeDevice, parameters: Path | None = None, **settings: Any) -> Engine:
-    return Engine(
-        device, EngineSettings(**{"open_retry_s": 0.0, **settings}), parameters, "fake"
-    )
+    return Engine(device, EngineSettings(**{"open_retry_s": 0.0, **settings}), parameters, "fake")
 
 
 def names(device: FakeDevice) -> list[object]:

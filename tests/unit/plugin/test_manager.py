@@ -180,7 +180,7 @@ def test_an_error_of_robotd_passes_unchanged(install: Install) -> None:
     hook = "def robotd_open_device(context):\n    raise ConnectError('no bus')"
     source = backend_source(hook).replace("BackendOptions,", "BackendOptions, ConnectError,")
     install("odd", source)
-    with pytest.raises(ConnectError, match="^no bus$"):
+    with pytest.raises(ConnectError, match=r"^no bus$"):
         load_backend("odd").open_device(context())
 
 
@@ -240,7 +240,7 @@ def test_two_plugins_with_one_node_stop_the_start(install: Install) -> None:
     install("one", source, distribution="one", group=PLUGINS)
     install("two", source, distribution="two", group=PLUGINS)
     plugins, _ = load_plugins()
-    with pytest.raises(PluginError, match="'lights' is registered twice: plugin_one.*plugin_two"):
+    with pytest.raises(PluginError, match=r"'lights' is registered twice: plugin_one.*plugin_two"):
         register_all(plugins)
 
 
