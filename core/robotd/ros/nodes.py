@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from robotd.errors import DescriptorError, PluginError, RobotdError
 from robotd.plugin.registry import NodeRegistry
-from robotd.robot import Robot
 
 if TYPE_CHECKING:
+    from robotd.robot import Robot
     from robotd.ros.host import RosHost
 
 
