@@ -11,19 +11,12 @@ from robotd_sim.simulation import Simulation
 class Readout:
     """Fills process images; allocates nothing per axis. Hold the world's lock.
 
-    Axes that do not answer keep their last values, as a receive buffer does. Drives report
-    torque in steps of 0.1 % of the rated torque; without a rated torque it is NaN.
+    Axes that do not answer keep their last values, as a receive buffer does.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         axes, options = simulation.axes, simulation.options
-        rated = np.full(axes, np.nan)
-        for joint in simulation.robot.joints:
-            if joint.rated_torque_nm is not None:
-                rated[joint.axis] = joint.rated_torque_nm
-        self._torque_step: FloatArray = rated / 1000
-        self._any_torque = not np.isnan(rated).all()
         self._fresh = ProcessImage(axes)  # values as they are received
         self._online = np.zeros(axes, bool)
         self._follows = np.zeros(axes, bool)
@@ -64,8 +57,9 @@ class Readout:
         servo, states, follows = self._simulation.servo, self._simulation.states, self._follows
         self._simulation.scaling.quantise(servo.position, image.position)
         servo.measure_velocity(image.velocity)
-        if self._any_torque:
-            self._measure_torque(image)
+        servo.measure_torque(image.velocity, image.torque)
+        if self._torque_noise:
+            image.torque += self._torque_noise * self._random.standard_normal(servo.axes)
         if self._velocity_noise:
             image.velocity += self._velocity_noise * self._random.standard_normal(servo.axes)
         image.position_command[:] = servo.command
@@ -77,15 +71,6 @@ class Readout:
         np.copyto(image.position_command, image.position, where=follows)
         if self._switches:
             self._read_switches(image)
-
-    def _measure_torque(self, image: ProcessImage) -> None:
-        torque, step = image.torque, self._torque_step
-        self._simulation.servo.measure_torque(image.velocity, torque)
-        if self._torque_noise:
-            torque += self._torque_noise * self._random.standard_normal(torque.shape)
-        np.divide(torque, step, torque)
-        np.rint(torque, torque)
-        np.multiply(torque, step, torque)
 
     def _read_switches(self, image: ProcessImage) -> None:
         guards, position = self._simulation.guards, image.position
