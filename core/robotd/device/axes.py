@@ -174,13 +174,16 @@ class Axes:
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
 
     @contextmanager
-    def claimed(self, owner: str, axes: Sequence[int]) -> Iterator[None]:
+    def claimed(
+        self, owner: str, axes: Sequence[int], mode: CommandMode = CommandMode.POSITION
+    ) -> Iterator[None]:
         """Reserve idle, enabled ``axes`` for streaming by ``owner`` until the block ends.
 
-        Raises NotReady, with the reason, when an axis cannot be streamed or is claimed.
+        Raises NotReady, with the reason, when an axis cannot be streamed in ``mode`` or is
+        claimed.
         """
         with self._lock:
-            self._check_command(axes, CommandMode.POSITION)
+            self._check_command(axes, mode)
             for axis in axes:
                 self._check_idle(axis, owner)
             self._driver.begin_stream(axes)

@@ -50,6 +50,10 @@ BUILT_IN = {
         "robotd.ros.follow_joint_trajectory_server:FollowJointTrajectoryServer",
         "trajectories and the gripper",
     ),
+    "diff_drive_controller": NodeInfo(
+        "robotd.ros.diff_drive_controller:DiffDriveController",
+        "twists and odometry of a mobile base; the wheels are switched on at start",
+    ),
 }
 
 

@@ -50,7 +50,9 @@ class SimAxes(AxisDriver):
         with self._world.lock:
             self._world.advance()
             for axis in axes:
-                self._require_free(axis, CommandMode.POSITION, streaming=True)
+                by_velocity = self._states.mode[axis] == CommandMode.VELOCITY
+                mode = CommandMode.VELOCITY if by_velocity else CommandMode.POSITION
+                self._require_free(axis, mode, streaming=True)
             for axis in axes:
                 self._motion.begin_stream(axis)
 

@@ -8,7 +8,7 @@ from math import ceil
 
 import numpy as np
 
-from robotd.plugin.api import FloatArray, Operation, Profile, WmxParameters
+from robotd.plugin.api import CommandMode, FloatArray, Operation, Profile, WmxParameters
 from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
 from robotd_sim.state import AxisStates
 from robotd_sim.stream import Stream
@@ -100,7 +100,7 @@ class Motion:
         self._drop(axis)
         self._states.operation[axis] = Operation.STREAM
         self._world.busy(axis, FOREVER)
-        self.stream.begin(axis)
+        self.stream.begin(axis, by_velocity=self._states.mode[axis] == CommandMode.VELOCITY)
 
     def end_stream(self, axis: int) -> None:
         """Run to the last setpoint and stay there; still moving there, brake instead."""

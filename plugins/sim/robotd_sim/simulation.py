@@ -16,6 +16,7 @@ from robotd.plugin.api import (
     Clock,
     DescriptorError,
     EngineState,
+    FloatArray,
     NotReady,
     Operation,
     RobotDescriptor,
@@ -62,13 +63,10 @@ class Simulation:
         self._starts = 0  # number of the present request for communication
         self._defaults = self.parameters = self._engine_defaults()
         self.scaling = Scaling(gains(self.parameters, self.axes))
-        ramp = np.full(self.axes, np.nan)
-        for joint in robot.joints:
-            ramp[joint.axis] = joint.acceleration_rad_s2
         self.motion = Motion(
             self.world,
             self.states,
-            ramp,
+            _ramps(robot),
             1.0 / robot.cycle.rate_hz,
             options.ticks(options.stream_timeout_s),
         )
@@ -222,6 +220,16 @@ class Simulation:
         for axis, position in enumerate(counts / self.scaling.gain):
             self.servo.place(axis, float(position), float(position), 0.0)
             self.motion.hold(axis, float(position))
+
+
+def _ramps(robot: RobotDescriptor) -> FloatArray:
+    """Deceleration of each axis' controlled stop, in rad/s²; NaN where the robot says nothing."""
+    ramps = np.full(robot.axes, np.nan)
+    for joint in robot.joints:
+        ramps[joint.axis] = joint.acceleration_rad_s2
+    if robot.drive:
+        ramps[list(robot.drive.axes)] = robot.drive.deceleration_m_s2 / robot.drive.wheel_radius_m
+    return ramps
 
 
 def _check_axes(options: SimOptions, axes: int) -> None:

@@ -16,10 +16,12 @@ class Stream:
     """Setpoints of the axes in ``following``, each to be reached one period after its call.
 
     Between two setpoints the command is the cubic that continues position and velocity, and
-    ends in the setpoint's. Calls that come a little early or late (up to half a period) still
-    aim at the ends of an even grid, so that the caller's jitter does not shake the axis. When
-    a setpoint is overdue the command goes on with the last velocity; after ``timeout`` ticks
-    ``on_timeout`` is called, unless the axes stand and still wait for the first setpoint.
+    ends in the setpoint's; for an axis in ``by_velocity``, whose position follows from even
+    acceleration to the velocity, it is a parabola. Calls that come a little early or late (up
+    to half a period) still aim at the ends of an even grid, so that the caller's jitter does
+    not shake the axis. When a setpoint is overdue the command goes on with the last velocity;
+    after ``timeout`` ticks ``on_timeout`` is called, unless the axes stand and still wait for
+    the first setpoint.
     """
 
     def __init__(
@@ -27,6 +29,7 @@ class Stream:
     ) -> None:
         axes = world.servo.axes
         self.following: Flags = np.zeros(axes, bool)
+        self.by_velocity: Flags = np.zeros(axes, bool)
         self.position: FloatArray = np.zeros(axes)  # the last setpoint
         self.velocity: FloatArray = np.zeros(axes)
         self.end = 0.0  # tick, with its fraction, at which the last setpoint is due
@@ -36,9 +39,10 @@ class Stream:
         self._fed = False  # there was one since the stream began
         self._watching = False
 
-    def begin(self, axis: int) -> None:
+    def begin(self, axis: int, *, by_velocity: bool = False) -> None:
         """``axis`` follows from now on; until the first setpoint its velocity stays."""
         servo = self._world.servo
+        self.by_velocity[axis] = by_velocity
         self.position[axis], self.velocity[axis] = servo.command[axis], servo.command_velocity[axis]
         servo.follow(axis, self._world.tick, self.position[axis], self.velocity[axis], 0.0)
         self.following[axis] = True
@@ -56,6 +60,11 @@ class Stream:
         np.copyto(self.position, position, where=mask)
         np.copyto(self.velocity, velocity, where=mask)
         start, speed = servo.command, servo.command_velocity
+        np.copyto(
+            self.position,
+            start + (speed + self.velocity) * (time_s / 2),
+            where=mask & self.by_velocity,
+        )
         mean = (self.position - start) / time_s
         servo.rebase(tick)
         for row, value in zip(
