@@ -24,7 +24,7 @@ def cr3a() -> Iterator[RobotProcess]:
         yield process
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def client(cr3a: RobotProcess) -> Iterator[Client]:
     client = Client(cr3a.domain)
     client.wait_engine()

@@ -48,13 +48,15 @@ def test_velocity_turns_the_axis_until_it_is_told_to_stop(
     def command(velocity: float) -> None:
         publisher.publish(AxisVelocity(index=[5], velocity=[velocity], acc=[5.0], dec=[5.0]))
 
-    set_mode = lambda mode: client.call(SetAxis, "/wmx/axis/set_mode", index=[5], data=[mode])  # noqa: E731
-    assert set_mode(1).success
+    def set_mode(mode: int) -> bool:
+        return bool(client.call(SetAxis, "/wmx/axis/set_mode", index=[5], data=[mode]).success)
+
+    assert set_mode(1)
     command(0.5)
     client.next(states, lambda each: each.actual_velocity[5] == pytest.approx(0.5, abs=0.05))
     command(0.0)
     client.next(states, lambda each: abs(each.actual_velocity[5]) < 0.005)
-    wait_until(lambda: set_mode(0).success, "an idle axis takes the mode")
+    wait_until(lambda: set_mode(0), "an idle axis takes the mode")
 
 
 @pytest.mark.parametrize(
