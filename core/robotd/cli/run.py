@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from robotd.cli.catalogue import Catalogue, load_catalogue, unknown_name
 from robotd.cli.exit_codes import RosUnavailable
-from robotd.cli.preflight import import_ros_server, process_age_s
+from robotd.cli.preflight import import_ros, process_age_s
+from robotd.cli.report import reserve_report, write_report
 from robotd.cli.summary import start_summary
 from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
@@ -30,6 +32,7 @@ class RunOptions:
     Attributes:
         robot: a name of the search path, or a file.
         variant, backend, nodes, rate_hz: None leaves the descriptor's own.
+        report: where the cycle's timing is written after an orderly stop; None: nowhere.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -38,6 +41,7 @@ class RunOptions:
     backend: str | None
     nodes: Sequence[str] | None
     rate_hz: float | None
+    report: Path | None
     ros_args: Sequence[str]
 
 
@@ -49,7 +53,12 @@ def run_robot(options: RunOptions) -> int:
     nodes = _chosen_nodes(descriptor, options.nodes)
     backend = load_backend(options.backend or descriptor.backend)
     robot = Robot(descriptor, backend, MonotonicClock())
-    return _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args)
+    if options.report:
+        reserve_report(options.report)
+    code = _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args)
+    if options.report:
+        write_report(options.report, robot.cycle)
+    return code
 
 
 def _serve(
@@ -59,7 +68,7 @@ def _serve(
     registry: NodeRegistry,
     ros_args: Sequence[str],
 ) -> int:
-    server = import_ros_server()
+    server = import_ros("serve")
     is_served = False
 
     def served(report: ServeReport) -> None:

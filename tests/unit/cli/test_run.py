@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -52,7 +54,11 @@ class Server:
         if self.after:
             raise self.after
         ready()
+        self.run()
         return 0
+
+    def run(self) -> None:
+        """What happens between ready and the stop."""
 
 
 @pytest.fixture
@@ -135,6 +141,37 @@ def test_ros_that_does_not_start_is_told_from_a_device_that_does_not(
     assert result.stderr == "robotd: error: ROS does not start: bad remap\n"
     server.before, server.after = None, ConnectError("no device")
     assert robotd("--robot", "cr3a").exit_code == ExitCode.DEVICE
+
+
+def test_the_report_tells_every_period(
+    robotd: Robotd, server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run_two_periods() -> None:
+        assert server.robot is not None
+        server.robot.cycle.stats.record(1_000, 10_000, 15_000)
+        server.robot.cycle.stats.record(3_000, 20_000, 27_000)
+
+    monkeypatch.setattr(server, "run", run_two_periods)
+    path = tmp_path / "report.json"
+    assert robotd("--robot", "cr3a", "--report", str(path)).exit_code == 0
+    report = json.loads(path.read_text())
+    assert report["period_ns"] == 2_000_000
+    assert report["report"]["cycles"] == 2
+    assert report["report"]["lateness_max_us"] == 3.0
+    assert report["samples"] == {
+        "start_ns": [10_000, 20_000],
+        "lateness_ns": [1_000, 3_000],
+        "execution_ns": [5_000, 7_000],
+    }
+
+
+def test_a_report_that_cannot_be_written_is_told_before_ros_is_touched(
+    robotd: Robotd, server: Server
+) -> None:
+    result = robotd("--robot", "cr3a", "--report", "/nowhere/report.json")
+    assert result.exit_code == ExitCode.USAGE
+    assert "/nowhere/report.json: No such file or directory" in result.stderr
+    assert server.robot is None
 
 
 def test_the_page_tells_everything(robotd: Robotd, server: Server) -> None:
