@@ -16,13 +16,15 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
+from robotd.ros.discovery import announce_often
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import check_names, make_node
 from robotd.ros.surface import ServeReport, report_of
 
 log = get_logger("serve")
 
-ENABLING_NODE = "manipulator_state"  # the one whose presence switches the joints on
+# The ones whose presence switches the servos on.
+ENABLING_NODES = frozenset({"manipulator_state", "diff_drive_controller"})
 MANUAL_NODE = "wmx_engine_node"  # with it, a failed start can be repeated by hand
 START_ABORT_S = 10.0  # the longest that a start-up under way is waited for
 EMERGENCY_S = 0.5  # for the quick stop of a second signal
@@ -66,7 +68,7 @@ def serve(
 
     Args:
         robot: not started.
-        node_names: nodes to make; with ``manipulator_state`` the joints are switched on.
+        node_names: nodes to make; one of ``ENABLING_NODES`` switches the servos on.
         ros_args: from ``--ros-args`` on.
         registry: nodes that plugins bring.
         served: called when the nodes answer, before the robot starts.
@@ -81,6 +83,7 @@ def serve(
             by hand; it is shut down again.
     """
     check_names(node_names, registry)
+    announce_often()
     events: SimpleQueue[Event] = SimpleQueue()
     with _stop_signals(events), RosHost(ros_args) as host:
         nodes = [make_node(name, robot, host, registry) for name in node_names]
@@ -126,7 +129,7 @@ def _run(
 
 def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) -> None:
     try:
-        robot.start(enable=ENABLING_NODE in node_names)
+        robot.start(enable=not ENABLING_NODES.isdisjoint(node_names))
     except Exception as error:  # noqa: BLE001 - the main thread raises it
         events.put(_StartEnded(error))
     else:
