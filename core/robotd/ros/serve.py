@@ -45,8 +45,11 @@ class _StartEnded:
     error: Exception | None
 
 
+@dataclass(frozen=True)
 class _Ended:
-    """The robot is shut down."""
+    """The robot is shut down, or ``error`` is what went wrong on the way."""
+
+    error: Exception | None
 
 
 Event = _Stop | _StartEnded | _Ended
@@ -122,9 +125,9 @@ def _run(
             log.info("stopping", signal=signal.Signals(event.number).name)
     finally:
         _in_thread("robotd-stop", lambda: _stop(robot, start, events))
-        _wait_until_ended(robot, events)
-    if failure is not None:
-        raise failure
+        ended = _wait_until_ended(robot, events)
+    if error := failure or ended.error:
+        raise error
 
 
 def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) -> None:
@@ -141,16 +144,18 @@ def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> 
         robot.engine.abort_start()
         start.join(START_ABORT_S)
         robot.shutdown()
-    except Exception:
+    except Exception as error:
         log.exception("shut-down failed")
-    finally:
-        events.put(_Ended())
+        events.put(_Ended(error))
+    else:
+        events.put(_Ended(None))
 
 
-def _wait_until_ended(robot: Robot, events: SimpleQueue[Event]) -> None:
+def _wait_until_ended(robot: Robot, events: SimpleQueue[Event]) -> _Ended:
     while not isinstance(event := events.get(), _Ended):
         if isinstance(event, _Stop):
             _exit_now(robot)
+    return event
 
 
 def _exit_now(robot: Robot) -> NoReturn:
