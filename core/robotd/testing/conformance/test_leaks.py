@@ -26,7 +26,7 @@ def run_once(make_rig: MakeRig) -> None:
 
 def settles(condition: Callable[[], bool]) -> bool:
     """Whether ``condition`` comes true: threads and sockets may take a moment to go."""
-    return wait_until(condition, 5.0, MonotonicClock(), 0.02)
+    return wait_until(condition, 2.0, MonotonicClock(), 0.02)
 
 
 def test_no_thread_is_left(make_rig: MakeRig) -> None:

@@ -37,9 +37,9 @@ def test_a_move_keeps_to_its_ramps(rig: Rig) -> None:
 
 
 def test_a_second_is_a_second(rig: Rig) -> None:
-    recording, distance = record_move(rig)
+    recording, distance = record_move(rig, 0.3)
     for axis in rig.all:
-        profile = rig.profile(axis)
+        profile = rig.profile(axis, 0.3)
         shortest_s = (
             abs(distance[axis]) / profile.velocity + profile.velocity / profile.acceleration
         )
