@@ -157,12 +157,14 @@ class Robot:
             if self.base is not None:
                 self.base.stop(time_s)
             self.axes.rest(everything, time_s)
+            log.info("at rest")
         except RobotdError as error:
             log.error("controlled stop failed", reason=str(error))
         enabled = [axis for axis in everything if self.image.servo_on[axis]]
         for axis, failure in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
             if failure is not None:
                 log.error("servo off failed", axis=self.axes.names[axis], reason=str(failure))
+        log.info("servos off", axes=len(enabled))
 
 
 def build_robot(

@@ -130,6 +130,7 @@ class Engine:
             finally:
                 try:
                     self._driver.close()
+                    log.info("device closed")
                 finally:
                     self.update_ready()
 
