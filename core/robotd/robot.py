@@ -143,7 +143,7 @@ class Robot:
 
     def _enable(self, axis: int) -> None:
         self.axes.clear_alarm(axis)
-        if axis in self.wheel_axes:
+        if axis in self.wheel_axes and self.image.mode[axis] != CommandMode.VELOCITY:
             self.axes.set_command_mode(axis, CommandMode.VELOCITY)
         self.axes.servo(axis, True)
 
