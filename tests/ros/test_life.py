@@ -24,7 +24,7 @@ UNWILLING = """\
 schema: 1
 name: unwilling
 axes: 2
-engine: {{open_tries: {tries}, open_retry_s: 0.2}}
+engine: {{open_tries: {tries}, open_retry_s: {retry_s}}}
 nodes: [wmx_engine_node, wmx_core_motion_node, wmx_io_node, wmx_ethercat_node]
 backends: {{sim: {{fail_open: {failures}, open_delay_s: {delay_s}}}}}
 """
@@ -46,11 +46,15 @@ def start(tmp_path: Path) -> Iterator[Any]:
         close()
 
 
-def unwilling(folder: Path, tries: int, failures: int, delay_s: float = 0.0) -> str:
+def unwilling(
+    folder: Path, tries: int, failures: int, retry_s: float = 0.2, delay_s: float = 0.0
+) -> str:
     """A robot whose device fails to open ``failures`` times."""
     path = folder / "unwilling" / "robot.yaml"
     path.parent.mkdir()
-    path.write_text(UNWILLING.format(tries=tries, failures=failures, delay_s=delay_s))
+    path.write_text(
+        UNWILLING.format(tries=tries, failures=failures, retry_s=retry_s, delay_s=delay_s)
+    )
     return str(path)
 
 
@@ -154,9 +158,9 @@ def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> No
 
 
 def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
-    robot = unwilling(tmp_path, tries=1000, failures=1000, delay_s=5.0)
+    robot = unwilling(tmp_path, tries=1000, failures=1000, retry_s=0.0, delay_s=2.0)
     with RobotProcess(robot=robot) as process:
-        process.wait_output("services")
+        process.wait_output("open failed")  # the next attempt takes another two seconds
         process.process.send_signal(signal.SIGINT)
         process.wait_output("stopping")
         assert process.end(signal.SIGINT) == 130
