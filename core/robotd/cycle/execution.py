@@ -168,7 +168,7 @@ class Execution:
             case Phase.ARRIVING:
                 self._arrive(time_ns)
             case Phase.RESTING:
-                self._rest(time_ns)
+                self._rest(time_ns, image)
 
     def finish(self, outcome: Outcome, message: str) -> None:
         """Streamer: this is the end, whatever the joints do. The first outcome stands."""
@@ -218,7 +218,7 @@ class Execution:
             (image.amp_alarm, "amplifier alarm {alarm}"),
             (image.offline, "drive is offline"),
             (~image.servo_on, "servo went off"),
-            (image.operation != Operation.STREAM, "stopped by something else"),
+            (image.operation != Operation.STREAM, "stopped by the device or another command"),
         ]
         for failed, text in what:
             for name, axis in zip(self.trajectory.names, self._axes, strict=True):
@@ -272,8 +272,10 @@ class Execution:
             self._end(Outcome.GOAL_TOLERANCE, str(violation))
             self._enter(Phase.RESTING, time_ns)
 
-    def _rest(self, time_ns: int) -> None:
-        moving = bool((np.abs(self._actual_velocity) > self._stopped_velocity).any())
+    def _rest(self, time_ns: int, image: ProcessImage) -> None:
+        fast = np.abs(self._actual_velocity) > self._stopped_velocity
+        # Of a drive that does not answer the last velocity stays, and says nothing.
+        moving = bool((fast & ~image.offline[self._axes]).any())
         self._settled_periods = 0 if moving else self._settled_periods + 1
         timed_out = time_ns - self._phase_ns > REST_TIMEOUT_S * NANOSECONDS
         if self.ending and (self._settled_periods >= SETTLED_PERIODS or timed_out):

@@ -312,7 +312,7 @@ class Axes:
 
     def _see_newer(self, time_ns: int) -> None:
         """Let the image be one that was read after ``time_ns``."""
-        self._see(lambda: self.image.stamp_ns >= time_ns)
+        self._see(lambda: self.image.stamp_ns > time_ns)
 
     def _alarm_text(self, axis: int) -> str:
         return f"amplifier alarm {int(self.image.alarm_code[axis])}"
