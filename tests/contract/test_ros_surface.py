@@ -21,7 +21,14 @@ from robotd.ros.nodes import make_node
 from robotd.ros.surface import report_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "ros-surface.md"
-ROBOTS = (("cr3a", "intel"), ("cr3a", "orin"))
+ROBOTS = (("cr3a", "intel"), ("cr3a", "orin"), ("baymax", None))
+TOPIC_PARAMETERS = {
+    "encoder_joint_topic",
+    "cmd_vel_topic",
+    "encoder_vel_topic",
+    "encoder_omega_topic",
+    "encoder_odometry_topic",
+}
 
 
 def rows(kind: str, nodes: list[Node]) -> dict[str, str]:
@@ -78,8 +85,8 @@ def test_services(nodes: list[Node]) -> None:
 
 def test_topics_and_their_types(nodes: list[Node]) -> None:
     page = rows("published topic", nodes) | rows("subscribed topic", nodes)
-    optional = {"isaacsim_joint_topic", "gazebo_joint_topic"}
-    by_parameter = values(nodes, optional | {"encoder_joint_topic"})
+    optional = {"isaacsim_joint_topic", "gazebo_joint_topic", "tf"}
+    by_parameter = values(nodes, optional | TOPIC_PARAMETERS)
     topics = {listed({t.name}, by_parameter).pop(): t.type for t in report_of(nodes).topics}
     assert topics.items() <= page.items()
     assert set(page) - set(topics) <= optional
@@ -92,9 +99,10 @@ def test_action(nodes: list[Node]) -> None:
 
 def test_parameters_and_their_types(nodes: list[Node]) -> None:
     common = {"use_sim_time", "start_type_description_service"}
-    kinds = {"integer": "INTEGER", "double": "DOUBLE", "string": "STRING"}
-    kinds["string array"] = "STRING_ARRAY"
-    page = {name: kinds[kind] for name, kind in rows("parameter", nodes).items()}
+    page = {
+        name: kind.upper().replace("BOOLEAN", "BOOL").replace(" ", "_")
+        for name, kind in rows("parameter", nodes).items()
+    }
     declared = {
         name: parameter.type_.name
         for node in nodes
