@@ -326,6 +326,14 @@ class OneCallerAtATime(Mutant):
             self.__dict__["busy"] = False
 
 
+class LocksTheCycleOut(Mutant):
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
+            with self._world.lock:
+                time.sleep(0.05)
+
+
 class LeakedThread(Mutant):
     class Device(SimDevice):
         def open(self, path: str = "", name: str = "") -> None:

@@ -56,6 +56,11 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
         "test_threads.py::test_switching_servos_does_not_disturb_the_cycle",
         "called by two threads",
     ),
+    (
+        mutants.LocksTheCycleOut,
+        "test_threads.py::test_switching_servos_does_not_disturb_the_cycle",
+        "percentile",
+    ),
     (mutants.LeakedThread, "test_leaks.py::test_no_thread_is_left", "forgotten"),
     (mutants.LeakedHandle, "test_leaks.py::test_no_handle_is_left", "/dev/null"),
     (mutants.NeighboursClobbered, "test_io.py::test_a_bit_leaves_its_neighbours_alone", "outputs"),

@@ -11,6 +11,7 @@ from robotd.device.axes import Jog
 from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import Profile
+from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.testing.conformance.rig import SETTLED_RAD, Rig
 
@@ -103,6 +104,26 @@ def test_a_positive_velocity_raises_the_position(make_rig: MakeRig) -> None:
     jog(rig, 0.0 * speeds)
     rig.rest()
     assert (np.sign(rig.image.position - start) == np.sign(speeds)).all()
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+def test_a_streamed_velocity_is_a_measured_velocity(make_rig: MakeRig) -> None:
+    rig = make_rig()
+    rig.up()
+    for axis in rig.all:
+        rig.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    speeds = np.sign(rig.travel()) * [rig.profile(axis, 0.3).velocity for axis in rig.all]
+    unknown, began_ns = np.full(rig.count, np.nan), rig.clock.now_ns()
+
+    def setpoint(image: ProcessImage) -> None:
+        share = min((rig.clock.now_ns() - began_ns) * 1e-9 / 0.3, 1.0)
+        rig.parts.driver.stream(unknown, share * speeds)
+
+    claim = rig.robot.axes.claimed("conformance", rig.all, CommandMode.VELOCITY)
+    with claim, rig.each_period(setpoint):
+        rig.let(0.5)
+        assert rig.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
+    rig.rest()
 
 
 @pytest.mark.needs(Capability.SCALING)
