@@ -45,7 +45,7 @@ def tables(results: dict[str, Any], targets: Sequence[Target]) -> Iterator[str]:
         yield from ("", "Periods, times in µs", *_figures(figures, TIMING))
         yield from ("", "Contact with other processes, times in µs", *_figures(figures, CONTACT))
     for phase, parts in results["costs"].items():
-        yield from ("", f"Cost of a period at 500 Hz, {phase}, µs", *_costs(parts))
+        yield from ("", f"Cost of the parts of a period at 500 Hz, {phase}, µs", *_costs(parts))
     if results["planning"]:
         yield ""
         yield from (f"{name}: {value:.2f}" for name, value in results["planning"].items())

@@ -77,7 +77,7 @@ def _of_the_daemon(figures: Figures) -> Iterator[Target]:
 
 def _of_parts(costs: dict[str, Any], planning: dict[str, float]) -> Iterator[Target]:
     if costs:
-        for phase in ("at rest", "moving"):
+        for phase in ("in a tight loop", "at rest", "moving"):
             yield _at_most(f"read of six axes, {phase}", costs[phase]["read"]["p50_us"], 15.0, "µs")
     if planning:
         yield _at_most("plan of 1000 points × 6 joints", planning["plan_1000x6_ms"], 20.0, "ms")
