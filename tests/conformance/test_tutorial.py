@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from tests.conformance.kit import run_kit
 
 from robotd.cli.new_backend import write_backend
 from robotd.errors import PluginError
 from robotd.plugin.manager import load_backend
-from tests.conformance.kit import run_kit
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial" / "first-backend.md"
 

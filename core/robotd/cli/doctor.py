@@ -80,7 +80,7 @@ def _idle(backend: Backend, state: EngineState) -> str:
             f"plugin {backend.origin}: the device is {state.value} before it was opened,"
             f" not {EngineState.IDLE.value}"
         )
-    return state.value
+    return str(state.value)
 
 
 def _there(made: object) -> str:

@@ -206,6 +206,17 @@ class Engine:
             self._stale = stale
             self.update_ready()
 
+    def abandon(self) -> None:
+        """Watchdog: the cycle hangs in the driver. Not ready, without asking the device.
+
+        A cycle that goes on after all says by ``set_stale`` how old the values are.
+        """
+        self._stale = True
+        if self._ready:
+            self._ready = False
+            for listener in self._listeners:
+                _tell(listener, False)
+
     def update_ready(self) -> EngineState:
         """Recompute ``ready`` from the device's state and tell the listeners of a change.
 

@@ -34,14 +34,34 @@ def test_calls_pass_with_their_arguments_and_results() -> None:
 
 
 def test_what_the_cycle_calls_is_not_wrapped() -> None:
-    axes, device = FakeAxes(2), FakeDevice()
+    axes = FakeAxes(2)
     behind = guarded(axes, AxisDriver, PLUGIN)
     assert behind.read == axes.read
     assert behind.stream == axes.stream
-    assert guarded(device, DeviceDriver, PLUGIN).state == device.state
     behind.read(ProcessImage(2))
     behind.stream(np.zeros(2), np.zeros(2))
-    assert guarded(device, DeviceDriver, PLUGIN).state() is EngineState.IDLE
+
+
+def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, answered = threading.Event(), threading.Event()
+
+    class Silent(FakeDevice):
+        def state(self) -> EngineState:
+            asked.set()
+            answered.wait(20.0)
+            return super().state()
+
+    monkeypatch.setattr(guard_module, "STATE_BUDGET_S", 0.0)
+    behind = guarded(Silent(), DeviceDriver, PLUGIN)
+    first = threading.Thread(target=behind.state)
+    first.start()
+    try:
+        assert asked.wait(5.0)
+        assert behind.state() is EngineState.UNKNOWN
+    finally:
+        answered.set()
+        first.join(5.0)
+    assert behind.state() is EngineState.IDLE
 
 
 def test_a_foreign_error_becomes_one_of_robotd_with_the_plugins_name() -> None:
