@@ -84,7 +84,7 @@ def test_one_that_took_over_meanwhile_is_the_one_to_follow(
         rig.run(0.3)
         with rig.goal((-0.3, 0.4, 0.5), seconds=1.5) as second:
             # Planned to follow the first one, in time, but the second one runs by then.
-            starts = while_planning(lambda: rig.run(0.028))
+            starts = while_planning(lambda: rig.run(0.025))
             rig.run(2 * PERIOD_S)
             with rig.goal(HOME, seconds=1.5) as third:
                 assert len(starts) == 2
