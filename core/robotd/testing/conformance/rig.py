@@ -28,8 +28,8 @@ from robotd.motion import TrajectoryRequest
 from robotd.plugin.hookspecs import BackendInfo, BackendOptions, DeviceContext
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot
+from robotd.simulated_clock import SteppedClock
 from robotd.testing.conformance.recording import Recorder, Recording
-from robotd.testing.stepping import SteppedClock
 
 TRAVEL_RAD = 0.3  # the farthest that a check moves an axis
 SPEED_RAD_S = 0.8
@@ -89,7 +89,7 @@ class Rig:
     def __init__(
         self, backend: Backend, descriptor: RobotDescriptor, *, real_time: bool = False
     ) -> None:
-        stepped = SteppedClock(descriptor.cycle.rate_hz)
+        stepped = SteppedClock()
         self.parts = Parts(backend)
         self.clock: Clock = MonotonicClock() if real_time else stepped
         self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
@@ -99,7 +99,6 @@ class Rig:
             self.clock = MonotonicClock()
             self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
             self.bench = self.parts.bench
-        stepped.step = self.robot.cycle.step
         self.period_s = 1.0 / descriptor.cycle.rate_hz
         self.image = self.robot.image
         self.count = len(self.robot.axes)
@@ -112,7 +111,7 @@ class Rig:
 
     def begin(self) -> None:
         """Let the cycle run. Nothing is opened."""
-        if not self._running and not self.stepped:
+        if not self._running:
             self.robot.cycle.start()
         self._running = True
 
