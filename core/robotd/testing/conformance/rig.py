@@ -89,16 +89,11 @@ class Rig:
     def __init__(
         self, backend: Backend, descriptor: RobotDescriptor, *, real_time: bool = False
     ) -> None:
-        stepped = SteppedClock()
         self.parts = Parts(backend)
-        self.clock: Clock = MonotonicClock() if real_time else stepped
+        self.stepped = not real_time and _lives_by_clock(backend, descriptor)
+        self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
         self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
         self.bench: Bench | None = self.parts.bench
-        self.stepped = not real_time and self.bench is not None and self.bench.lives_by_clock
-        if not self.stepped and not real_time:
-            self.clock = MonotonicClock()
-            self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
-            self.bench = self.parts.bench
         self.period_s = 1.0 / descriptor.cycle.rate_hz
         self.image = self.robot.image
         self.count = len(self.robot.axes)
@@ -265,3 +260,11 @@ class Rig:
     def may_rescale(self) -> bool:
         """A change of scale or home can be undone: by a parameter file, or it is no real drive."""
         return self.can(Capability.SIMULATED) or self.robot.descriptor.parameters_file is not None
+
+
+def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
+    """The device is simulated and has no time but the clock that it is given."""
+    context = DeviceContext(descriptor, backend.options(descriptor))
+    bench = backend.bench(backend.open_device(context), context)
+    simulated = Capability.SIMULATED in backend.info.capabilities
+    return simulated and bench is not None and bench.lives_by_clock

@@ -12,7 +12,8 @@ from robotd.testing.conformance.recording import Recording
 from robotd.testing.conformance.rig import SETTLED_RAD, Rig
 
 LAG_S = 0.03  # granted between the path and the measured position
-MORE = 1.15
+MORE = 1.15  # what a value may be above its limit
+MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 ATTEMPTS = 3
 
 
@@ -28,23 +29,25 @@ def check_smooth(rig: Rig, motion: Callable[[], Recording]) -> None:
     """
     for _ in range(ATTEMPTS):
         recording = motion()
-        jumps = jumps_of(rig, recording)
         was_late = np.diff(recording.time_s).max() > 1.4 * rig.period_s
+        jumps = jumps_of(rig, recording)
         if not (jumps and was_late):
-            break
-    assert not jumps
+            assert not jumps
+            return
+    pytest.skip(f"the computer was too busy to judge: the cycle was late {ATTEMPTS} times")
 
 
 def jumps_of(rig: Rig, recording: Recording) -> list[str]:
     """What is beyond the limits of each joint, in words."""
     limits, found = rig.robot.follower.limits, []
+    more = MORE if rig.stepped else MORE_IN_REAL_TIME
     _, speeds = recording.slope(recording.position, 2 * rig.period_s)
     _, ramps = recording.slope(recording.velocity_command, 0.02)
     for joint, axis in enumerate(rig.robot.joint_axes):
         speed, ramp = np.abs(speeds[:, axis]).max(), np.abs(ramps[:, axis]).max()
-        if speed > MORE * limits.velocity[joint] + 0.01:
+        if speed > more * limits.velocity[joint] + 0.01:
             found.append(f"{limits.names[joint]}: {speed:.3g} rad/s on the way")
-        if ramp > MORE * limits.acceleration[joint] + 0.01:
+        if ramp > more * limits.acceleration[joint] + 0.01:
             found.append(f"{limits.names[joint]}: {ramp:.3g} rad/s² on the way")
     return found
 
