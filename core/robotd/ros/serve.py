@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from queue import SimpleQueue
 from types import FrameType
@@ -17,6 +17,7 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
+from robotd.ros.diagnostics import Diagnostics
 from robotd.ros.discovery import announce_often
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import check_names, make_node
@@ -93,9 +94,10 @@ def serve(
         nodes = [make_node(name, robot, host, registry) for name in node_names]
         for node in nodes:
             host.add_node(node)
-        if served is not None:
-            served(report_of(nodes))
-        _run(robot, node_names, events, ready)
+        with Diagnostics(nodes[0], robot) if nodes else nullcontext():
+            if served is not None:
+                served(report_of(nodes))
+            _run(robot, node_names, events, ready)
     return 0
 
 
