@@ -20,6 +20,7 @@ from robotd.cli.options import (
     robot_options,
     which_robot,
 )
+from robotd.cli.time_scale import time_scale
 
 # Nothing but click is imported up here: `robotd --help` must not wait for numpy or ROS.
 
@@ -54,6 +55,7 @@ def main() -> None:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Write the timing of the last periods there, as JSON, when stopped.",
 )
+@time_scale
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:

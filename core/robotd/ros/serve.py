@@ -21,7 +21,9 @@ from robotd.ros.diagnostics import Diagnostics
 from robotd.ros.discovery import announce_often
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import check_names, make_node
+from robotd.ros.simulation_node import SimulationNode
 from robotd.ros.surface import ServeReport, report_of
+from robotd.simulated_clock import PacedClock
 
 log = get_logger("serve")
 
@@ -92,6 +94,8 @@ def serve(
     events: SimpleQueue[Event] = SimpleQueue()
     with _stop_signals(events), RosHost(ros_args) as host:
         nodes = [make_node(name, robot, host, registry) for name in node_names]
+        if isinstance(robot.clock, PacedClock):
+            nodes.append(SimulationNode(robot, host, nodes))
         for node in nodes:
             host.add_node(node)
         with Diagnostics(nodes[0], robot) if nodes else nullcontext():
