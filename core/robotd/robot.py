@@ -12,6 +12,7 @@ from pathlib import Path
 from robotd.clock import Clock, MonotonicClock
 from robotd.cycle.follower import TrajectoryFollower
 from robotd.cycle.loop import Cycle
+from robotd.cycle.mobile_base import MobileBase, wheel_limits
 from robotd.cycle.streamer import Streamer
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Axes, each
@@ -21,9 +22,10 @@ from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
 from robotd.device.image import ProcessImage
 from robotd.device.io import Io
+from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, RobotdError
 from robotd.log import get_logger
-from robotd.motion.limits import UNLIMITED, AxisLimits
+from robotd.motion.limits import AxisLimits
 from robotd.plugin.hookspecs import BackendInfo, DeviceContext
 from robotd.plugin.manager import Backend, load_backend
 
@@ -39,6 +41,7 @@ class Robot:
         gripper: None where the robot has none.
         cycle, image: the cycle and the live process image (written by the cycle only).
         follower: executes trajectories of ``joint_names``.
+        base: moves the wheels; None where the robot has none.
     """
 
     def __init__(self, descriptor: RobotDescriptor, backend: Backend, clock: Clock) -> None:
@@ -83,28 +86,37 @@ class Robot:
             clock=clock,
         )
         self.follower = TrajectoryFollower(self.axes, streamer, descriptor, clock)
+        drive = descriptor.drive
+        self.base = MobileBase(self.axes, streamer, drive, clock) if drive else None
+        self.wheel_axes = drive.axes if drive else ()
         self.engine.before_stop = self._stop_and_disable
 
     def start(self, *, enable: bool = True) -> None:
-        """Bring the robot up: cycle, device, communication, parameters, then the joints' servos.
+        """Bring the robot up: cycle, device, communication, parameters, then the servos.
 
         Blocks until done (seconds where the device needs tries). Any one thread.
 
         Args:
-            enable: clear alarms and switch the joints' servos on; False leaves them as they are.
+            enable: clear alarms and switch the servos of joints and wheels on; False leaves
+                them as they are.
 
         Raises:
-            ConnectError: the device did not open, or a joint did not come up (all are named).
+            ConnectError: the device did not open, or an axis did not come up (all are named).
             RobotdError: communication or parameters failed.
         """
         self.cycle.start()
+        if self.base is not None:
+            self.base.start()
         self.engine.start()
         if enable and self.engine.ready:
             self.enable_joints()
 
     def enable_joints(self) -> None:
-        """Clear alarm, then servo on, joint by joint: the start-up's and the recovery's way."""
-        results = each(self.joint_axes, self._enable)
+        """Clear alarm, then servo on, axis by axis: the start-up's and the recovery's way.
+
+        Wheels are put into velocity mode before.
+        """
+        results = each((*self.joint_axes, *self.wheel_axes), self._enable)
         failures = {
             f"{self.descriptor.name} → {self.axes.names[axis]}": str(error)
             for axis, error in results.items()
@@ -112,8 +124,8 @@ class Robot:
         }
         if failures:
             raise ConnectError("joints could not be enabled", failures)
-        if self.joint_axes:
-            log.info("servos on", joints=len(self.joint_axes))
+        if results:
+            log.info("servos on", axes=len(results))
 
     def shutdown(self) -> None:
         """Stop motion in a controlled way, servos off, stop communication, close.
@@ -125,10 +137,14 @@ class Robot:
         except RobotdError as error:
             log.error("shut-down failed", reason=str(error))
         finally:
+            if self.base is not None:
+                self.base.close()
             self.cycle.stop()
 
     def _enable(self, axis: int) -> None:
         self.axes.clear_alarm(axis)
+        if axis in self.wheel_axes:
+            self.axes.set_command_mode(axis, CommandMode.VELOCITY)
         self.axes.servo(axis, True)
 
     def _stop_and_disable(self) -> None:
@@ -138,6 +154,8 @@ class Robot:
         enabled = [axis for axis in range(len(self.axes)) if self.image.servo_on[axis]]
         try:
             self.follower.stop()
+            if self.base is not None:
+                self.base.stop(self.descriptor.engine.shutdown_s)
             if enabled:
                 self.axes.rest(enabled, self.descriptor.engine.shutdown_s)
         except RobotdError as error:
@@ -187,17 +205,19 @@ def open_robot(
 
 
 def _axis_names(descriptor: RobotDescriptor) -> list[str]:
-    joints = {joint.axis: joint.name for joint in descriptor.joints}
-    return [joints.get(axis, f"axis {axis}") for axis in range(descriptor.axes)]
+    names = {joint.axis: joint.name for joint in descriptor.joints}
+    if descriptor.drive:
+        names |= zip(descriptor.drive.axes, ("left wheel", "right wheel"), strict=True)
+    return [names.get(axis, f"axis {axis}") for axis in range(descriptor.axes)]
 
 
 def _axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
-    joints = {joint.axis: joint for joint in descriptor.joints}
-    return [
-        AxisLimits(
+    limits = {
+        joint.axis: AxisLimits(
             joint.lower_rad, joint.upper_rad, joint.velocity_rad_s, joint.acceleration_rad_s2
         )
-        if (joint := joints.get(axis))
-        else UNLIMITED
-        for axis in range(descriptor.axes)
-    ]
+        for joint in descriptor.joints
+    }
+    if descriptor.drive:
+        limits |= dict.fromkeys(descriptor.drive.axes, wheel_limits(descriptor.drive))
+    return [limits.get(axis, AxisLimits.unlimited()) for axis in range(descriptor.axes)]

@@ -32,10 +32,12 @@ def field(label: str, lines: str | Iterable[str], width: int = 10) -> str:
 
 
 def heading(text: str) -> str:
+    """Bold."""
     return click.style(text, bold=True)
 
 
 def warning(text: str) -> str:
+    """In the colour of warnings."""
     return click.style(text, fg="yellow")
 
 

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from robotd.cli.catalogue import Catalogue, load_catalogue, unknown_name
-from robotd.cli.preflight import import_ros_server, process_age_s
+from robotd.cli.exit_codes import RosUnavailable
+from robotd.cli.preflight import import_ros, process_age_s
+from robotd.cli.report import reserve_report, write_report
 from robotd.cli.summary import start_summary
 from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
-from robotd.plugin.manager import load_backend
+from robotd.errors import InvalidArgument, OperationError
+from robotd.plugin.manager import PluginOrigin, load_backend
+from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
+
+if TYPE_CHECKING:
+    from robotd.ros.surface import ServeReport
 
 
 @dataclass(frozen=True)
@@ -23,6 +32,7 @@ class RunOptions:
     Attributes:
         robot: a name of the search path, or a file.
         variant, backend, nodes, rate_hz: None leaves the descriptor's own.
+        report: where the cycle's timing is written after an orderly stop; None: nowhere.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -31,6 +41,7 @@ class RunOptions:
     backend: str | None
     nodes: Sequence[str] | None
     rate_hz: float | None
+    report: Path | None
     ros_args: Sequence[str]
 
 
@@ -42,15 +53,40 @@ def run_robot(options: RunOptions) -> int:
     nodes = _chosen_nodes(descriptor, options.nodes)
     backend = load_backend(options.backend or descriptor.backend)
     robot = Robot(descriptor, backend, MonotonicClock())
-    server = import_ros_server()
+    if options.report:
+        reserve_report(options.report)
+    code = _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args)
+    if options.report:
+        write_report(options.report, robot.cycle)
+    return code
 
-    def served(report: object) -> None:
-        click.echo(start_summary(robot, backend.origin, report))
+
+def _serve(
+    robot: Robot,
+    origin: PluginOrigin,
+    nodes: Sequence[str],
+    registry: NodeRegistry,
+    ros_args: Sequence[str],
+) -> int:
+    server = import_ros("serve")
+    is_served = False
+
+    def served(report: ServeReport) -> None:
+        nonlocal is_served
+        is_served = True
+        click.echo(start_summary(robot, origin, report))
 
     def ready() -> None:
-        click.echo(f"ready after {process_age_s():.1f} s; Ctrl-C stops")
+        click.echo(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
 
-    return int(server.serve(robot, nodes, options.ros_args, served=served, ready=ready))
+    try:
+        code = server.serve(robot, nodes, ros_args, registry=registry, served=served, ready=ready)
+    except OperationError as error:
+        # The device is touched only after the nodes are there: until then it can be but ROS.
+        if is_served or isinstance(error, InvalidArgument):
+            raise
+        raise RosUnavailable(str(error)) from error
+    return int(code)
 
 
 def _descriptor(options: RunOptions, catalogue: Catalogue) -> RobotDescriptor:
@@ -66,5 +102,5 @@ def _chosen_nodes(descriptor: RobotDescriptor, wanted: Sequence[str] | None) -> 
     for name in wanted or ():
         if name not in descriptor.nodes:
             text = unknown_name(f"node of {descriptor.name}", name, descriptor.nodes)
-            raise click.BadParameter(text, param_hint="--nodes")
+            raise click.BadParameter(text, param_hint="'--nodes'")
     return descriptor.nodes if wanted is None else tuple(wanted)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from getpass import getuser
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
 from robotd.descriptor import RobotDescriptor
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
-from robotd.ros.serve import ServeReport
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd.ros.surface import ServeReport
 
 SIMULATED = "simulated"  # the capability of a backend without hardware
 
@@ -31,7 +35,8 @@ def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
         others = [name for name in descriptor.variants if name != descriptor.variant]
         also = f" (there is also {', '.join(others)})" if others else ""
         yield field("variant", f"{descriptor.variant or 'none'}{also}")
-    yield field("backend", f"{backend.summary} ({origin.distribution} {origin.version})")
+    origin_text = f"{origin.distribution} {origin.version}"
+    yield field("backend", f"{backend.name}: {backend.summary} (from {origin_text})")
     if SIMULATED in backend.capabilities:
         yield field("", [warning("SIMULATED: no hardware is connected, nothing real moves")])
 
@@ -71,14 +76,9 @@ def _missing(robot: Robot) -> Iterator[str]:
     priority = robot.descriptor.cycle.realtime_priority
     if not priority or realtime_permitted(priority):
         return
-    yield field(
-        "missing",
-        map(
-            warning,
-            (
-                "real-time priority: under load the cycle starts late, by milliseconds at times.",
-                f"Allow it with: ulimit -r {priority} (as root), or 'rtprio {priority}' in"
-                " /etc/security/limits.conf.",
-            ),
-        ),
+    user = getuser()
+    lines = (
+        "real-time priority: under load the cycle can start milliseconds late.",
+        f"To grant it, put '{user} - rtprio {priority}' into /etc/security/limits.conf.",
     )
+    yield field("missing", map(warning, lines))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import cast
 
 from lxml import etree
 
@@ -25,7 +26,7 @@ def check_urdf(path: Path, descriptor: RobotDescriptor) -> None:
     not move, and a limit of the descriptor beyond that of the URDF.
     """
     joints = {joint.get("name"): joint for joint in _parse(path).iter("joint")}
-    problems = []
+    problems: list[DescriptorError] = []
     for joint in descriptor.joints:
         problems += _differences(path, joint, joints.get(joint.name))
     for name in descriptor.gripper.joints if descriptor.gripper else ():
@@ -49,15 +50,17 @@ def _differences(
     if element is None:
         yield DescriptorError(f"has no joint {joint.name!r}", path=path)
         return
-    line = element.sourceline
+    line = cast("int | None", element.sourceline)
     if element.get("type") not in ("revolute", "continuous"):
         what = f"is {element.get('type')!r}, not 'revolute'"
         yield DescriptorError(what, path=path, line=line, key=joint.name)
     limit = element.find("limit")
-    for attribute, key in _LIMITS if limit is not None else ():
+    if limit is None:
+        return
+    for attribute, key in _LIMITS:
         theirs, ours = _number(limit.get(attribute)), getattr(joint, key)
         beyond = theirs - ours if attribute == "lower" else ours - theirs
-        if not beyond <= ROUNDING and not math.isnan(theirs):
+        if beyond > ROUNDING:  # never with NaN
             what = f"{attribute} limit {theirs:g} is exceeded by {key} {ours:g} of the descriptor"
             yield DescriptorError(what, path=path, line=line, key=joint.name)
 

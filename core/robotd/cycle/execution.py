@@ -15,8 +15,7 @@ from robotd.motion import (
     JointLimits,
     MotionState,
     Sampler,
-    TimeScale,
-    ToleranceCheck,
+    StopPlan,
     Tolerances,
     Trajectory,
     plan_stop,
@@ -45,20 +44,6 @@ class Phase(Enum):
     STOPPING = auto()  # slowing down along the path
     RESTING = auto()  # the command stands still, until the joints do
     FINISHED = auto()
-
-
-@dataclass(frozen=True)
-class GoalTolerances:
-    """How far the joints may be off, on the way and at the end.
-
-    Attributes:
-        path, goal: per joint.
-        goal_time_s: how long after the trajectory's end the joints may take to be within ``goal``.
-    """
-
-    path: Tolerances
-    goal: Tolerances
-    goal_time_s: float
 
 
 @dataclass(frozen=True)
@@ -91,7 +76,7 @@ class Execution:
         trajectory: Trajectory,
         axes: IntArray,
         limits: JointLimits,
-        tolerances: GoalTolerances,
+        tolerances: Tolerances,
         start_ns: int,
         stopped_velocity: float,
     ) -> None:
@@ -106,19 +91,18 @@ class Execution:
         self._phase = Phase.RUNNING
         self._axes = axes
         self._limits = limits
-        self._goal_time_s = tolerances.goal_time_s
-        self._path_check = ToleranceCheck(tolerances.path)
-        self._goal_check = ToleranceCheck(tolerances.goal)
+        self._tolerances = tolerances
         self._stopped_velocity = stopped_velocity
         self._sampler = Sampler(trajectory)
-        self._time = TimeScale()
+        self._time_s = 0.0
+        self._stop: StopPlan | None = None
         self._desired: FloatArray = self.position.copy()
         self._desired_velocity: FloatArray = self.velocity.copy()
         self._actual: FloatArray = self.position.copy()
         self._actual_velocity: FloatArray = self.velocity.copy()
         self._error: FloatArray = np.zeros(joints)
-        self._last_ns = start_ns
         self._phase_ns = start_ns
+        self._stop_ns = start_ns
         self._settled_periods = 0
         self._done = threading.Event()
 
@@ -138,7 +122,7 @@ class Execution:
     def progress(self) -> Progress:
         """The last period's values, copied; two arrays may be one period apart."""
         return Progress(
-            self._time.time_s,
+            self._time_s,
             self._desired.copy(),
             self._desired_velocity.copy(),
             self._actual.copy(),
@@ -161,7 +145,7 @@ class Execution:
             self._judge(time_ns, image)
         match self._phase:
             case Phase.RUNNING | Phase.STOPPING:
-                self._move_on(time_ns, period_ns)
+                self._move_on(time_ns + period_ns, time_ns)
             case Phase.ARRIVING:
                 self._arrive(time_ns)
             case Phase.RESTING:
@@ -197,50 +181,56 @@ class Execution:
         if not image.servo_on[axes].all() or image.amp_alarm[axes].any():
             self._end(Outcome.FAULT, self._fault_text(image))
         if self.ending is None and self._phase is Phase.RUNNING:
-            violation = self._path_check.check(
-                self._time.time_s,
-                (self._desired, self._actual),
-                (self._desired_velocity, self._actual_velocity),
+            violation = self._tolerances.check_path(
+                self._time_s,
+                self._desired,
+                self._actual,
+                self._desired_velocity,
+                self._actual_velocity,
             )
             if violation is not None:
                 self._end(Outcome.PATH_TOLERANCE, str(violation))
         if self.ending is not None:
-            stop = plan_stop(self.trajectory, self._time.time_s, self._limits.acceleration)
-            self._time.begin_stop(stop)
+            self._stop = plan_stop(self.trajectory, self._time_s, self._limits)
+            self._stop_ns = time_ns
             self._enter(Phase.STOPPING, time_ns)
 
     def _fault_text(self, image: ProcessImage) -> str:
         for name, axis in zip(self.trajectory.names, self._axes, strict=True):
             if image.amp_alarm[axis]:
                 alarm = int(image.alarm_code[axis])
-                return f"{name} at {self._time.time_s:.3f} s: amplifier alarm {alarm}"
+                return f"{name} at {self._time_s:.3f} s: amplifier alarm {alarm}"
             if not image.servo_on[axis]:
                 what = "drive is offline" if image.offline[axis] else "servo went off"
-                return f"{name} at {self._time.time_s:.3f} s: {what}"
+                return f"{name} at {self._time_s:.3f} s: {what}"
         return "a servo went off"
 
-    def _move_on(self, time_ns: int, period_ns: int) -> None:
-        due_ns = time_ns + period_ns
-        time_s = self._time.advance((due_ns - self._last_ns) / NANOSECONDS)
-        self._last_ns = due_ns
-        self._sampler.sample(time_s, self.position, self.velocity)
-        self._time.scale(self.velocity)
-        if self._time.at_rest:
+    def _move_on(self, due_ns: int, time_ns: int) -> None:
+        """The setpoint for ``due_ns``, on the path at full rate or along the stop."""
+        rate = 1.0
+        if self._stop is None:
+            self._time_s = (due_ns - self.start_ns) / NANOSECONDS
+        else:
+            self._time_s, rate, _ = self._stop.at((due_ns - self._stop_ns) / NANOSECONDS)
+        self._sampler.sample(self._time_s, self.position, self.velocity)
+        self.velocity *= rate
+        if rate == 0.0 or (self._stop and self._time_s >= self.trajectory.duration_s):
             self._enter(Phase.RESTING, time_ns)
-        elif time_s >= self.trajectory.duration_s:
-            self._enter(Phase.RESTING if self.ending else Phase.ARRIVING, time_ns)
+        elif self._time_s >= self.trajectory.duration_s:
+            self._enter(Phase.ARRIVING, time_ns)
 
     def _arrive(self, time_ns: int) -> None:
         over_s = (time_ns - self._phase_ns) / NANOSECONDS
-        violation = self._goal_check.check(
+        violation = self._tolerances.check_goal(
             self.trajectory.duration_s + over_s,
-            (self._desired, self._actual),
-            (self._desired_velocity, self._actual_velocity),
+            self._desired,
+            self._actual,
+            self._actual_velocity,
         )
         self._settled_periods = 0 if violation else self._settled_periods + 1
         if self._settled_periods >= SETTLED_PERIODS:
             self.finish(Outcome.SUCCEEDED, self._success_text())
-        elif violation and over_s > self._goal_time_s:
+        elif violation and over_s > self._tolerances.goal_time_s:
             self._end(Outcome.GOAL_TOLERANCE, str(violation))
             self._enter(Phase.RESTING, time_ns)
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 import numpy as np
 
 from robotd.clock import NANOSECONDS, Clock
-from robotd.cycle.execution import Execution, GoalTolerances
+from robotd.cycle.execution import Execution
 from robotd.cycle.streamer import Streamer
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
@@ -19,14 +19,10 @@ from robotd.motion import (
     JointLimits,
     JointTolerance,
     MotionState,
-    Plan,
-    PlanSettings,
-    StartTolerances,
-    ToleranceKind,
     Tolerances,
+    Trajectory,
     TrajectoryRequest,
     plan,
-    resolve,
 )
 
 OWNER = "follow_joint_trajectory"
@@ -44,7 +40,7 @@ class TrajectoryFollower:
         self, axes: Axes, streamer: Streamer, descriptor: RobotDescriptor, clock: Clock
     ) -> None:
         joints = descriptor.joints
-        settings = descriptor.trajectory
+        self.settings = descriptor.trajectory
         self.limits = JointLimits(
             tuple(joint.name for joint in joints),
             np.array([joint.lower_rad for joint in joints]),
@@ -52,18 +48,6 @@ class TrajectoryFollower:
             np.array([joint.velocity_rad_s for joint in joints]),
             np.array([joint.acceleration_rad_s2 for joint in joints]),
         )
-        self.plan_settings = PlanSettings(
-            settings.max_points,
-            settings.velocity_margin,
-            StartTolerances(settings.start_tolerance_rad),
-        )
-        names = self.limits.names
-        self.default_tolerances = GoalTolerances(
-            Tolerances.uniform(ToleranceKind.PATH, names, settings.path_tolerance_rad),
-            Tolerances.uniform(ToleranceKind.GOAL, names, settings.goal_tolerance_rad),
-            settings.goal_time_s,
-        )
-        self._stopped_velocity = settings.stopped_velocity_rad_s
         self._axes = axes
         self._streamer = streamer
         self._clock = clock
@@ -77,23 +61,18 @@ class TrajectoryFollower:
         path: Iterable[JointTolerance] = (),
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
-    ) -> GoalTolerances:
+    ) -> Tolerances:
         """The descriptor's tolerances with those of a goal message laid over them.
 
         In each value 0 means the descriptor's, -1 no limit. Raises TrajectoryRefused.
         """
-        defaults = self.default_tolerances
-        return GoalTolerances(
-            defaults.path.with_goal(path),
-            defaults.goal.with_goal(goal),
-            resolve(goal_time_s, defaults.goal_time_s, "goal time tolerance"),
-        )
+        return Tolerances.of_goal(self.limits.names, self.settings, path, goal, goal_time_s)
 
     @contextmanager
     def follow(
         self,
         request: TrajectoryRequest,
-        tolerances: GoalTolerances | None = None,
+        tolerances: Tolerances | None = None,
         start_ns: int | None = None,
     ) -> Iterator[Execution]:
         """Start a trajectory; the block watches it. Leaving the block cancels what still runs.
@@ -108,7 +87,7 @@ class TrajectoryFollower:
                 before runs on.
             NotReady: a joint cannot be commanded now.
         """
-        execution = self._start(request, tolerances or self.default_tolerances, start_ns)
+        execution = self._start(request, tolerances or self.tolerances(), start_ns)
         try:
             yield execution
         finally:
@@ -125,24 +104,26 @@ class TrajectoryFollower:
             execution.wait(STOP_TIMEOUT_S)
 
     def _start(
-        self, request: TrajectoryRequest, tolerances: GoalTolerances, start_ns: int | None
+        self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int | None
     ) -> Execution:
         with self._lock:
-            planned, splice_ns = self._plan(request, start_ns)
+            trajectory, splice_ns = self._plan(request, start_ns)
             self._acquire()
             execution = Execution(
-                planned.trajectory,
+                trajectory,
                 self._joint_axes,
                 self.limits,
                 tolerances,
                 splice_ns or max(self._clock.now_ns(), start_ns or 0),
-                self._stopped_velocity,
+                self.settings.stopped_velocity_rad_s,
             )
             self._streamer.submit(execution, self._joint_axes)
             return execution
 
-    def _plan(self, request: TrajectoryRequest, start_ns: int | None) -> tuple[Plan, int | None]:
-        """The plan, and when it must take over from a running one (None: none runs)."""
+    def _plan(
+        self, request: TrajectoryRequest, start_ns: int | None
+    ) -> tuple[Trajectory, int | None]:
+        """The trajectory, and when it must take over from a running one (None: none runs)."""
         lead_s = LEAD_S
         while (running := self._streamer.running) is not None and not running.done:
             splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns or 0)
@@ -151,11 +132,11 @@ class TrajectoryFollower:
                 if not running.wait(STOP_TIMEOUT_S):
                     raise NotReady("the joints did not come to rest after the last trajectory")
                 continue
-            planned = plan(request, self.limits, self.plan_settings, state)
+            trajectory = plan(request, self.limits, self.settings, state)
             if self._clock.now_ns() < splice_ns:
-                return planned, splice_ns
+                return trajectory, splice_ns
             lead_s *= 2.0
-        return plan(request, self.limits, self.plan_settings, self._rest_state()), None
+        return plan(request, self.limits, self.settings, self._rest_state()), None
 
     def _rest_state(self) -> MotionState:
         """Where the command stands: planning from the measured position would be a jump."""

@@ -121,14 +121,14 @@ class Cycle:
         while not self._stop.is_set():
             clock.sleep_until_ns(deadline_ns)
             start_ns = clock.now_ns()
-            self.step(deadline_ns)
-            end_ns = clock.now_ns()
-            stats.record(deadline_ns, start_ns, end_ns)
-            deadline_ns += period_ns
-            if end_ns > deadline_ns:
-                skipped = (end_ns - deadline_ns) // period_ns + 1
+            late_ns = start_ns - deadline_ns
+            if late_ns >= period_ns:
+                skipped = late_ns // period_ns
                 stats.missed += skipped
                 deadline_ns += skipped * period_ns
+            self.step(deadline_ns)
+            stats.record(late_ns, start_ns, clock.now_ns())
+            deadline_ns += period_ns
 
     def _prepare_thread(self) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotd.arrays import IntArray
+
 WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
 
 
@@ -32,6 +34,21 @@ class CycleReport:
     execution_max_us: float
 
 
+@dataclass(frozen=True, eq=False)
+class CycleSamples:
+    """The last periods one by one, oldest first; int64 nanoseconds of shape (samples,).
+
+    Attributes:
+        start_ns: monotonic time at which the work began.
+        lateness_ns: how long after the deadline that was.
+        execution_ns: how long the work took.
+    """
+
+    start_ns: IntArray
+    lateness_ns: IntArray
+    execution_ns: IntArray
+
+
 class CycleStats:
     """Ring buffers written by the cycle thread; ``report`` may be called by any thread."""
 
@@ -42,13 +59,21 @@ class CycleStats:
         self._lateness_ns = np.zeros(WINDOW, np.int64)
         self._execution_ns = np.zeros(WINDOW, np.int64)
 
-    def record(self, deadline_ns: int, start_ns: int, end_ns: int) -> None:
-        """Cycle thread: one period ran from ``start_ns`` to ``end_ns``."""
+    def record(self, late_ns: int, start_ns: int, end_ns: int) -> None:
+        """Cycle thread: one period, begun ``late_ns`` late, ran from ``start_ns`` to ``end_ns``."""
         slot = self.cycles % WINDOW
         self._start_ns[slot] = start_ns
-        self._lateness_ns[slot] = start_ns - deadline_ns
+        self._lateness_ns[slot] = late_ns
         self._execution_ns[slot] = end_ns - start_ns
         self.cycles += 1
+
+    def samples(self) -> CycleSamples:
+        """The last ``WINDOW`` periods; call it when the cycle has ended, or the oldest may mix."""
+        first = max(0, self.cycles - WINDOW)
+        order = np.arange(first, self.cycles) % WINDOW
+        return CycleSamples(
+            self._start_ns[order], self._lateness_ns[order], self._execution_ns[order]
+        )
 
     def report(self) -> CycleReport:
         """The figures of the last ``WINDOW`` periods; zeros before the first."""

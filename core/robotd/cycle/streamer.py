@@ -1,8 +1,9 @@
-"""Streams the trajectory that runs, one setpoint per axis and period."""
+"""Streams what moves the axes, one setpoint per axis and period: a trajectory, and more."""
 
 from __future__ import annotations
 
 import threading
+from typing import Protocol
 
 import numpy as np
 
@@ -16,11 +17,23 @@ PREEMPTED = "preempted by a new goal"
 SPLICE_LOST = "the running trajectory was stopped before this one could take over"
 
 
+class SetpointSource(Protocol):
+    """Something besides trajectories that moves axes of its own. Cycle thread."""
+
+    def advance(
+        self, time_ns: int, image: ProcessImage, position: FloatArray, velocity: FloatArray
+    ) -> bool:
+        """Write the setpoints of its axes into the arrays; False when it moves nothing now."""
+
+    def device_lost(self, reason: str) -> None:
+        """The device cannot be reached. Called in every such period."""
+
+
 class Streamer:
     """Holds at most one running execution and one that takes over at its start time.
 
     ``submit`` and ``release`` are for the trajectory follower (one worker at a time);
-    ``advance`` and ``device_lost`` for the cycle.
+    ``advance`` and ``device_lost`` for the cycle; ``add`` comes before the cycle starts.
 
     Args:
         axes: number of axes of the device.
@@ -36,6 +49,11 @@ class Streamer:
         self._running: Execution | None = None
         self._next: Execution | None = None
         self._handover = threading.Lock()
+        self._sources: list[SetpointSource] = []
+
+    def add(self, source: SetpointSource) -> None:
+        """Stream the setpoints of ``source`` together with those of trajectories."""
+        self._sources.append(source)
 
     @property
     def running(self) -> Execution | None:
@@ -60,18 +78,16 @@ class Streamer:
 
     def advance(self, time_ns: int, image: ProcessImage) -> None:
         """Cycle: one period, whose setpoints are due at ``time_ns + period_ns``."""
-        self._take_over(time_ns)
-        execution = self._running
-        if execution is None or execution.outcome is Outcome.FAULT:
-            # After a fault the joints are where the device stopped them, not at the setpoint.
-            return
-        execution.advance(time_ns, self.period_ns, image)
-        self._position[self._axes] = execution.position
-        self._velocity[self._axes] = execution.velocity
-        self._driver.stream(self._position, self._velocity)
+        streams = self._advance_trajectory(time_ns, image)
+        for source in self._sources:
+            streams |= source.advance(time_ns, image, self._position, self._velocity)
+        if streams:
+            self._driver.stream(self._position, self._velocity)
 
     def device_lost(self, reason: str) -> None:
         """Cycle: the device cannot be reached; whatever runs has failed."""
+        for source in self._sources:
+            source.device_lost(reason)
         if self._next is None and self._running is None:
             return
         with self._handover:
@@ -79,6 +95,17 @@ class Streamer:
                 if execution is not None:
                     execution.finish(Outcome.FAULT, reason)
             self._next = None
+
+    def _advance_trajectory(self, time_ns: int, image: ProcessImage) -> bool:
+        self._take_over(time_ns)
+        execution = self._running
+        if execution is None or execution.outcome is Outcome.FAULT:
+            # After a fault the joints are where the device stopped them, not at the setpoint.
+            return False
+        execution.advance(time_ns, self.period_ns, image)
+        self._position[self._axes] = execution.position
+        self._velocity[self._axes] = execution.velocity
+        return True
 
     def _take_over(self, time_ns: int) -> None:
         if self._next is None:

@@ -9,6 +9,7 @@ from robotd.descriptor.load import (
 )
 from robotd.descriptor.model import (
     CycleSettings,
+    DriveSettings,
     EngineSettings,
     GripperSettings,
     JointSettings,
@@ -20,6 +21,7 @@ from robotd.descriptor.wmx_xml import axis_text, read_wmx_parameters, write_wmx_
 
 __all__ = [
     "CycleSettings",
+    "DriveSettings",
     "EngineSettings",
     "GripperSettings",
     "JointSettings",

@@ -123,6 +123,43 @@ class JointSettings(Section):
             yield ("lower_rad",), what, self.lower_rad
 
 
+class DriveSettings(Section):
+    """A base on two driven wheels, each turned by one axis in velocity mode."""
+
+    left_axis: Axis = Field(description="Axis of the device that turns the left wheel.")
+    right_axis: Axis = Field(description="Axis of the device that turns the right wheel.")
+    wheel_radius_m: Positive = Field(description="Radius of the wheels.")
+    wheel_separation_m: Positive = Field(description="Distance between the wheels' treads.")
+    wheel_wrap_rad: Positive | None = Field(
+        None, description="Range after which a wheel's position begins again; null: it never does."
+    )
+    wheel_velocity_rad_s: Positive | None = Field(
+        None, description="Highest speed of a wheel; null: whatever the twist's limits give."
+    )
+    velocity_m_s: Positive = Field(description="Highest speed, ahead and back.")
+    acceleration_m_s2: Positive = Field(description="Highest acceleration.")
+    deceleration_m_s2: Positive = Field(description="Highest deceleration.")
+    jerk_m_s3: Positive | None = Field(None, description="Highest jerk; null: not limited.")
+    angular_velocity_rad_s: Positive = Field(description="Highest speed of turning.")
+    angular_acceleration_rad_s2: Positive = Field(description="Highest acceleration of turning.")
+    angular_deceleration_rad_s2: Positive = Field(description="Highest deceleration of turning.")
+    angular_jerk_rad_s3: Positive | None = Field(
+        None, description="Highest jerk of turning; null: not limited."
+    )
+    command_timeout_s: Positive = Field(
+        0.5, description="Age of the last command at which the base slows to rest."
+    )
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """The axes of the wheels, left and right."""
+        return self.left_axis, self.right_axis
+
+    def problems(self) -> Iterator[Problem]:
+        if self.left_axis == self.right_axis:
+            yield ("right_axis",), "used before, by left_axis", self.right_axis
+
+
 class GripperSettings(Section):
     """A gripper on one output bit; its fingers are reported as joints."""
 
@@ -164,11 +201,13 @@ class TrajectorySettings(Section):
 
 
 def _count_axes(data: dict[str, Any]) -> int:
-    return 1 + max((joint.axis for joint in data.get("joints", ())), default=-1)
+    drive: DriveSettings | None = data.get("drive")
+    axes = [joint.axis for joint in data.get("joints", ())]
+    return 1 + max([*axes, *(drive.axes if drive else ())], default=-1)
 
 
 class RobotDescriptor(Section):
-    """One robot: its joints and gripper, its nodes and their parameters, its backends."""
+    """One robot: what moves it, its nodes and their parameters, its backends."""
 
     schema_version: Literal[1] = Field(alias="schema", description="Version of this format: 1.")
     name: Name = Field(description="Short name, the same as the folder's.")
@@ -183,12 +222,15 @@ class RobotDescriptor(Section):
     joints: tuple[JointSettings, ...] = Field(
         (), strict=False, description="Joints in the order of JointState; switched on at start."
     )
+    drive: DriveSettings | None = Field(
+        None, description="Wheels of a mobile base, switched on at start; null: no base."
+    )
     axes: int = Field(
         default_factory=_count_axes,
         ge=1,
         le=MAX_AXES,
         description="Axes of the device in use, 0 to axes - 1; by default the highest of a "
-        "joint, plus 1.",
+        "joint or wheel, plus 1.",
     )
     gripper: GripperSettings | None = Field(None, description="Gripper; null when there is none.")
     trajectory: TrajectorySettings = Field(
@@ -239,8 +281,9 @@ class RobotDescriptor(Section):
         return tuple(joint.name for joint in self.joints)
 
     def problems(self) -> Iterator[Problem]:
-        if self.axes == 0:  # the default of a robot without joints, which pydantic does not check
+        if self.axes == 0:  # the default of a robot of bare axes, which pydantic does not check
             yield ("axes",), "missing: no joint says how many axes there are", self.axes
+        yield from self._drive_problems()
         for index, joint in enumerate(self.joints):
             if joint.axis >= self.axes:
                 what = f"must be less than axes ({self.axes})"
@@ -257,6 +300,15 @@ class RobotDescriptor(Section):
         if self.default_variant is not None and self.default_variant not in self.variants:
             known = ", ".join(self.variants) or "none"
             yield ("default_variant",), f"unknown variant; there is {known}", self.default_variant
+
+    def _drive_problems(self) -> Iterator[Problem]:
+        joints = {joint.axis: index for index, joint in enumerate(self.joints)}
+        for key in ("left_axis", "right_axis") if self.drive else ():
+            axis = getattr(self.drive, key)
+            if axis >= self.axes:
+                yield ("drive", key), f"must be less than axes ({self.axes})", axis
+            if axis in joints:
+                yield ("drive", key), f"used before, by joints.{joints[axis]}.axis", axis
 
 
 def _twice(key: str, values: Iterable[str | int], subkey: str | None = None) -> Iterator[Problem]:

@@ -15,7 +15,7 @@ from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, Unsupported
-from robotd.motion.limits import AxisLimits, check_move, check_velocity
+from robotd.motion.limits import AxisLimits, check_jog, check_move
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,8 @@ class Axes:
             self._check_command([move.axis for move in moves], CommandMode.POSITION)
             absolute = [self._absolute(move, relative) for move in moves]
             for move in absolute:
-                name, limits = self.names[move.axis], self.limits[move.axis]
-                check_move(name, move.target, move.profile, limits)
+                name, limits, profile = self._of(move)
+                check_move(name, limits, move.target, *profile)
             for move in absolute:
                 self._driver.move(move.axis, move.target, move.profile)
 
@@ -150,7 +150,8 @@ class Axes:
         with self._lock:
             self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
             for jog in jogs:
-                check_velocity(self.names[jog.axis], jog.profile, self.limits[jog.axis])
+                name, limits, profile = self._of(jog)
+                check_jog(name, limits, *profile)
             for jog in jogs:
                 self._driver.jog(jog.axis, jog.profile)
 
@@ -173,13 +174,16 @@ class Axes:
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
 
     @contextmanager
-    def claimed(self, owner: str, axes: Sequence[int]) -> Iterator[None]:
+    def claimed(
+        self, owner: str, axes: Sequence[int], mode: CommandMode = CommandMode.POSITION
+    ) -> Iterator[None]:
         """Reserve idle, enabled ``axes`` for streaming by ``owner`` until the block ends.
 
-        Raises NotReady, with the reason, when an axis cannot be streamed or is claimed.
+        Raises NotReady, with the reason, when an axis cannot be streamed in ``mode`` or is
+        claimed.
         """
         with self._lock:
-            self._check_command(axes, CommandMode.POSITION)
+            self._check_command(axes, mode)
             for axis in axes:
                 self._check_idle(axis, owner)
             self._driver.begin_stream(axes)
@@ -248,6 +252,14 @@ class Axes:
             return move
         start = float(self.image.position_command[move.axis])
         return Move(move.axis, start + move.target, move.profile)
+
+    def _of(self, command: Move | Jog) -> tuple[str, AxisLimits, tuple[float, float, float]]:
+        profile = command.profile
+        return (
+            self.names[command.axis],
+            self.limits[command.axis],
+            (profile.velocity, profile.acceleration, profile.deceleration),
+        )
 
     def _require(self, capability: Capability | None, feature: str) -> None:
         if capability is not None and capability not in self._capabilities:

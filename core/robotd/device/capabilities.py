@@ -20,3 +20,4 @@ class Capability(StrEnum):
     STATISTICS = "statistics"
     HOT_CONNECT = "hot_connect"
     DEVICE_WATCHDOG = "device_watchdog"  # axes stop by themselves when the daemon dies
+    SIMULATED = "simulated"  # nothing real moves

@@ -89,17 +89,22 @@ class AxisDriver(ABC):
     def stream(self, position: FloatArray, velocity: FloatArray) -> None:
         """Cycle thread: one setpoint per axis, to be reached one period later.
 
-        Only axes between ``begin_stream`` and ``end_stream`` obey; the others' entries
-        are ignored (and may be NaN).
+        An axis in position mode passes through its position at its velocity; one in velocity
+        mode changes evenly to its velocity, and its position is ignored. Only axes between
+        ``begin_stream`` and ``end_stream`` obey; the others' entries are ignored. What is
+        ignored may be NaN.
         """
 
     @abstractmethod
     def begin_stream(self, axes: Sequence[int]) -> None:
-        """Let ``axes`` follow ``stream`` from where their command stands now, without a jump."""
+        """Let ``axes`` follow ``stream`` from where their command stands now, without a jump.
+
+        Each is in ``Operation.STREAM`` until ``end_stream``, or until something stops it.
+        """
 
     @abstractmethod
     def end_stream(self, axes: Sequence[int]) -> None:
-        """Hold the last setpoint; the axes take moves again."""
+        """Hold the last setpoint (velocity mode: slow to rest); the axes take moves again."""
 
     @abstractmethod
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:

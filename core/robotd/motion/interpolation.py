@@ -9,7 +9,6 @@ from __future__ import annotations
 from enum import Enum
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from robotd.arrays import FloatArray
 from robotd.motion.joints import MotionState
@@ -39,6 +38,9 @@ def interpolate(knots: Points, start: MotionState) -> FloatArray:
 
     Raises TrajectoryRefused when the numbers are too large to compute with.
     """
+    # A third of a second to import: ``preload`` pays it when nobody waits for a joint state.
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
     with np.errstate(all="ignore"):
         if knots.velocities is None:
             at_rest = np.zeros_like(start.velocity)
@@ -54,6 +56,11 @@ def interpolate(knots: Points, start: MotionState) -> FloatArray:
     if not np.isfinite(stacked).all():
         raise refuse("the points are too far apart to be joined by a finite path")
     return np.ascontiguousarray(stacked.transpose(1, 0, 2))
+
+
+def preload() -> None:
+    """Import what the first trajectory needs, so that it is planned as fast as the second."""
+    import scipy.interpolate  # noqa: F401
 
 
 def _quintic(

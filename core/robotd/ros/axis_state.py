@@ -37,6 +37,9 @@ class AxisStateTopic:
     """Made in any thread; ``publish`` belongs to the cycle.
 
     Nothing is published while the engine is not ready: old values must not look alive.
+
+    Attributes:
+        topic: its resolved name.
     """
 
     def __init__(self, node: Node, axes: int, engine: Engine) -> None:
@@ -46,6 +49,7 @@ class AxisStateTopic:
         }
         template = AxisState(header=Header(frame_id=FRAME), **values)
         publisher = node.create_publisher(AxisState, TOPIC, DEPTH)
+        self.topic = publisher.topic_name
         self._engine = engine
         self._clock = node.get_clock()
         self._message = HotPublisher(publisher, template, FIELDS)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
+from robotd.device.gripper import Gripper
 from robotd.device.image import ProcessImage
 from robotd.robot import Robot
 from robotd.ros.cdr import HotPublisher
@@ -19,41 +20,29 @@ DEPTH = 10
 
 
 class Fingers:
-    """Where the fingers are, told from the gripper's output bit. Cycle thread.
+    """Where the gripper's fingers are, told from its output bit. Cycle thread.
 
     Args:
-        closed: reads the bit.
-        open_m, closed_m: finger positions at the two ends.
-        travel_s: time from one end to the other; 0: the fingers are at the end at once.
+        open_m, closed_m: position of every finger at the two ends.
     """
 
-    def __init__(
-        self, closed: Callable[[], bool], open_m: float, closed_m: float, travel_s: float
-    ) -> None:
-        self._closed = closed
-        self._ends_m = (open_m, closed_m)
-        self._travel_ns = travel_s * NANOSECONDS
-        self._way: float | None = None  # 0 open … 1 closed; None before the first look
-        self._last_ns = 0
+    def __init__(self, gripper: Gripper, open_m: float, closed_m: float) -> None:
+        self._gripper = gripper
+        self._open_m = open_m
+        self._stroke_m = closed_m - open_m
 
-    def position_m(self, now_ns: int) -> float:
-        """Position of every finger at monotonic ``now_ns``."""
-        target = float(self._closed())
-        way = target if self._way is None else self._way
-        if self._travel_ns > 0.0:
-            step = (now_ns - self._last_ns) / self._travel_ns
-            way += min(max(target - way, -step), step)
-        else:
-            way = target
-        self._way, self._last_ns = way, now_ns
-        open_m, closed_m = self._ends_m
-        return open_m + (closed_m - open_m) * way
+    def position_m(self, time_ns: int) -> float:
+        """Position of every finger at monotonic ``time_ns``."""
+        return self._open_m + self._stroke_m * self._gripper.closed(time_ns)
 
 
 class JointStateTopics:
     """Made in any thread; ``publish`` belongs to the cycle.
 
     Nothing is published while the engine is not ready: old values must not look alive.
+
+    Attributes:
+        topics: their resolved names.
 
     Args:
         names: of the arm's joints in the robot's order, then of the fingers.
@@ -63,6 +52,7 @@ class JointStateTopics:
     def __init__(
         self, node: Node, robot: Robot, names: Sequence[str], fingers: Fingers | None
     ) -> None:
+        self.topics: list[str] = []
         self._node = node
         self._engine = robot.engine
         self._clock = node.get_clock()
@@ -87,9 +77,8 @@ class JointStateTopics:
 
     def add_positions(self, topic: str) -> None:
         """Float64MultiArray of the positions, in the order of the names."""
-        publisher = self._node.create_publisher(Float64MultiArray, topic, DEPTH)
         template = Float64MultiArray(data=self._position.tolist())
-        message = HotPublisher(publisher, template, ["data"])
+        message = HotPublisher(self._publisher(Float64MultiArray, topic), template, ["data"])
         self._copies.append((message.view("data"), self._position))
         self._unstamped.append(message)
 
@@ -112,13 +101,17 @@ class JointStateTopics:
             message.publish()
 
     def _joint_state(self, topic: str, *, effort: bool) -> HotPublisher:
-        publisher = self._node.create_publisher(JointState, topic, DEPTH)
         values = {"position": self._position, "velocity": self._velocity}
         if effort:
             values["effort"] = self._effort
         template = JointState(
             name=self._names, **{field: array.tolist() for field, array in values.items()}
         )
-        message = HotPublisher(publisher, template, values)
+        message = HotPublisher(self._publisher(JointState, topic), template, values)
         self._copies += [(message.view(field), array) for field, array in values.items()]
         return message
+
+    def _publisher(self, message_type: type, topic: str) -> Publisher:
+        publisher = self._node.create_publisher(message_type, topic, DEPTH)
+        self.topics.append(publisher.topic_name)
+        return publisher

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from rclpy.node import Node
@@ -45,6 +44,7 @@ class ManipulatorState(Node):
         self._override_parameters_file(parameters)
         parameters.done()
         robot.cycle.every(rate_hz, "joint states", topics.publish)
+        self.rates_hz = dict.fromkeys(topics.topics, float(rate_hz))
 
     def _joint_names(self, parameters: Parameters) -> tuple[str, ...]:
         joints = self._robot.joint_names
@@ -65,18 +65,14 @@ class ManipulatorState(Node):
         return names
 
     def _fingers(self, parameters: Parameters) -> Fingers | None:
-        gripper = self._robot.descriptor.gripper
-        ends = {
-            name: parameters.number(name, default, f"position of the {word} fingers in m")
-            for name, default, word in (
-                ("gripper_open_value", gripper.open_m if gripper else 0.0, "open"),
-                ("gripper_close_value", gripper.closed_m if gripper else 0.0, "closed"),
-            )
-        }
-        if gripper is None or self._robot.gripper is None:
-            return None
-        closed: Callable[[], bool] = self._robot.gripper.closed
-        return Fingers(closed, *ends.values(), gripper.travel_time_s)
+        settings, gripper = self._robot.descriptor.gripper, self._robot.gripper
+        open_m = parameters.number(
+            "gripper_open_value", settings.open_m if settings else 0.0, "open fingers, in m"
+        )
+        closed_m = parameters.number(
+            "gripper_close_value", settings.closed_m if settings else 0.0, "closed fingers, in m"
+        )
+        return Fingers(gripper, open_m, closed_m) if gripper else None
 
     def _override_parameters_file(self, parameters: Parameters) -> None:
         """The parameter wins over the descriptor, before the engine starts."""
@@ -97,5 +93,3 @@ def joint_count(parameters: Parameters, robot: Robot) -> int:
         what = f"{number} joints, but {robot.descriptor.name} has {count}"
         raise parameters.error("joint_number", what)
     return number
-
-

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from robotd.errors import DescriptorError, PluginError, RobotdError
 from robotd.plugin.registry import NodeRegistry
-from robotd.robot import Robot
 
 if TYPE_CHECKING:
+    from robotd.robot import Robot
     from robotd.ros.host import RosHost
 
 
@@ -49,6 +49,10 @@ BUILT_IN = {
     "follow_joint_trajectory_server": NodeInfo(
         "robotd.ros.follow_joint_trajectory_server:FollowJointTrajectoryServer",
         "trajectories and the gripper",
+    ),
+    "diff_drive_controller": NodeInfo(
+        "robotd.ros.diff_drive_controller:DiffDriveController",
+        "twists and odometry of a mobile base; the wheels are switched on at start",
     ),
 }
 

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
+from robotd.clock import wait_until
 from robotd.device.axes import each
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, RobotdError
@@ -17,11 +18,13 @@ from robotd.robot import Robot
 from robotd.ros import convert
 from robotd.ros.axis_state import RATE_HZ, AxisStateTopic
 from robotd.ros.host import RosHost
-from robotd.ros.ready import ReadyTopic
+from robotd.ros.ready import PERIOD_S, ReadyTopic
 from robotd.ros.refusal_log import RefusalLog
 from robotd.ros.service import add_service, add_subscription
 
 COMMAND_DEPTH = 10
+IMAGE_TIMEOUT_S = 0.1  # many periods; the answer is sent all the same
+READY = "wmx/core_motion/ready"
 
 
 class WmxCoreMotionNode(Node):
@@ -35,6 +38,7 @@ class WmxCoreMotionNode(Node):
         super().__init__("wmx_core_motion_node", context=host.context)
         self._axes = robot.axes
         self._engine = robot.engine
+        self._robot_clock = robot.clock
         self._refusals = RefusalLog()
         self._add_axis_services(host)
         add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
@@ -47,8 +51,10 @@ class WmxCoreMotionNode(Node):
             handler = self._obey_or_tell(topic, command)
             add_subscription(self, message_type, topic, handler, COMMAND_DEPTH)
         state = AxisStateTopic(self, robot.descriptor.axes, robot.engine)
-        robot.cycle.every(min(RATE_HZ, robot.descriptor.cycle.rate_hz), "axis state", state.publish)
-        self._ready = ReadyTopic(self, robot.engine, "wmx/core_motion/ready")
+        rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
+        robot.cycle.every(rate_hz, "axis state", state.publish)
+        self.rates_hz = {state.topic: rate_hz, self.resolve_topic_name(READY): 1 / PERIOD_S}
+        self._ready = ReadyTopic(self, robot.engine, READY)
 
     def _add_axis_services(self, host: RosHost) -> None:
         axes = self._axes
@@ -62,9 +68,7 @@ class WmxCoreMotionNode(Node):
         ):
             handler = self._axis_handler(allowed, command)
             add_service(self, host, SetAxis, f"wmx/axis/{name}", handler)
-        add_service(
-            self, host, SetAxisGearRatio, "wmx/axis/set_gear_ratio", self._set_gear_ratio
-        )
+        add_service(self, host, SetAxisGearRatio, "wmx/axis/set_gear_ratio", self._set_gear_ratio)
 
     def _axis_handler(
         self, allowed: Collection[int] | None, command: Callable[[int, int], None]
@@ -78,6 +82,7 @@ class WmxCoreMotionNode(Node):
             if allowed is not None:
                 data = convert.choices(axes, request.data, allowed)
             results = each(axes, lambda axis: command(axis, data[axis]))
+            self._wait_for_image()
             return convert.fill_outcome(response, self._axes.names, results)
 
         return handle
@@ -86,7 +91,13 @@ class WmxCoreMotionNode(Node):
         self._engine.require_ready()
         ratios = convert.gear_ratios(request, len(self._axes))
         results = each(list(ratios), lambda axis: self._axes.set_gear_ratio(axis, *ratios[axis]))
+        self._wait_for_image()
         return convert.fill_outcome(response, self._axes.names, results)
+
+    def _wait_for_image(self) -> None:
+        """Until the cycle has read what was done: the next command is judged by that image."""
+        done_ns = self._robot_clock.now_ns()
+        wait_until(lambda: self._axes.image.stamp_ns > done_ns, IMAGE_TIMEOUT_S, self._robot_clock)
 
     def _load_parameters(self, request: Any, response: Any) -> Any:
         if not request.file_path:

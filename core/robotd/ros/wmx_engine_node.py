@@ -10,8 +10,10 @@ from wmx_ros2_message.srv import SetEngine
 
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.ready import ReadyTopic
+from robotd.ros.ready import PERIOD_S, ReadyTopic
 from robotd.ros.service import add_service
+
+READY = "wmx/engine/ready"
 
 
 class WmxEngineNode(Node):
@@ -25,11 +27,10 @@ class WmxEngineNode(Node):
         self._engine = robot.engine
         add_service(self, host, SetEngine, "wmx/engine/set_device", self._set_device)
         add_service(self, host, SetBool, "wmx/engine/set_comm", self._set_communication)
-        add_service(
-            self, host, Trigger, "wmx/engine/get_status", self._get_status, blocking=False
-        )
+        add_service(self, host, Trigger, "wmx/engine/get_status", self._get_status, blocking=False)
         add_service(self, host, Trigger, "wmx/engine/scan_network", self._scan_network)
-        self._ready = ReadyTopic(self, robot.engine, "wmx/engine/ready")
+        self._ready = ReadyTopic(self, robot.engine, READY)
+        self.rates_hz = {self.resolve_topic_name(READY): 1 / PERIOD_S}
 
     def _set_device(self, request: Any, response: Any) -> Any:
         if request.data:

@@ -1,0 +1,155 @@
+"""Limits of a base's twist that keep the commanded curvature.
+
+Whatever has to be reduced is reduced by one factor for both parts of the twist, so that a limit
+makes the base slower but leaves it on the commanded arc.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from robotd.motion.diff_drive import STILL, PlanarTwist
+
+_TOGETHER = 1e-9  # parts whose zeros are this close, as a part of the way, are zero together
+
+
+@dataclass(frozen=True)
+class RampLimits:
+    """Limits of one part of a twist, all positive: m and s, or rad and s.
+
+    Attributes:
+        velocity: in either direction.
+        acceleration, deceleration: where the speed grows, and where it shrinks.
+        jerk: inf: not limited.
+    """
+
+    velocity: float
+    acceleration: float
+    deceleration: float
+    jerk: float = math.inf
+
+
+@dataclass(frozen=True)
+class TwistLimits:
+    """Limits of a twist.
+
+    Attributes:
+        linear, angular: of its two parts.
+        rim: highest speed of a wheel's rim in m/s, both parts together; inf: not limited.
+        half_track: half the distance between the wheels in m.
+    """
+
+    linear: RampLimits
+    angular: RampLimits
+    rim: float = math.inf
+    half_track: float = 0.0
+
+    def scaled(self, twist: PlanarTwist) -> PlanarTwist:
+        """``twist`` on its arc, as fast as the limits of velocity allow."""
+        speeds = abs(twist.linear), abs(twist.angular)
+        excess = max(
+            1.0,
+            speeds[0] / self.linear.velocity,
+            speeds[1] / self.angular.velocity,
+            (speeds[0] + self.half_track * speeds[1]) / self.rim,
+        )
+        return PlanarTwist(twist.linear / excess, twist.angular / excess)
+
+    def smoothing(self) -> float:
+        """Length in s of the moving average that keeps the jerk limits; 0.0 without any.
+
+        Over T seconds an average changes its slope by (a₁ - a₀) / T, and a₁ - a₀ is at most
+        twice the steeper ramp.
+        """
+        return max(
+            2 * max(part.acceleration, part.deceleration) / part.jerk
+            for part in (self.linear, self.angular)
+        )
+
+
+class TwistLimiter:
+    """Follows a commanded twist within limits, one step a period. One thread.
+
+    Two stages: a ramp along the straight line to the command, which keeps velocity,
+    acceleration and deceleration, and a moving average over the ramp, which keeps the jerk.
+    Both map twists of one curvature to twists of that curvature. A command of another curvature
+    is approached on the straight line between the two; a part that changes its sign does so
+    by way of 0. During such a reversal the average may mix both ramps, and the steeper one is
+    the limit.
+
+    From twist (v, ω) a stop takes max(|v| / deceleration, |ω| / deceleration) of the parts
+    plus ``TwistLimits.smoothing``, each rounded up to a whole period.
+    """
+
+    def __init__(self, limits: TwistLimits, period_s: float) -> None:
+        self._limits = limits
+        self._period_s = period_s
+        self._length = max(1, math.ceil(limits.smoothing() / period_s - 1e-9))
+        self.reset()
+
+    @property
+    def at_rest(self) -> bool:
+        """The last step was to stand still, and without a command it stays so."""
+        return self._ramp == STILL and self._same >= self._length
+
+    def step(self, command: PlanarTwist) -> PlanarTwist:
+        """The twist one period on; ``command`` is finite."""
+        self._ramp = self._towards(self._limits.scaled(command))
+        return self._average(self._ramp)
+
+    def reset(self) -> None:
+        """Stand still, at once."""
+        self._ramp = STILL
+        self._recent = deque([STILL] * self._length)
+        self._sum = STILL
+        self._same = self._length  # how many of the newest of ``_recent`` are equal
+
+    def _towards(self, command: PlanarTwist) -> PlanarTwist:
+        now, goal = self._ramp, _to_first_zero(self._ramp, command)
+        excess = 1.0
+        for present, wanted, limits in zip(
+            now, goal, (self._limits.linear, self._limits.angular), strict=True
+        ):
+            grows = abs(wanted) > abs(present)
+            slope = limits.acceleration if grows else limits.deceleration
+            excess = max(excess, abs(wanted - present) / (slope * self._period_s))
+        return goal if excess == 1.0 else _between(now, goal, 1.0 / excess)
+
+    def _average(self, twist: PlanarTwist) -> PlanarTwist:
+        newest, oldest = self._recent[-1], self._recent.popleft()
+        self._recent.append(twist)
+        self._same = min(self._same, self._length) + 1 if twist == newest else 1
+        count = self._length
+        if self._same >= count:  # exact from here on, whatever the sum has gathered in rounding
+            self._sum = PlanarTwist(twist.linear * count, twist.angular * count)
+            return twist
+        self._sum = PlanarTwist(
+            self._sum.linear + twist.linear - oldest.linear,
+            self._sum.angular + twist.angular - oldest.angular,
+        )
+        return PlanarTwist(self._sum.linear / count, self._sum.angular / count)
+
+
+def _between(start: PlanarTwist, end: PlanarTwist, part: float) -> PlanarTwist:
+    return PlanarTwist(
+        start.linear + part * (end.linear - start.linear),
+        start.angular + part * (end.angular - start.angular),
+    )
+
+
+def _to_first_zero(start: PlanarTwist, end: PlanarTwist) -> PlanarTwist:
+    """``end``, or the first twist on the way there in which a part becomes 0."""
+    zeros = [
+        have / (have - want) if have * want < 0.0 else math.inf
+        for have, want in zip(start, end, strict=True)
+    ]
+    first = min(zeros)
+    if first == math.inf:
+        return end
+    linear, angular = _between(start, end, first)
+    return PlanarTwist(
+        0.0 if zeros[0] <= first + _TOGETHER else linear,
+        0.0 if zeros[1] <= first + _TOGETHER else angular,
+    )

@@ -1,0 +1,157 @@
+"""A client of a running robot, in a process of its own: what the commands for people are made of.
+
+It uses the names that the nodes have by default. A robot started with remaps or a namespace is
+reached with the same ``--ros-args``. One thread; nothing here is meant for a control loop.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+
+from robotd.errors import DeviceTimeout, OperationError
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+_TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
+
+
+class RosClient:
+    """Calls services and waits for messages: ``with RosClient(ros_args, timeout_s) as client:``.
+
+    Signal handlers are left alone: Ctrl-C raises KeyboardInterrupt out of a wait.
+
+    Args:
+        ros_args: command line from ``--ros-args`` on.
+        timeout_s: how long an answer may take, discovery included; seconds.
+
+    Attributes:
+        node: for publishers, subscriptions and action clients; driven by ``wait`` only.
+    """
+
+    node: Node
+
+    def __init__(self, ros_args: Sequence[str] = (), timeout_s: float = 5.0) -> None:
+        self.timeout_s = timeout_s
+        self._ros_args = list(ros_args)
+        self._context = Context()
+
+    def __enter__(self) -> Self:
+        try:
+            rclpy.init(
+                args=self._ros_args,
+                context=self._context,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        except Exception as error:
+            raise OperationError(f"ROS does not start: {error}") from error
+        self.node = Node(
+            f"robotd_client_{os.getpid()}",
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def wait(
+        self, condition: Callable[[], Any], what: str, timeout_s: float | None = None
+    ) -> Any:
+        """The first true answer of ``condition``, asked after every event.
+
+        Args:
+            condition: must not block.
+            what: named in the error: "no {what} within ...".
+            timeout_s: seconds; None takes the client's own.
+
+        Raises:
+            DeviceTimeout: there was none in time.
+        """
+        timeout_s = self.timeout_s if timeout_s is None else timeout_s
+        deadline = time.monotonic() + timeout_s
+        while not (answer := condition()):
+            if time.monotonic() > deadline:
+                raise DeviceTimeout(f"no {what} within {timeout_s:g} s{_hint()}")
+            self.spin()
+        return answer
+
+    def spin(self) -> None:
+        """Handle the next event, or let a moment pass."""
+        self._executor.spin_once(timeout_sec=_TICK_S)
+
+    def call(self, service_type: Any, name: str, **request: Any) -> Any:
+        """The response of service ``name``; the request's fields by name.
+
+        Raises:
+            DeviceTimeout: nobody offers the service, or it does not answer in time.
+            OperationError: the response says ``success=False``; its reason is the text.
+        """
+        client = self.node.create_client(service_type, name)
+        try:
+            self.wait(client.service_is_ready, f"service {client.service_name}")
+            future = client.call_async(service_type.Request(**request))
+            self.wait(future.done, f"answer from {client.service_name}")
+        finally:
+            self.node.destroy_client(client)
+        response = future.result()
+        if not getattr(response, "success", True):
+            raise OperationError(response.message)
+        return response
+
+    def listen(self, message_type: Any, topic: str, qos: Any = 1) -> Listener:
+        """Subscribe ``topic`` until the listener is closed."""
+        return Listener(self, message_type, topic, qos)
+
+
+class Listener:
+    """Keeps the newest message of a topic.
+
+    Attributes:
+        newest: None before the first message.
+    """
+
+    def __init__(self, client: RosClient, message_type: Any, topic: str, qos: Any) -> None:
+        self.newest: Any = None
+        self._client = client
+        self._subscription = client.node.create_subscription(
+            message_type, topic, self._keep, qos
+        )
+
+    def wait(self) -> Any:
+        """The newest message, the first one if there is none yet. Raises DeviceTimeout."""
+        return self._client.wait(lambda: self.newest, f"message on {self._subscription.topic_name}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.node.destroy_subscription(self._subscription)
+
+    def _keep(self, message: Any) -> None:
+        self.newest = message
+
+
+def _hint() -> str:
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    return f": is robotd running, with ROS_DOMAIN_ID={domain} and the same --ros-args?"

@@ -1,0 +1,183 @@
+"""Serve a robot on ROS 2 until a signal: nodes first, then the robot, and back in order."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from queue import SimpleQueue
+from types import FrameType
+from typing import NoReturn
+
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+from robotd.plugin.registry import NodeRegistry
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.nodes import check_names, make_node
+from robotd.ros.surface import ServeReport, report_of
+
+log = get_logger("serve")
+
+ENABLING_NODE = "manipulator_state"  # the one whose presence switches the joints on
+MANUAL_NODE = "wmx_engine_node"  # with it, a failed start can be repeated by hand
+START_ABORT_S = 10.0  # the longest that a start-up under way is waited for
+EMERGENCY_S = 0.5  # for the quick stop of a second signal
+EXIT_INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class _Stop:
+    """Signal ``number`` arrived."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class _StartEnded:
+    """The robot is up, or ``error`` says why not."""
+
+    error: Exception | None
+
+
+class _Ended:
+    """The robot is shut down."""
+
+
+Event = _Stop | _StartEnded | _Ended
+
+
+def serve(
+    robot: Robot,
+    node_names: Sequence[str],
+    ros_args: Sequence[str] = (),
+    *,
+    registry: NodeRegistry | None = None,
+    served: Callable[[ServeReport], None] | None = None,
+    ready: Callable[[], None] | None = None,
+) -> int:
+    """Make the nodes, start the robot, and serve until SIGINT or SIGTERM. Main thread only.
+
+    The first signal stops in order: motion, servos, communication, device, nodes, ROS. A second
+    one tries a quick stop and ends the process with status 130 at once.
+
+    Args:
+        robot: not started.
+        node_names: nodes to make; with ``manipulator_state`` the joints are switched on.
+        ros_args: from ``--ros-args`` on.
+        registry: nodes that plugins bring.
+        served: called when the nodes answer, before the robot starts.
+        ready: called when the robot has started.
+
+    Returns:
+        0 after an orderly stop.
+
+    Raises:
+        DescriptorError, PluginError: a node or a parameter is wrong; nothing was opened.
+        RobotdError: the robot did not start, and no ``wmx_engine_node`` is there to start it
+            by hand; it is shut down again.
+    """
+    check_names(node_names, registry)
+    events: SimpleQueue[Event] = SimpleQueue()
+    with _stop_signals(events), RosHost(ros_args) as host:
+        nodes = [make_node(name, robot, host, registry) for name in node_names]
+        for node in nodes:
+            host.add_node(node)
+        if served is not None:
+            served(report_of(nodes))
+        _run(robot, node_names, events, ready)
+    return 0
+
+
+def _run(
+    robot: Robot,
+    node_names: Sequence[str],
+    events: SimpleQueue[Event],
+    ready: Callable[[], None] | None,
+) -> None:
+    """From start to shut-down of the robot, each in a thread, so that signals are heard."""
+    start = _in_thread("robotd-start", lambda: _start(robot, node_names, events))
+    failure: Exception | None = None
+    try:
+        while not isinstance(event := events.get(), _Stop):
+            if not isinstance(event, _StartEnded):
+                continue
+            if event.error is None:
+                if ready is not None:
+                    ready()
+            elif MANUAL_NODE in node_names and isinstance(event.error, RobotdError):
+                log.error(
+                    "the robot did not start; the engine services can", reason=str(event.error)
+                )
+            else:
+                failure = event.error
+                break
+        else:
+            log.info("stopping", signal=signal.Signals(event.number).name)
+    finally:
+        _in_thread("robotd-stop", lambda: _stop(robot, start, events))
+        _wait_until_ended(robot, events)
+    if failure is not None:
+        raise failure
+
+
+def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) -> None:
+    try:
+        robot.start(enable=ENABLING_NODE in node_names)
+    except Exception as error:  # noqa: BLE001 - the main thread raises it
+        events.put(_StartEnded(error))
+    else:
+        events.put(_StartEnded(None))
+
+
+def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> None:
+    try:
+        robot.engine.abort_start()
+        start.join(START_ABORT_S)
+        robot.shutdown()
+    except Exception:
+        log.exception("shut-down failed")
+    finally:
+        events.put(_Ended())
+
+
+def _wait_until_ended(robot: Robot, events: SimpleQueue[Event]) -> None:
+    while not isinstance(event := events.get(), _Ended):
+        if isinstance(event, _Stop):
+            _exit_now(robot)
+
+
+def _exit_now(robot: Robot) -> NoReturn:
+    """Ask for a quick stop, wait a moment for it to be on its way, and end the process."""
+    log.error("second signal: quick stop, then exit without clean-up")
+    axes = list(range(len(robot.axes)))
+    _in_thread("robotd-quick-stop", lambda: robot.axes.quick_stop(axes)).join(EMERGENCY_S)
+    os._exit(EXIT_INTERRUPTED)
+
+
+@contextmanager
+def _stop_signals(events: SimpleQueue[Event]) -> Iterator[None]:
+    """SIGINT and SIGTERM as events. ``SimpleQueue.put`` is safe in a signal handler."""
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        events.put(_Stop(number))
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, on_signal) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _in_thread(name: str, function: Callable[[], None]) -> threading.Thread:
+    thread = threading.Thread(target=function, name=name, daemon=True)
+    thread.start()
+    return thread
+
+
+__all__ = ["ServeReport", "serve"]

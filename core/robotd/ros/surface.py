@@ -1,0 +1,60 @@
+"""What a set of nodes offers to others, as the ROS graph has it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.node import Node
+
+# Every node has these.
+_COMMON_TOPICS = ("/rosout", "/parameter_events", "/clock")
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic that is published or subscribed; ``rate_hz`` None where there is no fixed rate."""
+
+    name: str
+    type: str
+    rate_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class ServeReport:
+    """The surface of all nodes: resolved names, sorted, without what every node has."""
+
+    nodes: tuple[str, ...]
+    topics: tuple[Topic, ...]
+    services: tuple[str, ...]
+    actions: tuple[str, ...]
+
+
+def report_of(nodes: Iterable[Node]) -> ServeReport:
+    """Ask the graph for everything that ``nodes`` publish, subscribe and serve.
+
+    A node may tell the rates of its topics as ``rates_hz``, a mapping of resolved names.
+    """
+    names, topics, services, actions = [], {}, set(), set()
+    for node in nodes:
+        own = (node.get_name(), node.get_namespace())
+        names.append(node.get_fully_qualified_name())
+        rates = getattr(node, "rates_hz", {})
+        for listing in (
+            node.get_publisher_names_and_types_by_node(*own),
+            node.get_subscriber_names_and_types_by_node(*own),
+        ):
+            for name, types in listing:
+                if name not in _COMMON_TOPICS and "/_action/" not in name:
+                    topics[name] = Topic(name, types[0], rates.get(name))
+        for name, _ in node.get_service_names_and_types_by_node(*own):
+            if not name.startswith(f"{names[-1]}/") and "/_action/" not in name:
+                services.add(name)
+        actions |= {name for name, _ in get_action_server_names_and_types_by_node(node, *own)}
+    return ServeReport(
+        tuple(names),
+        tuple(topics[name] for name in sorted(topics)),
+        tuple(sorted(services)),
+        tuple(sorted(actions)),
+    )

@@ -1,0 +1,201 @@
+"""The axis driver: checks in the engine's order, commands, and the reading of all axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from robotd.plugin.api import (
+    AxisDriver,
+    CommandMode,
+    DeviceTimeout,
+    FloatArray,
+    NotReady,
+    Operation,
+    OperationError,
+    ProcessImage,
+    Profile,
+    Unsupported,
+    wait_until,
+)
+from robotd_sim.readout import Readout
+from robotd_sim.simulation import Simulation
+
+_OVERRIDABLE = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
+MODE_TICKS = 2  # until a drive is in the mode that it was asked for
+_MODE_TIMEOUT_S = 1.0
+
+
+class SimAxes(AxisDriver):
+    """All axes of one simulation."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation, self._world = simulation, simulation.world
+        self._states, self._motion = simulation.states, simulation.motion
+        self._readout = Readout(simulation)
+
+    def read(self, image: ProcessImage) -> None:
+        with self._world.lock:
+            self._world.advance()
+            self._readout.fill(image)
+
+    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+        with self._world.lock:
+            self._world.advance()
+            if self._motion.stream.following.any():
+                self._motion.stream.setpoint(position, velocity)
+
+    def begin_stream(self, axes: Sequence[int]) -> None:
+        with self._world.lock:
+            self._world.advance()
+            for axis in axes:
+                by_velocity = self._states.mode[axis] == CommandMode.VELOCITY
+                mode = CommandMode.VELOCITY if by_velocity else CommandMode.POSITION
+                self._require_free(axis, mode, streaming=True)
+            for axis in axes:
+                self._motion.begin_stream(axis)
+
+    def end_stream(self, axes: Sequence[int]) -> None:
+        with self._world.lock:
+            self._world.advance()
+            for axis in axes:
+                self._motion.end_stream(axis)
+
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        states = self._states
+        with self._world.lock:
+            self._world.advance()
+            if on:
+                self._require_drive(axis)
+            self._simulation.power.request(axis, on=on)
+        if not self._wait(lambda: bool(states.servo_on[axis]) == on, timeout_s):
+            wanted = "on" if on else "off"
+            raise DeviceTimeout(
+                f"axis {axis}: the servo did not go {wanted} within {timeout_s:g} s"
+            )
+
+    def clear_alarm(self, axis: int, timeout_s: float) -> None:
+        states = self._states
+        with self._world.lock:
+            self._world.advance()
+            self._require_online(axis)
+            self._simulation.power.clear(axis)
+        alarms = states.amp_alarm, states.following_alarm
+        if not self._wait(lambda: not any(alarm[axis] for alarm in alarms), timeout_s):
+            raise DeviceTimeout(f"axis {axis}: the alarm is still there after {timeout_s:g} s")
+
+    def set_command_mode(self, axis: int, mode: CommandMode) -> None:
+        if mode is CommandMode.TORQUE:
+            raise Unsupported("torque mode", "sim")
+        states = self._states
+        with self._world.lock:
+            self._world.advance()
+            if self._simulation.communicating:
+                self._simulation.require_rest(axis, "its mode cannot be changed")
+            states.mode[axis] = mode
+            self._world.at(self._world.tick + MODE_TICKS, lambda: self._enter_mode(axis))
+        if not self._wait(lambda: bool(states.mode_feedback[axis] == mode), _MODE_TIMEOUT_S):
+            raise DeviceTimeout(f"axis {axis}: not in mode {mode.name.lower()} after 1 s")
+
+    def set_polarity(self, axis: int, polarity: int) -> None:
+        self._scale(axis, {"AxisPolarity": polarity})
+
+    def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+        self._scale(
+            axis, {"AxisGearRatioNumerator": numerator, "AxisGearRatioDenominator": denominator}
+        )
+
+    def home(self, axis: int, timeout_s: float) -> None:
+        states = self._states
+        with self._world.lock:
+            self._world.advance()
+            self._require_online(axis)
+            self._simulation.require_rest(axis, "it cannot be homed")
+            states.home_done[axis] = False
+            states.operation[axis] = Operation.HOMING
+            self._world.at(self._world.tick + 1, lambda: self._home(axis))
+        if not self._wait(lambda: states.operation[axis] != Operation.HOMING, timeout_s):
+            raise DeviceTimeout(f"axis {axis}: homing did not end within {timeout_s:g} s")
+        if not states.home_done[axis]:
+            raise OperationError(f"axis {axis}: homing was interrupted")
+
+    def move(self, axis: int, target: float, profile: Profile) -> None:
+        with self._world.lock:
+            self._world.advance()
+            self._require_free(axis, CommandMode.POSITION)
+            self._require_way(axis, target - float(self._simulation.servo.command[axis]))
+            self._motion.move(axis, target, profile)
+
+    def jog(self, axis: int, profile: Profile) -> None:
+        with self._world.lock:
+            self._world.advance()
+            self._require_free(axis)
+            self._require_way(axis, profile.velocity)
+            self._motion.jog(axis, profile)
+
+    def stop(self, axes: Sequence[int]) -> None:
+        self._each(axes, self._motion.stop)
+
+    def quick_stop(self, axes: Sequence[int]) -> None:
+        self._each(axes, self._motion.quick_stop)
+
+    def _each(self, axes: Sequence[int], command: Callable[[int], None]) -> None:
+        with self._world.lock:
+            self._world.advance()
+            for axis in axes:
+                command(axis)
+
+    def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        def now() -> bool:
+            with self._world.lock:
+                self._world.advance()
+                return condition()
+
+        return wait_until(now, timeout_s, self._simulation.clock)
+
+    def _scale(self, axis: int, changes: dict[str, float]) -> None:
+        with self._world.lock:
+            self._world.advance()
+            if self._states.servo_on[axis]:
+                raise NotReady(f"axis {axis}: its scale cannot be changed while the servo is on")
+            self._simulation.change_scale(axis, changes)
+
+    def _enter_mode(self, axis: int) -> None:
+        self._states.mode_feedback[axis] = self._states.mode[axis]
+
+    def _home(self, axis: int) -> None:
+        if self._states.operation[axis] == Operation.HOMING:
+            self._states.operation[axis] = Operation.IDLE
+            self._simulation.home(axis)
+
+    def _require_online(self, axis: int) -> None:
+        if not self._simulation.communicating:
+            raise NotReady(f"axis {axis}: the engine is not communicating")
+        if not self._states.connected[axis]:
+            raise NotReady(f"axis {axis}: the drive is offline")
+
+    def _require_drive(self, axis: int) -> None:
+        self._require_online(axis)
+        if self._states.amp_alarm[axis]:
+            code = self._states.alarm_code[axis]
+            raise NotReady(f"axis {axis}: the drive is in alarm {code} (0x{code:X})")
+
+    def _require_free(
+        self, axis: int, mode: CommandMode | None = None, *, streaming: bool = False
+    ) -> None:
+        """``axis`` takes commands of ``mode`` now; None: in any mode."""
+        self._require_drive(axis)
+        if not self._states.servo_on[axis]:
+            raise NotReady(f"axis {axis}: the servo is off")
+        if mode is not None and self._states.mode[axis] != mode:
+            present = CommandMode(int(self._states.mode[axis])).name.lower()
+            raise NotReady(f"axis {axis}: in {present} mode, not in {mode.name.lower()} mode")
+        operation = Operation(int(self._states.operation[axis]))
+        if operation not in _OVERRIDABLE and not (streaming and operation is Operation.STREAM):
+            raise NotReady(f"axis {axis}: takes no command while it is {operation.name.lower()}")
+
+    def _require_way(self, axis: int, direction: float) -> None:
+        reason = self._simulation.guards.blocked(axis, float(np.sign(direction)))
+        if direction and reason:
+            raise OperationError(f"axis {axis}: {reason}")

@@ -1,0 +1,110 @@
+"""The connection to the simulated engine, and its states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robotd.plugin.api import (
+    ConnectError,
+    DeviceDriver,
+    DeviceTimeout,
+    EngineState,
+    NotReady,
+    read_wmx_parameters,
+    wait_until,
+)
+from robotd_sim.simulation import NANOSECONDS, Simulation
+
+
+class SimDevice(DeviceDriver):
+    """Opens, starts and stops the engine. Any worker thread may call."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+
+    def open(self, path: str = "", name: str = "") -> None:
+        """There is one device, whatever its path or name.
+
+        Raises ConnectError as often as the option ``fail_open`` asks for.
+        """
+        simulation = self.simulation
+        delay_ns = round(simulation.options.open_delay_s * NANOSECONDS)
+        simulation.clock.sleep_until_ns(simulation.clock.now_ns() + delay_ns)
+        with simulation.world.lock:
+            simulation.world.advance()
+            if simulation.engine is not EngineState.IDLE:
+                return
+            if simulation.failures_left > 0:
+                simulation.failures_left -= 1
+                reason = f"device locked, as asked for ({simulation.failures_left} more times)"
+                raise ConnectError("the simulated device cannot be opened", {"engine": reason})
+            simulation.engine = EngineState.RUNNING
+
+    def close(self) -> None:
+        with self.simulation.world.lock:
+            self.simulation.world.advance()
+            if self.simulation.engine is not EngineState.IDLE:
+                self.simulation.reset()
+
+    def start_communication(self, timeout_s: float) -> None:
+        simulation = self.simulation
+        with simulation.world.lock:
+            simulation.world.advance()
+            if simulation.engine is EngineState.IDLE:
+                raise NotReady("communication cannot start: no device is open")
+            if simulation.engine is EngineState.RUNNING:
+                simulation.request_communication()
+        if not self._wait_for(EngineState.COMMUNICATING, timeout_s):
+            raise DeviceTimeout(f"communication did not start within {timeout_s:g} s")
+
+    def stop_communication(self, timeout_s: float) -> None:
+        """Axes brake first, for as long as ``timeout_s`` allows; then the drives go off."""
+        simulation = self.simulation
+        axes = range(simulation.axes)
+        with simulation.world.lock:
+            simulation.world.advance()
+            for axis in axes:
+                simulation.motion.quick_stop(axis)
+
+        def at_rest() -> bool:
+            with simulation.world.lock:
+                simulation.world.advance()
+                return not any(simulation.world.moves(axis) for axis in axes)
+
+        wait_until(at_rest, timeout_s, simulation.clock)
+        with simulation.world.lock:
+            simulation.silence()
+
+    def state(self) -> EngineState:
+        with self.simulation.world.lock:
+            self.simulation.world.advance()
+            return self.simulation.engine
+
+    def scan_network(self) -> str:
+        simulation = self.simulation
+        with simulation.world.lock:
+            simulation.world.advance()
+            if simulation.engine is EngineState.IDLE:
+                raise NotReady("the network cannot be scanned: no device is open")
+            slaves = simulation.network.slaves
+            drives = sum(slave.axis is not None for slave in slaves)
+            silent = [str(slave.id) for slave in slaves if not slave.connected]
+        missing = f"; no answer from {', '.join(silent)}" if silent else ""
+        return f"master 0: {drives} drives, {len(slaves) - drives} I/O modules{missing}"
+
+    def load_parameters(self, path: Path) -> None:
+        """Raises DescriptorError for a bad file, NotReady while an axis moves."""
+        parameters = read_wmx_parameters(path)
+        with self.simulation.world.lock:
+            self.simulation.world.advance()
+            if self.simulation.engine is EngineState.IDLE:
+                raise NotReady("parameters cannot be loaded: no device is open")
+            self.simulation.apply(parameters)
+
+    def dump_parameters(self, axis: int) -> str:
+        with self.simulation.world.lock:
+            values = self.simulation.parameters.axis(axis)
+        return "\n".join(f"{name} = {value:.15g}" for name, value in values.items())
+
+    def _wait_for(self, state: EngineState, timeout_s: float) -> bool:
+        return wait_until(lambda: self.state() is state, timeout_s, self.simulation.clock)

@@ -1,0 +1,85 @@
+"""Diagnostics of the simulated line."""
+
+from __future__ import annotations
+
+from robotd.plugin.api import (
+    EngineState,
+    FieldbusDriver,
+    InvalidArgument,
+    NetworkState,
+    NotReady,
+    OperationError,
+)
+from robotd_sim.esc import MEMORY_BYTES, memory
+from robotd_sim.simulation import Simulation
+
+
+class SimFieldbus(FieldbusDriver):
+    """One master, id 0."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    @property
+    def masters(self) -> int:
+        return 1
+
+    def network_state(self, master: int) -> NetworkState:
+        self._check_master(master)
+        simulation, world = self._simulation, self._simulation.world
+        with world.lock:
+            world.advance()
+            return simulation.network.state(
+                world.tick, world.slips, communicating=simulation.communicating
+            )
+
+    def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
+        self._check_master(master)
+        simulation, slaves = self._simulation, self._simulation.network.slaves
+        if not 0 <= slave < len(slaves):
+            raise InvalidArgument(
+                f"slave {slave} does not exist, slaves are 0 to {len(slaves) - 1}"
+            )
+        if address < 0 or length < 1 or address + length > MEMORY_BYTES:
+            raise InvalidArgument(
+                f"registers 0x{address:X} to 0x{address + length - 1:X} are outside of"
+                f" 0x000 to 0x{MEMORY_BYTES - 1:X}"
+            )
+        with simulation.world.lock:
+            simulation.world.advance()
+            self._require_open()
+            if not slaves[slave].connected:
+                raise OperationError(f"slave {slave} on master {master} does not answer")
+            image = memory(
+                slaves[slave],
+                communicating=simulation.communicating,
+                last=slave == len(slaves) - 1,
+                system_time_ns=simulation.world.now_ns,
+            )
+        return image[address : address + length]
+
+    def reset_statistics(self, master: int) -> None:
+        self._check_master(master)
+        world = self._simulation.world
+        with world.lock:
+            world.advance()
+            self._simulation.network.reset(world.tick, world.slips)
+
+    def start_hot_connect(self, master: int) -> None:
+        """Offline slaves are back after ``hot_connect_delay_s``; their drives stay off."""
+        self._check_master(master)
+        simulation = self._simulation
+        with simulation.world.lock:
+            simulation.world.advance()
+            self._require_open()
+            delay = simulation.options.ticks(simulation.options.hot_connect_delay_s)
+            simulation.world.at(simulation.world.tick + delay, simulation.reconnect)
+
+    def _require_open(self) -> None:
+        if self._simulation.engine is EngineState.IDLE:
+            raise NotReady("the fieldbus cannot be asked: no device is open")
+
+    @staticmethod
+    def _check_master(master: int) -> None:
+        if master != 0:
+            raise InvalidArgument(f"master {master} does not exist, there is only master 0")

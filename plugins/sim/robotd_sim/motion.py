@@ -1,0 +1,181 @@
+"""Moves, velocity commands, stops and streams: what gives an axis its command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from math import ceil
+
+import numpy as np
+
+from robotd.plugin.api import CommandMode, FloatArray, Operation, Profile, WmxParameters
+from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
+from robotd_sim.state import AxisStates
+from robotd_sim.stream import Stream
+from robotd_sim.world import FOREVER, World
+
+_STANDS = 1e-3  # a last setpoint slower than this (rad/s) ends a stream at rest
+_ROUNDING = 1e-6  # part of a tick by which computed times may be late
+
+
+class Motion:
+    """The commands of all axes. Hold the world's lock; arguments and states are checked before.
+
+    ``ramp`` is the deceleration of stops that no command gave one, shape (n_axes,); NaN takes
+    the quick stop's.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        states: AxisStates,
+        ramp: FloatArray,
+        period_s: float,
+        stream_timeout: int,
+    ) -> None:
+        self._world, self._servo, self._states, self._ramp = world, world.servo, states, ramp
+        axes = world.servo.axes
+        self._plans = [0] * axes  # number of each axis' plan: what was scheduled for older is void
+        self._deceleration = [0.0] * axes
+        self._quick = [False] * axes
+        self._quick_stop_dec: FloatArray = np.ones(axes)
+        self._may_brake_harder = np.zeros(axes, bool)
+        self.stream = Stream(world, period_s, stream_timeout, self._stream_timed_out)
+
+    def configure(self, parameters: WmxParameters) -> None:
+        axes = self._servo.axes
+        self._quick_stop_dec = parameters["QuickStopDec"][:axes]
+        self._may_brake_harder = parameters["ProhibitOvertravel"][:axes] != 0
+
+    def plan(self, axis: int) -> int:
+        """Number of the present plan; another number is another command."""
+        return self._plans[axis]
+
+    def is_idle(self, axis: int) -> bool:
+        """Nothing is being executed and the command stands still."""
+        return self._states.operation[axis] == Operation.IDLE and not self._world.moves(axis)
+
+    def move(self, axis: int, target: float, profile: Profile) -> None:
+        hardest = profile.deceleration
+        if self._may_brake_harder[axis]:
+            hardest = max(hardest, float(self._quick_stop_dec[axis]))
+        plan = plan_move(*self._command(axis), target, profile, hardest)
+        self._deceleration[axis] = profile.deceleration
+        self._begin(axis, plan, Operation.POSITION, completes=True)
+
+    def jog(self, axis: int, profile: Profile) -> None:
+        plan = plan_velocity(
+            *self._command(axis), profile.velocity, profile.acceleration, profile.deceleration
+        )
+        self._deceleration[axis] = profile.deceleration
+        self._begin(axis, plan, Operation.VELOCITY)
+
+    def stop(self, axis: int) -> None:
+        """Brake with the running command's deceleration; a running stop stays as it is."""
+        if self._states.operation[axis] not in (Operation.IDLE, Operation.STOPPING):
+            self.brake(axis, self._stop_deceleration(axis))
+
+    def quick_stop(self, axis: int) -> None:
+        """Brake with QuickStopDec; takes over a running stop, but not a quick stop."""
+        if self._states.operation[axis] != Operation.IDLE and not self._quick[axis]:
+            self.brake(axis, float(self._quick_stop_dec[axis]))
+            self._quick[axis] = True
+
+    def brake(self, axis: int, deceleration: float, then: Callable[[], None] | None = None) -> None:
+        """Stop with ``deceleration`` whatever runs, and call ``then`` at rest."""
+        plan = plan_stop(*self._command(axis), deceleration)
+        self._begin(axis, plan, Operation.STOPPING, then=then)
+
+    def coast(self, axis: int, deceleration: float) -> None:
+        """No command any more: the axis itself slows down, nothing is being executed."""
+        self._begin(axis, plan_stop(*self._command(axis), deceleration), Operation.IDLE)
+
+    def hold(self, axis: int, position: float) -> None:
+        """Stand at ``position`` from now on."""
+        self._begin(axis, [Segment(0.0, position, 0.0, 0.0)], Operation.IDLE)
+
+    def begin_stream(self, axis: int) -> None:
+        if self._states.operation[axis] == Operation.STREAM:
+            return
+        self._drop(axis)
+        self._states.operation[axis] = Operation.STREAM
+        self._world.busy(axis, FOREVER)
+        self.stream.begin(axis, by_velocity=self._states.mode[axis] == CommandMode.VELOCITY)
+
+    def end_stream(self, axis: int) -> None:
+        """Run to the last setpoint and stay there; still moving there, brake instead."""
+        stream, tick = self.stream, self._world.tick
+        if not stream.following[axis]:
+            return
+        if abs(stream.velocity[axis]) > _STANDS:
+            self.brake(axis, self._stop_deceleration(axis))
+            return
+        remaining_s = max(0.0, (stream.end - tick) * self._servo.tick_s)
+        stay = Segment(remaining_s, float(stream.position[axis]), 0.0, 0.0)
+        self._begin(axis, [stay], Operation.IDLE)
+        self._states.motion_complete[axis] = True
+
+    def _stream_timed_out(self) -> None:
+        for axis in np.flatnonzero(self.stream.following):
+            self.brake(int(axis), self._stop_deceleration(int(axis)))
+
+    def _command(self, axis: int) -> tuple[float, float]:
+        return float(self._servo.command[axis]), float(self._servo.command_velocity[axis])
+
+    def _stop_deceleration(self, axis: int) -> float:
+        ramp = float(self._ramp[axis])
+        if self._states.operation[axis] != Operation.STREAM and self._deceleration[axis] > 0:
+            ramp = self._deceleration[axis]
+        return float(self._quick_stop_dec[axis]) if np.isnan(ramp) else ramp
+
+    def _drop(self, axis: int) -> int:
+        """Forget what was planned; returns the number of the plan to come."""
+        self._plans[axis] += 1
+        self._quick[axis] = False
+        self.stream.following[axis] = False
+        self._states.motion_complete[axis] = False
+        return self._plans[axis]
+
+    def _begin(
+        self,
+        axis: int,
+        plan: list[Segment],
+        operation: Operation,
+        *,
+        completes: bool = False,
+        then: Callable[[], None] | None = None,
+    ) -> None:
+        """Load the first segment now and the others as they begin.
+
+        A segment is loaded at the last tick before it begins, so that the next one lies on it.
+        """
+        number, begun, tick_s = self._drop(axis), self._world.tick, self._servo.tick_s
+        self._states.operation[axis] = operation
+
+        def load(segment: Segment) -> None:
+            if number == self._plans[axis]:
+                now = self._world.tick
+                position, velocity = segment.at((now - begun) * tick_s)
+                self._servo.follow(axis, now, position, velocity, segment.acceleration)
+
+        def finish() -> None:
+            if number == self._plans[axis]:
+                self._states.operation[axis] = Operation.IDLE
+                self._states.motion_complete[axis] = completes
+                if then is not None:
+                    then()
+
+        for segment in plan:
+            before = ceil(segment.start_s / tick_s - _ROUNDING) - 1
+            if before <= 0:
+                load(segment)
+            else:
+                self._world.at(begun + before, partial(load, segment))
+        last = plan[-1]
+        if last.velocity:
+            self._world.busy(axis, FOREVER)
+            return
+        ended = begun + ceil(last.start_s / tick_s - _ROUNDING)
+        self._world.busy(axis, ended)
+        if operation != Operation.IDLE:
+            self._world.at(ended, finish)

@@ -1,0 +1,120 @@
+"""The simulated EtherCAT line: one drive per axis, then perhaps an I/O module."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from robotd.plugin.api import NetworkState, RobotDescriptor, SlaveInfo
+from robotd_sim.options import SimOptions
+
+VENDOR_ID = 0x0000_5349  # assigned to nobody: a made-up identity must not claim a real maker
+DRIVE_PRODUCT, MODULE_PRODUCT = 0x0000_0D01, 0x0000_0D10
+REVISION = 0x0001_0000
+FIRST_ADDRESS = 0x03E9  # station addresses count from 1001, as masters commonly assign them
+MODULE_BYTES = 2  # inputs and outputs of the I/O module, at the start of the images
+DRIVE_INPUT_BYTES = 4  # digital inputs (0x60FD) of a drive
+DRIVE_RX_PDO, DRIVE_TX_PDO = 13, 21  # bytes: commands to a drive, values from it
+AL_LOST = 0x001B  # AL status code: sync manager watchdog
+_DELAYS_NS = (1840, 1846, 1842, 1851, 1839, 1844, 1848, 1841)  # of a frame, in turn
+
+
+class AlState(IntEnum):
+    """EtherCAT AL states with the numbers that ROS clients know."""
+
+    NONE = 0
+    INIT = 1
+    PREOP = 2
+    BOOT = 4
+    SAFEOP = 8
+    OP = 16
+
+
+@dataclass
+class Slave:
+    """One device on the line; ``axis`` is None for the I/O module."""
+
+    id: int
+    axis: int | None
+    connected: bool = True
+
+    @property
+    def address(self) -> int:
+        """Configured station address."""
+        return FIRST_ADDRESS + self.id
+
+    def al_state(self, *, communicating: bool) -> AlState:
+        if not self.connected:
+            return AlState.NONE
+        return AlState.OP if communicating else AlState.PREOP
+
+    def info(self, module_bytes: int, *, communicating: bool) -> SlaveInfo:
+        """``module_bytes`` of the images belong to the I/O module; the drives' inputs follow."""
+        drive = self.axis is not None
+        return SlaveInfo(
+            id=self.id,
+            state=int(self.al_state(communicating=communicating)),
+            al_code=0 if self.connected else AL_LOST,
+            position=self.id,
+            address=self.address,
+            offline=not self.connected,
+            vendor_id=VENDOR_ID,
+            product_code=DRIVE_PRODUCT if drive else MODULE_PRODUCT,
+            revision=REVISION,
+            serial=self.id + 1,
+            alias=0,
+            input_address=module_bytes + DRIVE_INPUT_BYTES * self.id if drive else 0,
+            input_size=DRIVE_INPUT_BYTES if drive else MODULE_BYTES,
+            output_address=0,
+            output_size=0 if drive else MODULE_BYTES,
+            axes=int(drive),
+        )
+
+
+class Network:
+    """Slaves and the master's counters. Hold the world's lock."""
+
+    def __init__(self, robot: RobotDescriptor, options: SimOptions) -> None:
+        self.slaves = [Slave(axis, axis) for axis in range(robot.axes)]
+        has_module = options.io_module
+        if has_module is None:
+            has_module = robot.gripper is not None
+        if has_module:
+            self.slaves.append(Slave(robot.axes, None))
+        self._module_bytes = MODULE_BYTES if has_module else 0
+        self._axes, self._period_us = robot.axes, round(options.tick_s * 1e6)
+        self.packet_loss = 0
+        self._up_since = self._reset_at = 0
+        self._slips = 0
+
+    def up(self, tick: int) -> None:
+        """Communication begins: counters start anew."""
+        self._up_since = self._reset_at = tick
+        self.packet_loss = 0
+
+    def reset(self, tick: int, slips: int) -> None:
+        """Zero the counters."""
+        self._reset_at, self._slips, self.packet_loss = tick, slips, 0
+
+    def state(self, tick: int, slips: int, *, communicating: bool) -> NetworkState:
+        slaves = tuple(
+            slave.info(self._module_bytes, communicating=communicating) for slave in self.slaves
+        )
+        frames = tick - self._reset_at if communicating else 0
+        seen = _DELAYS_NS[: max(0, min(frames, len(_DELAYS_NS)))] or (0,)
+        return NetworkState(
+            state=int(AlState.OP if communicating else AlState.PREOP),
+            comm_period_us=self._period_us,
+            total_axes=self._axes,
+            input_size=sum(slave.input_size for slave in slaves),
+            output_size=sum(slave.output_size for slave in slaves),
+            rx_pdo_size=self._axes * DRIVE_RX_PDO + self._module_bytes,
+            tx_pdo_size=self._axes * DRIVE_TX_PDO + self._module_bytes,
+            tx_delay=_DELAYS_NS[frames % len(_DELAYS_NS)] if frames else 0,
+            min_tx_delay=min(seen),
+            max_tx_delay=max(seen),
+            packet_loss=self.packet_loss,
+            over_cycle=slips - self._slips,
+            slaves=slaves,
+            note="simulated network: delays in ns follow a fixed pattern",
+        )

@@ -1,0 +1,66 @@
+"""Encoder counts ↔ user units: the only file that knows gear ratios and polarity.
+
+counts = units · polarity · numerator / denominator + offset, where the offset holds the home
+position and, for an incremental encoder, where it woke up. Counts are those of a 64-bit
+accumulator; the drive itself sends 32 bits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.plugin.api import FloatArray, WmxParameters
+
+_RANGE = 2.0**32
+
+
+def wrap32(counts: FloatArray) -> FloatArray:
+    """What is left of ``counts`` in a signed 32-bit register."""
+    return (counts + _RANGE / 2) % _RANGE - _RANGE / 2
+
+
+def gains(parameters: WmxParameters, axes: int) -> FloatArray:
+    """Signed counts per user unit of the first ``axes`` axes."""
+    numerator = parameters["AxisGearRatioNumerator"][:axes]
+    denominator = parameters["AxisGearRatioDenominator"][:axes]
+    return np.asarray(parameters["AxisPolarity"][:axes] * numerator / denominator, np.float64)
+
+
+class Scaling:
+    """Scale of n axes.
+
+    Attributes:
+        gain: signed counts per user unit.
+        origin: counts that the encoder cannot know of: where an incremental encoder woke up,
+            or the turns beyond the 32 bits of an absolute one. Whole numbers.
+        home: counts between the encoder's zero and the home position. Whole numbers.
+    """
+
+    def __init__(self, gain: FloatArray) -> None:
+        self.gain = gain.copy()
+        self.origin: FloatArray = np.zeros_like(gain)
+        self.home: FloatArray = np.zeros_like(gain)
+        self._inverse = 1.0 / self.gain
+
+    def counts(self, units: FloatArray) -> FloatArray:
+        """Counts of a position, rounded, as a 64-bit accumulator that never lost its origin."""
+        return np.rint(units * self.gain + self.origin + self.home)
+
+    def quantise(self, units: FloatArray, out: FloatArray) -> None:
+        """``units`` as the encoder reads them, in whole counts. No allocation."""
+        np.multiply(units, self.gain, out)
+        np.rint(out, out)
+        np.multiply(out, self._inverse, out)
+
+    def change(
+        self, gain: FloatArray, origin: FloatArray, home: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Take a new scale while the encoders stand where they are.
+
+        Returns the factor and the summand by which every position changes its number.
+        """
+        moved = self.origin - origin + self.home - home
+        scale = self.gain / gain
+        self.gain, self.origin, self.home = gain.copy(), origin.copy(), home.copy()
+        self._inverse = 1.0 / self.gain
+        return scale, moved / self.gain

@@ -1,0 +1,240 @@
+"""One simulated robot: its parts, and what parameters and engine states do to them.
+
+world (time) ── servo (dynamics) ← motion (commands) ← power (on, off, alarms)
+                                          ↑ guards (limits)
+scaling (counts)   states (flags)   image (I/O)   network (slaves)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from robotd.plugin.api import (
+    Clock,
+    DescriptorError,
+    EngineState,
+    FloatArray,
+    NotReady,
+    Operation,
+    RobotDescriptor,
+    WmxParameters,
+    default_wmx_parameters,
+    read_wmx_parameters,
+)
+from robotd_sim.guards import Guards
+from robotd_sim.io import IoImage
+from robotd_sim.motion import Motion
+from robotd_sim.network import Network
+from robotd_sim.options import SimOptions
+from robotd_sim.power import Power
+from robotd_sim.scaling import Scaling, gains, wrap32
+from robotd_sim.servo import Mechanics, Servo
+from robotd_sim.state import AxisStates
+from robotd_sim.world import NANOSECONDS, World
+
+__all__ = ["NANOSECONDS", "Simulation"]
+
+
+class Simulation:
+    """Everything behind the drivers; ``world.lock`` guards all of it.
+
+    Raises DescriptorError when an option does not fit the robot.
+    """
+
+    def __init__(self, robot: RobotDescriptor, options: SimOptions, clock: Clock) -> None:
+        self.robot, self.options, self.clock, self.axes = robot, options, clock, robot.axes
+        _check_axes(options, self.axes)
+        mechanics = Mechanics(
+            *(
+                options.per_axis(key, self.axes)
+                for key in ("bandwidth_hz", "feedforward", "inertia_kg_m2",
+                            "viscous_friction_nm_s", "coulomb_friction_nm")
+            )
+        )  # fmt: skip
+        self.servo = Servo(mechanics, options.tick_s)
+        self.world = World(clock, self.servo, options.max_catch_up_s)
+        self.states = AxisStates.of(self.axes)
+        self.engine = EngineState.IDLE
+        self.failures_left = options.fail_open
+        self.all_connected = True
+        self._starts = 0  # number of the present request for communication
+        self._defaults = self.parameters = self._engine_defaults()
+        self.scaling = Scaling(gains(self.parameters, self.axes))
+        self.motion = Motion(
+            self.world,
+            self.states,
+            _ramps(robot),
+            1.0 / robot.cycle.rate_hz,
+            options.ticks(options.stream_timeout_s),
+        )
+        coasting = options.per_axis("coast_deceleration_rad_s2", self.axes)
+        self.power = Power(self.world, self.states, self.motion, self.scaling, coasting)
+        self.guards = Guards(
+            self.world, self.states, self.motion, self.power, options.limit_switches
+        )
+        self.io = IoImage(self.world, loopback=options.io_loopback)
+        self.network = Network(robot, options)
+        self._configure()
+        self._put_joints()
+
+    @property
+    def communicating(self) -> bool:
+        return self.engine is EngineState.COMMUNICATING
+
+    def apply(self, parameters: WmxParameters) -> None:
+        """Take a whole set of parameters. Raises NotReady, naming the axis, while one moves."""
+        for axis in range(self.axes):
+            self.require_rest(axis, "parameters cannot be loaded")
+        was, now = self._absolute(self.parameters), self._absolute(parameters)
+        origin, home = self.scaling.origin.copy(), self.scaling.home.copy()
+        counts = self.scaling.counts(self.servo.position)
+        origin[now & ~was] = (counts - wrap32(counts))[now & ~was]
+        offset = np.rint(parameters["AbsoluteEncoderHomeOffset"][: self.axes])
+        home = np.where(now, offset, home)
+        self.parameters = parameters
+        self._rescale(origin, home)
+        self.states.mode[:] = self.states.mode_feedback[:] = parameters["AxisCommandMode"][
+            : self.axes
+        ]
+        self._configure()
+
+    def require_rest(self, axis: int, what: str) -> None:
+        """Raises NotReady unless ``axis`` executes nothing and stands."""
+        if not self.motion.is_idle(axis):
+            doing = Operation(int(self.states.operation[axis])).name.lower()
+            doing = "coasting" if doing == "idle" else doing
+            raise NotReady(f"axis {axis}: {what} while it is moving ({doing})")
+
+    def home(self, axis: int) -> None:
+        """The present position becomes HomePosition; nothing moves."""
+        position = float(self.parameters["HomePosition"][axis])
+        home = self.scaling.home.copy()
+        counts = self.scaling.counts(self.servo.position)[axis]
+        home[axis] = np.rint(
+            counts - self.scaling.origin[axis] - position * self.scaling.gain[axis]
+        )
+        self._rescale(self.scaling.origin, home)
+        self.states.home_done[axis] = True
+        self.guards.refresh()
+
+    def change_scale(self, axis: int, changes: Mapping[str, float]) -> None:
+        """Change parameters of the scale of one axis, which stands and is off."""
+        self.require_rest(axis, "its scale cannot be changed")
+        self.parameters = self.parameters.with_values(
+            {name: {axis: value} for name, value in changes.items()}
+        )
+        self._rescale(self.scaling.origin, self.scaling.home)
+
+    def disconnect(self, slave: int) -> None:
+        self._connect(slave, connected=False)
+
+    def reconnect(self) -> None:
+        """Every slave answers again."""
+        for slave in self.network.slaves:
+            if not slave.connected:
+                self._connect(slave.id, connected=True)
+
+    def request_communication(self) -> None:
+        """Communication begins after its delay, unless it is stopped before."""
+        self._starts += 1
+        number = self._starts
+
+        def begin() -> None:
+            if number == self._starts and self.engine is EngineState.RUNNING:
+                self._wake_encoders()
+                self.network.up(self.world.tick)
+                self.engine = EngineState.COMMUNICATING
+
+        self.world.at(
+            self.world.tick + self.options.ticks(self.options.communication_delay_s), begin
+        )
+
+    def silence(self) -> None:
+        """The cyclic exchange ends: drives switch off by themselves."""
+        self._starts += 1
+        if not self.communicating:
+            return
+        self.engine = EngineState.RUNNING
+        cleared = self.parameters["ClearHomeDoneOnCommStop"][: self.axes]
+        for axis in range(self.axes):
+            self.power.turn_off(axis)
+            if cleared[axis] or not self._absolute(self.parameters)[axis]:
+                self.power.lose_home(axis)
+
+    def reset(self) -> None:
+        """The engine ends: parameters go back to the defaults, I/O is cleared."""
+        self.silence()
+        self.engine = EngineState.IDLE
+        self.io.clear()
+        for axis in range(self.axes):
+            self.motion.hold(axis, float(self.servo.command[axis]))
+        self.apply(self._defaults)
+
+    def _connect(self, slave: int, *, connected: bool) -> None:
+        self.network.slaves[slave].connected = connected
+        axis = self.network.slaves[slave].axis
+        if axis is not None:
+            self.power.connect(axis, connected=connected)
+            self.all_connected = bool(self.states.connected.all())
+
+    def _configure(self) -> None:
+        for part in (self.motion, self.power, self.guards):
+            part.configure(self.parameters)
+
+    def _rescale(self, origin: np.ndarray, home: np.ndarray) -> None:
+        gain = gains(self.parameters, self.axes)
+        self.servo.relabel(*self.scaling.change(gain, origin, home))
+
+    def _wake_encoders(self) -> None:
+        """An absolute encoder knows 32 bits of its position, an incremental one nothing."""
+        absolute = self._absolute(self.parameters)
+        counts = self.scaling.counts(self.servo.position)
+        origin = np.where(absolute, counts - wrap32(counts), counts)
+        self._rescale(origin, np.where(absolute, self.scaling.home, 0.0))
+
+    def _absolute(self, parameters: WmxParameters) -> np.ndarray:
+        return parameters["AbsoluteEncoderMode"][: self.axes]
+
+    def _engine_defaults(self) -> WmxParameters:
+        """The vendor's, except that a unit is a radian: that is what the robot is written in."""
+        axes = range(self.axes)
+        counts = float(self.options.encoder_counts_per_turn)
+        return default_wmx_parameters().with_values({
+            "AxisGearRatioNumerator": dict.fromkeys(axes, counts),
+            "AxisGearRatioDenominator": dict.fromkeys(axes, 2 * math.pi),
+        })  # fmt: skip
+
+    def _put_joints(self) -> None:
+        """Put the joints where absolute encoders will read ``initial_position_rad``."""
+        initial = self.options.per_axis("initial_position_rad", self.axes)
+        if not initial.any():
+            return
+        parameters, robot = self.parameters, self.robot
+        if robot.parameters_file is not None and robot.path is not None:
+            parameters = read_wmx_parameters(robot.path.parent / robot.parameters_file)
+        offset = parameters["AbsoluteEncoderHomeOffset"][: self.axes]
+        counts = initial * gains(parameters, self.axes) + offset
+        for axis, position in enumerate(counts / self.scaling.gain):
+            self.servo.place(axis, float(position), float(position), 0.0)
+            self.motion.hold(axis, float(position))
+
+
+def _ramps(robot: RobotDescriptor) -> FloatArray:
+    """Deceleration of each axis' controlled stop, in rad/s²; NaN where the robot says nothing."""
+    ramps = np.full(robot.axes, np.nan)
+    for joint in robot.joints:
+        ramps[joint.axis] = joint.acceleration_rad_s2
+    if robot.drive:
+        ramps[list(robot.drive.axes)] = robot.drive.deceleration_m_s2 / robot.drive.wheel_radius_m
+    return ramps
+
+
+def _check_axes(options: SimOptions, axes: int) -> None:
+    for key in ("limit_switches", "home_switches"):
+        for axis in getattr(options, key):
+            if not 0 <= axis < axes:
+                message = f"axis {axis} does not exist, the robot has {axes} axes"
+                raise DescriptorError(message, key=f"backends.sim.{key}")

@@ -1,0 +1,191 @@
+"""A robotd process on the simulation, and a client of it in the test's process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import rclpy
+from control_msgs.action import FollowJointTrajectory
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool
+
+from robotd.ros.host import RosHost
+
+WAIT_S = 20.0
+ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+_domains = iter(range(1, 1000))
+
+
+def new_domain() -> int:
+    """A ROS domain that no other process of this test run uses."""
+    return (os.getpid() + next(_domains)) % 100
+
+
+def wait_until(condition: Callable[[], Any], what: str, timeout_s: float = WAIT_S) -> Any:
+    """The first true answer of ``condition``; fails, naming ``what``, when there is none."""
+    deadline = time.monotonic() + timeout_s
+    while not (answer := condition()):
+        assert time.monotonic() < deadline, f"timeout: {what}"
+        time.sleep(0.005)
+    return answer
+
+
+def wait_for(future: Any, timeout_s: float = WAIT_S) -> Any:
+    """The result of an rclpy future that another thread completes."""
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    assert done.wait(timeout_s), "timeout: no response"
+    return future.result()
+
+
+class RobotProcess:
+    """``robotd run`` with its standard output and error in one text."""
+
+    def __init__(self, *arguments: str, domain: int | None = None, robot: str = "cr3a") -> None:
+        self.domain = new_domain() if domain is None else domain
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed by stop
+        environment = os.environ | {
+            "ROS_DOMAIN_ID": str(self.domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        }
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", "sim", *arguments],
+            stdout=self._log,
+            stderr=subprocess.STDOUT,
+            env=environment,
+        )
+
+    @property
+    def output(self) -> str:
+        """All that was printed so far."""
+        return Path(f"/proc/self/fd/{self._log.fileno()}").read_text()
+
+    def wait_ready(self) -> None:
+        self.wait_output("ready after")
+
+    def wait_output(self, text: str) -> None:
+        def found() -> bool:
+            if text in self.output:
+                return True
+            assert self.process.poll() is None, f"ended early:\n{self.output}"
+            return False
+
+        wait_until(found, f"{text!r} in the output")
+
+    def end(self, number: int = signal.SIGINT) -> int:
+        """Send a signal; the exit status."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        return self.exit_status()
+
+    def exit_status(self) -> int:
+        try:
+            return self.process.wait(WAIT_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise AssertionError(f"does not end:\n{self.output}") from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self.end()
+        finally:
+            self._log.close()
+
+
+class Client:
+    """Calls services, keeps messages and sends goals; callbacks run in a thread of its own."""
+
+    def __init__(self, domain: int) -> None:
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        self.host = RosHost(domain_id=domain)
+        self.host.start()
+        self.node = rclpy.create_node("client", context=self.host.context)
+        self.host.add_node(self.node)
+        self._clients: dict[str, Any] = {}
+
+    def close(self) -> None:
+        self.host.close()
+
+    def call(self, service_type: Any, name: str, **request: Any) -> Any:
+        """The response of a service; the request's fields by name."""
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self.node.create_client(service_type, name)
+            assert client.wait_for_service(WAIT_S), f"no service {name}"
+        return wait_for(client.call_async(service_type.Request(**request)))
+
+    def listen(self, message_type: Any, topic: str, qos: Any = 10) -> list[Any]:
+        """A list that every message of ``topic`` is appended to from now on."""
+        messages: list[Any] = []
+        self.node.create_subscription(message_type, topic, messages.append, qos)
+        return messages
+
+    def next(self, messages: list[Any], condition: Callable[[Any], Any] = lambda _: True) -> Any:
+        """The first message after this call that fulfils ``condition``."""
+        start = len(messages)
+
+        def find() -> Any:
+            return next((m for m in messages[start:] if condition(m)), None)
+
+        return wait_until(find, "no message that fulfils the condition")
+
+    def publisher(self, message_type: Any, topic: str) -> Any:
+        """A publisher that the server's subscription has found."""
+        publisher = self.node.create_publisher(message_type, topic, 10)
+        wait_until(publisher.get_subscription_count, f"no subscription of {topic}")
+        return publisher
+
+    def wait_engine(self, ready: bool = True, topic: str = "/wmx/engine/ready") -> None:
+        messages = self.listen(Bool, topic, LATCHED)
+        wait_until(lambda: messages and messages[-1].data is ready, f"{topic} is {ready}")
+
+    def send_goal(self, goal: Any, feedback: list[Any] | None = None) -> Goal:
+        """Send a goal and wait until it is accepted."""
+        client = ActionClient(self.node, FollowJointTrajectory, ACTION)
+        assert client.wait_for_server(WAIT_S)
+        on_feedback = None if feedback is None else lambda each: feedback.append(each.feedback)
+        handle = wait_for(client.send_goal_async(goal, feedback_callback=on_feedback))
+        assert handle.accepted
+        return Goal(client, handle)
+
+
+class Goal:
+    """An accepted goal; its result is asked for from the start."""
+
+    def __init__(self, client: Any, handle: Any) -> None:
+        self._client = client  # keeps it alive
+        self._handle = handle
+        self._result = handle.get_result_async()
+
+    @property
+    def done(self) -> bool:
+        return bool(self._result.done())
+
+    def result(self) -> tuple[int, Any]:
+        """Status and result message, when it has ended."""
+        answer = wait_for(self._result)
+        return answer.status, answer.result
+
+    def cancel(self) -> Any:
+        """The response to a cancel request."""
+        return wait_for(self._handle.cancel_goal_async())
+
+
+def names_of(listing: Sequence[tuple[str, list[str]]]) -> dict[str, str]:
+    """Name → first type, of a listing of the graph."""
+    return {name: types[0] for name, types in listing}

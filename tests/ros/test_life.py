@@ -1,0 +1,187 @@
+"""From process start to its end: what is answered when, and what is left behind."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from control_msgs.action import FollowJointTrajectory
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from trajectory_msgs.msg import JointTrajectoryPoint
+from wmx_ros2_message.msg import AxisState
+from wmx_ros2_message.srv import EcatGetNetworkState, GetIoBit, SetAxis, SetEngine
+
+pytestmark = pytest.mark.ros
+
+UNWILLING = """\
+schema: 1
+name: unwilling
+axes: 2
+engine: {{open_tries: {tries}, open_retry_s: 0.2}}
+nodes: [wmx_engine_node, wmx_core_motion_node, wmx_io_node, wmx_ethercat_node]
+backends: {{sim: {{fail_open: {failures}, open_delay_s: {delay_s}}}}}
+"""
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Any]:
+    """Starts processes with a client each, and ends them."""
+    opened: list[Any] = []
+
+    def start(*arguments: str, robot: str = "cr3a") -> tuple[RobotProcess, Client]:
+        process = RobotProcess(*arguments, robot=robot)
+        client = Client(process.domain)
+        opened.extend((client.close, process.__exit__))
+        return process, client
+
+    yield start
+    for close in opened:
+        close()
+
+
+def unwilling(folder: Path, tries: int, failures: int, delay_s: float = 0.0) -> str:
+    """A robot whose device fails to open ``failures`` times."""
+    path = folder / "unwilling" / "robot.yaml"
+    path.parent.mkdir()
+    path.write_text(UNWILLING.format(tries=tries, failures=failures, delay_s=delay_s))
+    return str(path)
+
+
+def test_services_answer_before_the_engine_is_ready(start: Any, tmp_path: Path) -> None:
+    process, client = start(robot=unwilling(tmp_path, tries=1000, failures=1000))
+    status = client.call(Trigger, "/wmx/engine/get_status")
+    assert (status.success, status.message) == (True, "Idle")
+    for response in (
+        client.call(SetAxis, "/wmx/axis/set_on", index=[0], data=[1]),
+        client.call(GetIoBit, "/wmx/io/get_input_bit"),
+        client.call(EcatGetNetworkState, "/wmx/ecat/get_network_state"),
+        client.call(SetBool, "/wmx/engine/set_comm", data=True),
+    ):
+        assert not response.success
+        assert "not" in response.message
+    client.wait_engine(ready=False)
+    assert process.end() == 0  # while the start-up still tries
+
+
+def test_a_failed_start_can_be_repeated_by_hand(start: Any, tmp_path: Path) -> None:
+    process, client = start(robot=unwilling(tmp_path, tries=2, failures=2))
+    process.wait_output("did not start")
+    ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
+    wait_until(lambda: ready and not ready[-1].data, "ready is false")
+    assert client.call(SetEngine, "/wmx/engine/set_device", data=True).message == "Running"
+    assert client.call(SetBool, "/wmx/engine/set_comm", data=True).message == "Communicating"
+    wait_until(lambda: ready[-1].data, "ready is true")
+    assert client.call(SetAxis, "/wmx/axis/set_on", index=[0], data=[1]).message == "axis 0: ok"
+    assert process.end() == 0
+
+
+def test_without_the_engine_node_a_failed_start_ends_the_process(tmp_path: Path) -> None:
+    robot = unwilling(tmp_path, tries=1, failures=5)
+    with RobotProcess("--nodes", "wmx_io_node", robot=robot) as process:
+        assert process.exit_status() not in (0, 1)
+        assert "unwilling" in process.output
+        assert "Traceback" not in process.output
+
+
+def test_the_engine_node_alone_enables_nothing(start: Any) -> None:
+    process, client = start("--nodes", "wmx_engine_node")
+    client.wait_engine()
+    assert client.call(Trigger, "/wmx/engine/scan_network").success
+    assert [n for n, _ in client.node.get_node_names_and_namespaces() if n != "client"] == [
+        "wmx_engine_node"
+    ]
+    assert process.end(signal.SIGTERM) == 0
+    assert "servos on" not in process.output
+
+
+def test_restarting_the_engine_never_switches_a_servo_on(start: Any) -> None:
+    process, client = start()
+    process.wait_ready()
+    ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
+    states = client.listen(AxisState, "/wmx/axis/state")
+    client.next(states, lambda each: all(each.servo_on))
+    assert client.call(SetBool, "/wmx/engine/set_comm", data=False).message == "Running"
+    wait_until(lambda: ready and not ready[-1].data, "ready is false")
+    assert not client.call(SetBool, "/wmx/set_gripper", data=True).success
+    assert client.call(SetEngine, "/wmx/engine/set_device", data=False).message == "Idle"
+    assert client.call(SetEngine, "/wmx/engine/set_device", data=True).message == "Running"
+    assert client.call(SetBool, "/wmx/engine/set_comm", data=True).message == "Communicating"
+    assert not any(client.next(states).servo_on)
+    response = client.call(SetAxis, "/wmx/axis/set_on", index=[0], data=[1])
+    assert (response.success, response.message) == (True, "joint1: ok")
+    client.next(states, lambda each: each.servo_on[0])
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> None:
+    process, client = start()
+    process.wait_ready()
+    joints = client.listen(JointState, "/joint_states")
+    ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names = [f"joint{axis}" for axis in range(1, 7)]
+    point = JointTrajectoryPoint(positions=[1.5] * 6)
+    point.time_from_start.sec = 2
+    goal.trajectory.points = [point]
+    sent = client.send_goal(goal)
+    client.next(joints, lambda each: each.velocity[0] > 0.5)
+    assert process.end(number) == 0
+    _status, result = sent.result()
+    assert "stopped by the robot" in result.error_string
+    speeds = [abs(message.velocity[0]) for message in joints]
+    assert max(speeds) > 0.5
+    assert speeds[-1] < 0.05
+    slowing = [b - a for a, b in itertools.pairwise(speeds)]
+    assert min(slowing) > -0.2  # it slowed down, it was not cut off
+    wait_until(lambda: not ready[-1].data, "ready is false at the end")
+    assert "communication stopped" in process.output
+    for trouble in ("Traceback", "servo off failed", "controlled stop failed"):
+        assert trouble not in process.output
+
+
+def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
+    robot = unwilling(tmp_path, tries=1000, failures=1000, delay_s=5.0)
+    with RobotProcess(robot=robot) as process:
+        process.wait_output("services")
+        process.process.send_signal(signal.SIGINT)
+        process.wait_output("stopping")
+        assert process.end(signal.SIGINT) == 130
+
+
+@pytest.mark.parametrize(
+    ("parameter", "key", "reason"),
+    [
+        ("joint_number:=9", "manipulator_state.joint_number", "9"),
+        ("joint_number:=six", "joint_number", "'six' is not a whole number"),
+        (
+            "joint_feedback_rate:=0",
+            "manipulator_state.joint_feedback_rate",
+            "0 is outside 1 to 500",
+        ),
+        ("joint_feedback_rate:=100000", "joint_feedback_rate", "100000 is outside 1 to 500"),
+        ("encoder_joint_topic:=''", "manipulator_state.encoder_joint_topic", "empty"),
+        ("encoder_joint_topic:='/a b'", "manipulator_state.encoder_joint_topic", "'/a b'"),
+        ("joint_name:=[a, b]", "manipulator_state.joint_name", "2 names for 6 joints and 2"),
+        (
+            "wmx_param_file_path:=/nowhere.xml",
+            "manipulator_state.wmx_param_file_path",
+            "'/nowhere.xml' does not exist",
+        ),
+    ],
+)
+def test_a_wrong_parameter_ends_the_process_before_anything_opens(
+    parameter: str, key: str, reason: str
+) -> None:
+    with RobotProcess("--ros-args", "-p", parameter) as process:
+        assert process.exit_status() == 3
+        assert key in process.output
+        assert reason in process.output
+        assert "device open" not in process.output
+        assert "Traceback" not in process.output

@@ -1,0 +1,150 @@
+"""``robotd check`` finds what is wrong, says all of it, and touches nothing."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import robotd_robots
+from click.testing import Result
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.plugin.manager import PLUGINS
+
+Robotd = Callable[..., Result]
+Install = Callable[..., Path]
+Edit = Callable[[str, str, str], Path]
+
+
+@pytest.fixture
+def cr3a(tmp_path: Path) -> Path:
+    """A copy of the CR3A's folder."""
+    source = Path(next(iter(robotd_robots.__path__))) / "cr3a"
+    return Path(shutil.copytree(source, tmp_path / "cr3a"))
+
+
+@pytest.fixture
+def edit(cr3a: Path) -> Edit:
+    """``edit(file, old, new)`` in the copy; returns the robot.yaml."""
+
+    def change(file: str, old: str, new: str) -> Path:
+        path = cr3a / file
+        text = path.read_text(encoding="utf-8")
+        assert old in text
+        path.write_text(text.replace(old, new, 1), encoding="utf-8")
+        return cr3a / "robot.yaml"
+
+    return change
+
+
+@pytest.mark.parametrize("robot", ["cr3a", "standalone"])
+def test_the_robots_that_come_with_robotd_are_well(robotd: Robotd, robot: str) -> None:
+    result = robotd("check", "--robot", robot)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1] == "all is well"
+    assert "fail" not in result.stdout
+
+
+@pytest.mark.parametrize("variant", ["intel", "orin"])
+def test_a_variant_can_be_checked(robotd: Robotd, variant: str) -> None:
+    assert robotd("check", "--robot", "cr3a", "--variant", variant).exit_code == 0
+
+
+def test_every_problem_is_told_and_counted(robotd: Robotd, edit: Edit) -> None:
+    edit("robot.yaml", "wmx_io_node", "wmx_oi_node")
+    edit("cr3a.urdf", 'name="joint3"', 'name="joint_three"')
+    path = edit("robot.yaml", "upper_rad: 6.28", "upper_rad: 7.28")
+    result = robotd("check", "--robot", str(path), "--backend", "nope")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    for text in ("wmx_oi_node", "has no joint 'joint3'", "upper limit 6.28", "'nope'"):
+        assert text in result.stdout
+    assert "did you mean 'wmx_io_node'?" in result.stdout
+    assert result.stdout.splitlines()[-1] == "4 problems"
+
+
+def test_a_broken_descriptor_does_not_hide_a_broken_backend(robotd: Robotd, edit: Edit) -> None:
+    path = edit("robot.yaml", "summary:", "sumary:")
+    result = robotd("check", "--robot", str(path), "--backend", "nope")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "did you mean 'summary'?" in result.stdout
+    assert "no backend named 'nope'" in result.stdout
+
+
+def test_options_of_the_backend_are_checked(robotd: Robotd, edit: Edit) -> None:
+    path = edit("robot.yaml", "schema: 1\n", "schema: 1\nbackends: {sim: {nonsense: 1}}\n")
+    result = robotd("check", "--robot", str(path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert f"{path}:2: backends.sim.nonsense: unknown key" in result.stdout
+
+
+def test_the_parameter_file_is_checked(robotd: Robotd, edit: Edit) -> None:
+    path = edit("wmx_parameters.xml", "<AxisPolarity>-1<", "<AxisPolarity>-3<")
+    result = robotd("check", "--robot", str(path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "AxisPolarity" in result.stdout
+    assert "-3" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('name="joint1" type="revolute"', 'name="joint1" type="fixed"', "is 'fixed', not"),
+        ('lower="-2.86"', 'lower="-2.5"', "lower limit -2.5 is exceeded by lower_rad -2.86"),
+        ('name="picker_1_joint"', 'name="finger"', "has no joint 'picker_1_joint'"),
+        ("</robot>", "", "not XML"),
+    ],
+)
+def test_the_urdf_is_compared(robotd: Robotd, edit: Edit, old: str, new: str, text: str) -> None:
+    result = robotd("check", "--robot", str(edit("cr3a.urdf", old, new)))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert text in result.stdout
+    assert result.stdout.splitlines()[-1] == "1 problem"
+
+
+def test_a_robot_may_stay_within_the_urdfs_limits(robotd: Robotd, edit: Edit) -> None:
+    path = edit("robot.yaml", "upper_rad: 6.28", "upper_rad: 1.0")
+    assert robotd("check", "--robot", str(path)).exit_code == 0
+
+
+def test_a_backend_without_outputs_cannot_drive_a_gripper(robotd: Robotd, install: Install) -> None:
+    install("bare")
+    result = robotd("check", "--robot", "cr3a", "--backend", "bare")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "gripper: needs digital outputs, which the bare backend does not have" in result.stdout
+
+
+def test_a_parameter_file_that_a_backend_ignores_is_mentioned(
+    robotd: Robotd, install: Install, edit: Edit
+) -> None:
+    install("bare")
+    path = edit("robot.yaml", "default_variant: intel", "gripper: null\ndefault_variant: intel")
+    text = path.read_text(encoding="utf-8")
+    start, end = text.index("gripper:\n"), text.index("trajectory:")
+    path.write_text(text[:start] + text[end:], encoding="utf-8")
+    result = robotd("check", "--robot", str(path), "--backend", "bare")
+    assert result.exit_code == 0, result.stdout
+    assert "parameters_file is not used by this backend" in result.stdout
+
+
+def test_a_broken_plugin_is_a_problem_here(robotd: Robotd, install: Install) -> None:
+    install("bad", "1 / 0", distribution="bad", group=PLUGINS)
+    result = robotd("check", "--robot", "cr3a")
+    assert result.exit_code == ExitCode.PLUGIN
+    assert "ZeroDivisionError" in result.stdout
+
+
+def test_no_ros_is_needed() -> None:
+    program = (
+        "import sys\n"
+        "sys.modules['rclpy'] = None\n"
+        "from robotd.cli import main\n"
+        "main(['check', '--robot', 'cr3a'])"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=50
+    )
+    assert (result.returncode, result.stderr) == (0, "")

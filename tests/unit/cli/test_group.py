@@ -1,0 +1,188 @@
+"""Default command, ROS arguments, and what becomes of an error."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
+from robotd.errors import (
+    ConnectError,
+    DescriptorError,
+    DeviceTimeout,
+    InvalidArgument,
+    NotReady,
+    OperationError,
+    PluginError,
+    RobotdError,
+    Unsupported,
+)
+
+Robotd = Callable[..., Result]
+
+
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """What ``robotd run`` was asked for, instead of running it."""
+    seen: list[Any] = []
+
+    def run_robot(options: Any) -> int:
+        seen.append(options)
+        return 0
+
+    monkeypatch.setattr("robotd.cli.run.run_robot", run_robot)
+    return seen
+
+
+@pytest.fixture
+def raising(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException], None]:
+    """Make ``robotd run`` raise."""
+
+    def prepare(error: BaseException) -> None:
+        def run_robot(options: Any) -> int:
+            raise error
+
+        monkeypatch.setattr("robotd.cli.run.run_robot", run_robot)
+
+    return prepare
+
+
+def test_without_arguments_it_explains_itself(robotd: Robotd) -> None:
+    result = robotd()
+    assert result.output.startswith("Usage: robotd")
+    for command in ("run", "check", "robots", "backends", "nodes"):
+        assert f"  {command} " in result.output
+
+
+@pytest.mark.parametrize("words", [["run"], []])
+def test_run_is_the_default_command(robotd: Robotd, ran: list[Any], words: list[str]) -> None:
+    result = robotd(*words, "--robot", "cr3a", "--backend", "sim", "--nodes", "a, b,a")
+    assert result.exit_code == 0, result.output
+    (options,) = ran
+    assert (options.robot, options.backend, options.variant) == ("cr3a", "sim", None)
+    assert options.nodes == ["a", "b"]
+    assert options.rate_hz is None
+    assert options.ros_args == []
+
+
+def test_an_option_with_an_equals_sign_finds_the_default_command_too(
+    robotd: Robotd, ran: list[Any]
+) -> None:
+    assert robotd("--robot=cr3a", "--rate=250").exit_code == 0
+    assert ran[0].rate_hz == 250.0
+
+
+def test_what_follows_ros_args_is_left_as_it_is(robotd: Robotd, ran: list[Any]) -> None:
+    ros = ["--ros-args", "-r", "__ns:=/left", "--log-level", "warn", "--robot", "x", "--", "--help"]
+    result = robotd("--robot", "cr3a", *ros)
+    assert result.exit_code == 0, result.output
+    assert ran[0].ros_args == ros
+    assert ran[0].robot == "cr3a"
+
+
+def test_ros_args_alone_are_a_run_without_a_robot(robotd: Robotd, ran: list[Any]) -> None:
+    result = robotd("--ros-args", "-r", "a:=b")
+    assert result.exit_code == ExitCode.USAGE
+    assert "Missing option '--robot'" in result.output
+    assert ran == []
+
+
+@pytest.mark.parametrize("command", ["check", "robots", "nodes"])
+def test_only_run_takes_ros_args(robotd: Robotd, command: str) -> None:
+    result = robotd(command, "--ros-args", "-r", "a:=b")
+    assert result.exit_code == ExitCode.USAGE
+    assert "--ros-args belongs to 'run' only" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["walk"], "No such command 'walk'"),
+        (["--robt", "cr3a"], "No such option '--robt'"),
+        (["--robot", "cr3a", "--rate", "9.9"], "9.9 is not in the range 10<=x<=2000"),
+        (["--robot", "cr3a", "--rate", "nan"], "'--rate'"),
+        (["--robot", "cr3a", "--nodes", ","], "no name given"),
+        (["--robot", "cr3a", "--log-level", "loud"], "'loud' is not one of 'debug'"),
+    ],
+)
+def test_a_wrong_command_line_is_status_2(
+    robotd: Robotd, ran: list[Any], words: list[str], text: str
+) -> None:
+    result = robotd(*words)
+    assert result.exit_code == ExitCode.USAGE
+    assert text in result.stderr
+    assert ran == []
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (DescriptorError("x"), 3),
+        (InvalidArgument("x"), 3),
+        (PluginError("x"), 4),
+        (ConnectError("x"), 5),
+        (DeviceTimeout("x"), 5),
+        (OperationError("x"), 5),
+        (NotReady("x"), 5),
+        (Unsupported("x", "y"), 5),
+        (RosUnavailable("x"), 6),
+        (RobotdError("x"), 1),
+        (KeyError("x"), 1),
+    ],
+)
+def test_each_phase_has_its_exit_status(error: Exception, code: int) -> None:
+    assert exit_code(error) == code
+
+
+def test_an_error_is_one_sentence_on_standard_error(
+    robotd: Robotd, raising: Callable[[BaseException], None]
+) -> None:
+    raising(ConnectError("bus is dead", {"can0": "no carrier"}))
+    result = robotd("--robot", "cr3a")
+    assert result.exit_code == ExitCode.DEVICE
+    assert result.stderr == "robotd: error: bus is dead\n  can0: no carrier\n"
+    assert result.stdout == ""
+
+
+def test_an_internal_error_is_admitted_without_a_traceback(
+    robotd: Robotd, raising: Callable[[BaseException], None]
+) -> None:
+    raising(KeyError("axis"))
+    result = robotd("--robot", "cr3a")
+    assert result.exit_code == ExitCode.INTERNAL
+    assert result.stderr.startswith("robotd: error: internal error: KeyError: 'axis'\n")
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("error", [KeyError("axis"), PluginError("axis")])
+def test_debug_shows_the_traceback_too(
+    robotd: Robotd, raising: Callable[[BaseException], None], error: Exception
+) -> None:
+    raising(error)
+    result = robotd("--robot", "cr3a", "--log-level", "debug")
+    assert result.stderr.startswith("Traceback (most recent call last):")
+    assert "robotd: error: " in result.stderr
+
+
+def test_an_interrupt_is_no_error(robotd: Robotd, raising: Callable[[BaseException], None]) -> None:
+    raising(KeyboardInterrupt())
+    result = robotd("--robot", "cr3a")
+    assert result.exit_code == ExitCode.INTERRUPTED
+    assert "Traceback" not in result.output
+
+
+def test_help_waits_for_no_heavy_module() -> None:
+    program = (
+        "import sys, robotd.cli\n"
+        "heavy = {'numpy', 'scipy', 'pydantic', 'lxml', 'structlog', 'rclpy'}\n"
+        "print(*sorted(heavy & set(sys.modules)))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=30
+    )
+    assert result.stdout == "\n"

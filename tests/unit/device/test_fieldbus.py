@@ -1,0 +1,82 @@
+"""Fieldbus diagnostics: masters, slaves, registers and capabilities are checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from tests.unit.device.rig import ALL, Rig
+
+from robotd.device.capabilities import Capability
+from robotd.device.fieldbus import Fieldbus
+from robotd.errors import InvalidArgument, NotReady, Unsupported
+
+
+def test_the_network_is_told(rig: Rig) -> None:
+    assert [slave.id for slave in rig.fieldbus.network_state(0).slaves] == [0, 1]
+
+
+def test_registers_are_read(rig: Rig) -> None:
+    assert rig.fieldbus.read_register(0, 1, 0x0FFE, 2) == b"\xfe\xff"
+    assert rig.fieldbus_driver.calls == [("read_register", 0, 1, 0x0FFE, 2)]
+
+
+@pytest.mark.parametrize(
+    ("slave", "address", "length", "text"),
+    [
+        (0, 0, 0, r"length 0 is outside 1\.\.4096"),
+        (0, 0, 4097, r"length 4097 is outside 1\.\.4096"),
+        (0, 0x0FFF, 2, r"registers 0x0fff\.\.0x1000 are outside 0x0000\.\.0x0fff"),
+        (0, -1, 1, r"are outside 0x0000\.\.0x0fff"),
+        (2, 0, 1, r"slave 2 is not on master 0 \(slaves: \[0, 1\]\)"),
+        (-1, 0, 1, r"slave -1 is not on master 0"),
+    ],
+)
+def test_registers_that_are_not_there_are_refused(
+    rig: Rig, slave: int, address: int, length: int, text: str
+) -> None:
+    with pytest.raises(InvalidArgument, match=text):
+        rig.fieldbus.read_register(0, slave, address, length)
+    assert rig.fieldbus_driver.calls == []
+
+
+def commands(fieldbus: Fieldbus, master: int) -> dict[Capability | None, Callable[[], object]]:
+    return {
+        None: lambda: fieldbus.network_state(master),
+        Capability.REGISTER_READ: lambda: fieldbus.read_register(master, 0, 0, 1),
+        Capability.STATISTICS: lambda: fieldbus.reset_statistics(master),
+        Capability.HOT_CONNECT: lambda: fieldbus.start_hot_connect(master),
+    }
+
+
+@pytest.mark.parametrize("master", [-1, 1])
+def test_another_master_is_refused(rig: Rig, master: int) -> None:
+    for command in commands(rig.fieldbus, master).values():
+        with pytest.raises(InvalidArgument, match=rf"^master {master} is outside 0\.\.0$"):
+            command()
+    assert rig.fieldbus_driver.calls == []
+
+
+def test_nothing_is_asked_before_the_engine_is_ready() -> None:
+    for command in commands(Rig().fieldbus, 0).values():
+        with pytest.raises(NotReady):
+            command()
+
+
+@pytest.mark.parametrize(
+    "missing", [Capability.REGISTER_READ, Capability.STATISTICS, Capability.HOT_CONNECT]
+)
+def test_a_feature_that_the_backend_does_not_have_is_unsupported(missing: Capability) -> None:
+    rig = Rig(capabilities=ALL - {missing}).make_ready()
+    for needs, command in commands(rig.fieldbus, 0).items():
+        if needs is missing:
+            with pytest.raises(Unsupported, match="not supported by the fake backend"):
+                command()
+        else:
+            command()
+
+
+def test_a_backend_without_a_fieldbus_says_so(rig: Rig) -> None:
+    for command in commands(Fieldbus(None, rig.engine, ALL, "fake"), 0).values():
+        with pytest.raises(Unsupported, match="not supported by the fake backend"):
+            command()

@@ -1,0 +1,154 @@
+"""Limits along the path: excursions that the points do not show are found, and named."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.unit.motion.helpers import (
+    SETTINGS,
+    UNLIMITED,
+    at_rest,
+    limits,
+    planned,
+    request,
+    requests,
+    rows,
+    states,
+    values,
+)
+
+from robotd.descriptor import TrajectorySettings
+from robotd.motion import (
+    JointLimits,
+    MotionState,
+    RefusalCode,
+    TrajectoryRefused,
+    TrajectoryRequest,
+    check_start_delay,
+)
+from robotd.motion.extremes import extremes
+
+
+def refusal(
+    asked: TrajectoryRequest,
+    joints: JointLimits,
+    start: MotionState | None = None,
+    settings: TrajectorySettings = SETTINGS,
+) -> str:
+    with pytest.raises(TrajectoryRefused) as refused:
+        planned(asked, joints, start, settings)
+    assert refused.value.code is RefusalCode.INVALID_GOAL
+    return str(refused.value)
+
+
+def test_a_point_beyond_a_position_limit() -> None:
+    asked = request([2.0, 5.0], [[0, 3.5, 0], [0, 0, 0]], rows(0, 0))
+    assert (
+        refusal(asked, limits(position=3.0)) == "joint2 at 2.000 s: position 3.5 rad exceeds 3 rad"
+    )
+
+
+def test_an_excursion_between_points_that_are_all_within_limits() -> None:
+    asked = request([1.0, 2.0], [[0, 0, -0.9], [0, 0, -0.9]], [[0, 0, -2.0], [0, 0, 0.0]])
+    # Hermite from (-0.9, -2) to (-0.9, 0): lowest after a third of the time, -0.9 - 2·4/27.
+    assert refusal(asked, limits(position=1.0)) == (
+        "joint3 at 1.333 s: position -1.1963 rad is below -1 rad"
+    )
+
+
+def test_a_plain_move_peaks_at_one_and_a_half_of_its_mean_velocity() -> None:
+    assert refusal(request([1.0], [[0, 0, 2.5]]), limits(velocity=3.14)) == (
+        "joint3 at 0.500 s: velocity 3.75 rad/s exceeds 3.14 rad/s (+10 % margin)"
+    )
+
+
+def test_velocity_may_use_the_margin_and_no_more() -> None:
+    fast = request([1.0], [[0, 0, 2.0 * 1.099]])
+    planned(fast, limits(velocity=3.0))
+    without = TrajectorySettings(velocity_margin=0.0)
+    assert "velocity 3.297 rad/s exceeds 3 rad/s (+0 % margin)" in refusal(
+        fast, limits(velocity=3.0), settings=without
+    )
+
+
+def test_every_joint_at_fault_is_named() -> None:
+    text = refusal(request([0.1], [[1.0, 0.0, -4.0]]), limits())
+    assert [part.split()[0] for part in text.split("; ")] == ["joint3", "joint1", "joint3"]
+
+
+def test_a_point_on_the_limit_is_within() -> None:
+    planned(request([2.0, 4.0, 6.0], rows(3.0, -3.0, 3.0), rows(0, 0, 0)), limits(velocity=50.0))
+
+
+def test_a_joint_outside_its_limits_may_come_back_but_go_no_further() -> None:
+    outside = at_rest(3.2)
+    planned(request([2.0], rows(2.0)), limits(), outside)
+    assert "joint1" in refusal(request([2.0], rows(3.3)), limits(), outside)
+
+
+def test_a_start_that_runs_into_a_limit_is_found() -> None:
+    running = MotionState(np.array([2.9, 0.0, 0.0]), np.array([2.0, 0, 0]), np.zeros(3))
+    assert "joint1" in refusal(request([1.0], [[2.9, 0, 0]]), limits(), running)
+
+
+def test_acceleration_above_its_limit_is_said_but_not_refused() -> None:
+    trajectory = planned(request([1.0], [[0, 1.0, 0]]), limits(acceleration=5.0))
+    assert trajectory.notes == ("joint2 at 0.000 s: acceleration 6 rad/s² exceeds 5 rad/s²",)
+
+
+def test_the_unit_of_a_linear_joint_is_metres() -> None:
+    joints = limits(position=0.05)
+    object.__setattr__(joints, "units", ("m", "rad", "rad"))
+    assert refusal(request([10.0], [[0.06, 0, 0]]), joints) == (
+        "joint1 at 10.000 s: position 0.06 m exceeds 0.05 m"
+    )
+
+
+@given(requests(), states())
+def test_peaks_bound_the_path_and_are_reached(asked: TrajectoryRequest, start: MotionState) -> None:
+    trajectory = planned(asked, UNLIMITED, start)
+    position, velocity, acceleration = trajectory.evaluate(
+        np.linspace(0.0, trajectory.duration_s, 2001)
+    )
+    peaks = trajectory.peaks
+    for peak, sampled in (
+        (peaks.highest, position),
+        (peaks.velocity, np.abs(velocity)),
+        (peaks.acceleration, np.abs(acceleration)),
+    ):
+        room = 2e-9 * (1.0 + np.abs(peak.value))
+        assert (sampled.max(axis=0) <= peak.value + room).all()
+    assert (position.min(axis=0) >= peaks.lowest.value - 1e-8).all()
+    reached = trajectory.evaluate(peaks.highest.time_s)[0].diagonal()
+    np.testing.assert_allclose(reached, peaks.highest.value, atol=1e-9)
+
+
+@given(
+    st.lists(values(10.0), min_size=1, max_size=6),
+    st.floats(0.01, 5.0),
+)
+def test_extremes_agree_with_the_roots_of_the_derivative(
+    coefficients: list[float], width: float
+) -> None:
+    lowest, highest = extremes(
+        np.array([0.0, width]), np.array(coefficients).reshape(1, len(coefficients), 1)
+    )
+    polynomial = np.poly1d(coefficients)
+    roots = np.roots(np.trim_zeros(polynomial.deriv().coef, "f"))
+    inside = [r.real for r in roots if abs(r.imag) < 1e-6 and 0.0 <= r.real <= width]
+    at_candidates = polynomial(np.array([0.0, width, *inside]))
+    room = 1e-7 * (1.0 + np.abs(at_candidates).max())
+    assert abs(highest.value[0] - at_candidates.max()) <= room
+    assert abs(lowest.value[0] - at_candidates.min()) <= room
+    assert abs(polynomial(highest.time_s[0]) - highest.value[0]) <= room
+
+
+def test_a_trajectory_that_is_over_is_refused_as_such() -> None:
+    check_start_delay(-1.0, 2.0)
+    check_start_delay(0.0, 2.0)
+    with pytest.raises(TrajectoryRefused) as refused:
+        check_start_delay(-3.0, 2.0)
+    assert refused.value.code is RefusalCode.OLD_HEADER_TIMESTAMP
+    assert str(refused.value) == (
+        "the trajectory of 2.000 s should have begun 3.000 s ago: it is over"
+    )

@@ -1,0 +1,143 @@
+"""A limited twist stays on the commanded arc, within every limit, and comes to rest in time."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotd.motion.diff_drive import STILL, PlanarTwist
+from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
+
+PERIOD_S = 0.01
+ROUNDING = 1e-9
+
+rates = st.floats(0.1, 10.0)
+ramps = st.builds(RampLimits, rates, rates, rates, st.just(math.inf))
+smooth_ramps = st.builds(RampLimits, rates, rates, rates, st.floats(2.0, 100.0))
+limits = st.builds(TwistLimits, ramps, ramps, st.floats(0.1, 10.0), st.floats(0.05, 1.0))
+smooth_limits = st.builds(TwistLimits, smooth_ramps, smooth_ramps)
+speeds = st.floats(-20.0, 20.0).map(lambda value: round(value, 6))
+twists = st.builds(PlanarTwist, speeds, speeds)
+commands = st.lists(st.tuples(twists, st.integers(1, 60)), min_size=1, max_size=8)
+
+
+def driven(limiter: TwistLimiter, phases: Sequence[tuple[PlanarTwist, int]]) -> list[PlanarTwist]:
+    """The twists from rest, for each (command, number of periods) in turn."""
+    steps = [limiter.step(command) for command, count in phases for _ in range(count)]
+    return [STILL, *steps]
+
+
+def parts(all_limits: TwistLimits) -> tuple[RampLimits, RampLimits]:
+    return all_limits.linear, all_limits.angular
+
+
+def same_direction(twist: PlanarTwist, command: PlanarTwist) -> bool:
+    """Equal curvature, and not backwards: the sine of the angle between the two vanishes."""
+    size = math.hypot(*twist) * math.hypot(*command)
+    across = twist.linear * command.angular - twist.angular * command.linear
+    along = twist.linear * command.linear + twist.angular * command.angular
+    return abs(across) <= 1e-9 * size and along >= 0.0
+
+
+@given(limits, twists, st.integers(1, 200))
+def test_from_rest_and_back_the_curvature_is_the_commanded_one(
+    all_limits: TwistLimits, command: PlanarTwist, count: int
+) -> None:
+    limiter = TwistLimiter(all_limits, PERIOD_S)
+    for twist in driven(limiter, [(command, count), (STILL, count)]):
+        assert same_direction(twist, command)
+
+
+@given(smooth_limits, twists, st.integers(1, 100))
+def test_smoothing_keeps_the_curvature_too(
+    all_limits: TwistLimits, command: PlanarTwist, count: int
+) -> None:
+    limiter = TwistLimiter(all_limits, PERIOD_S)
+    for twist in driven(limiter, [(command, count)]):
+        assert same_direction(twist, command)
+
+
+@given(limits, commands)
+def test_no_limit_is_exceeded(
+    all_limits: TwistLimits, phases: list[tuple[PlanarTwist, int]]
+) -> None:
+    steps = driven(TwistLimiter(all_limits, PERIOD_S), phases)
+    for twist in steps:
+        rim = abs(twist.linear) + all_limits.half_track * abs(twist.angular)
+        assert rim <= all_limits.rim * (1 + ROUNDING)
+    for part, ramp in enumerate(parts(all_limits)):
+        for before, after in pairwise(twist[part] for twist in steps):
+            assert abs(after) <= ramp.velocity * (1 + ROUNDING)
+            assert before * after >= 0.0, "a reversal skips standstill"
+            slope = ramp.acceleration if abs(after) > abs(before) else ramp.deceleration
+            assert abs(after - before) <= slope * PERIOD_S * (1 + ROUNDING) + ROUNDING
+
+
+@given(smooth_limits, commands)
+def test_no_limit_is_exceeded_with_a_limited_jerk(
+    all_limits: TwistLimits, phases: list[tuple[PlanarTwist, int]]
+) -> None:
+    steps = driven(TwistLimiter(all_limits, PERIOD_S), phases)
+    for part, ramp in enumerate(parts(all_limits)):
+        values = [twist[part] for twist in steps]
+        slopes = [(after - before) / PERIOD_S for before, after in pairwise(values)]
+        steepest = max(ramp.acceleration, ramp.deceleration)
+        assert max(map(abs, values)) <= ramp.velocity * (1 + ROUNDING)
+        assert max(map(abs, slopes)) <= steepest * (1 + 1e-6)
+        for before, after in pairwise([0.0, *slopes]):
+            assert abs(after - before) <= ramp.jerk * PERIOD_S * (1 + 1e-6) + 1e-6
+
+
+@given(st.one_of(limits, smooth_limits), twists, st.integers(1, 200))
+def test_a_stop_takes_no_longer_than_promised(
+    all_limits: TwistLimits, command: PlanarTwist, count: int
+) -> None:
+    limiter = TwistLimiter(all_limits, PERIOD_S)
+    driven(limiter, [(command, count)])
+    reached = limiter._ramp
+    braking_s = max(
+        abs(speed) / part.deceleration
+        for speed, part in zip(reached, parts(all_limits), strict=True)
+    )
+    periods = math.ceil(braking_s / PERIOD_S - 1e-6) + math.ceil(
+        all_limits.smoothing() / PERIOD_S - 1e-6
+    )
+    for _ in range(periods):
+        limiter.step(STILL)
+    assert limiter.step(STILL) == STILL
+    assert limiter.at_rest
+
+
+@given(st.one_of(limits, smooth_limits), twists)
+def test_a_lasting_command_is_reached_exactly(
+    all_limits: TwistLimits, command: PlanarTwist
+) -> None:
+    limiter = TwistLimiter(all_limits, PERIOD_S)
+    wanted = all_limits.scaled(command)
+    enough = 2 + round(10.0 / 0.1 / PERIOD_S) + round(all_limits.smoothing() / PERIOD_S)
+    for _ in range(enough):
+        if limiter.step(command) == wanted:
+            break
+    reached = limiter.step(command)
+    assert reached == wanted
+
+
+def test_a_fast_command_is_slowed_on_its_arc() -> None:
+    all_limits = TwistLimits(RampLimits(1.0, 1.0, 1.0), RampLimits(2.0, 4.0, 4.0), 1.2, 0.275)
+    assert all_limits.scaled(PlanarTwist(2.0, 1.0)) == pytest.approx((1.0, 0.5))
+    assert all_limits.scaled(PlanarTwist(0.5, -8.0)) == pytest.approx((0.125, -2.0))
+    rim = all_limits.scaled(PlanarTwist(1.0, 2.0))
+    assert rim == pytest.approx((1.2 / 1.55, 2.4 / 1.55))
+
+
+def test_reset_stands_still_at_once() -> None:
+    smooth = RampLimits(1.0, 1.0, 1.0, 5.0)
+    limiter = TwistLimiter(TwistLimits(smooth, smooth), PERIOD_S)
+    driven(limiter, [(PlanarTwist(1.0, 1.0), 200)])
+    assert not limiter.at_rest
+    limiter.reset()
+    assert limiter.at_rest
+    assert limiter.step(STILL) == STILL
