@@ -60,9 +60,12 @@ class Progress:
 class Execution:
     """Made by ``TrajectoryFollower.follow``; advanced by the cycle, watched by one worker.
 
+    This one is streamed: it computes setpoints. See ``on_device`` for the other kind.
+
     Any thread may call ``cancel``, ``wait`` and ``progress``; the rest belongs to the cycle.
 
     Attributes:
+        streams: whether the cycle sends its setpoints.
         trajectory: what is executed, planned and checked.
         start_ns: monotonic time of the trajectory's time 0.
         position, velocity: (m,) the setpoint for the end of the period.
@@ -70,6 +73,8 @@ class Execution:
         outcome, message: None and "" until it has ended.
         max_error: (m,) largest following error seen so far, rad or m.
     """
+
+    streams = True
 
     def __init__(
         self,
@@ -145,7 +150,7 @@ class Execution:
             self._judge(time_ns, image)
         match self._phase:
             case Phase.RUNNING | Phase.STOPPING:
-                self._move_on(time_ns + period_ns, time_ns)
+                self._move_on(time_ns + period_ns, time_ns, image)
             case Phase.ARRIVING:
                 self._arrive(time_ns)
             case Phase.RESTING:
@@ -191,9 +196,12 @@ class Execution:
             if violation is not None:
                 self._end(Outcome.PATH_TOLERANCE, str(violation))
         if self.ending is not None:
-            self._stop = plan_stop(self.trajectory, self._time_s, self._limits)
-            self._stop_ns = time_ns
-            self._enter(Phase.STOPPING, time_ns)
+            self._begin_stop(time_ns)
+
+    def _begin_stop(self, time_ns: int) -> None:
+        self._stop = plan_stop(self.trajectory, self._time_s, self._limits)
+        self._stop_ns = time_ns
+        self._enter(Phase.STOPPING, time_ns)
 
     def _fault_text(self, image: ProcessImage) -> str:
         for name, axis in zip(self.trajectory.names, self._axes, strict=True):
@@ -205,7 +213,7 @@ class Execution:
                 return f"{name} at {self._time_s:.3f} s: {what}"
         return "a servo went off"
 
-    def _move_on(self, due_ns: int, time_ns: int) -> None:
+    def _move_on(self, due_ns: int, time_ns: int, image: ProcessImage) -> None:
         """The setpoint for ``due_ns``, on the path at full rate or along the stop."""
         rate = 1.0
         if self._stop is None:

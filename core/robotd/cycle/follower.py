@@ -5,14 +5,17 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 
 import numpy as np
 
 from robotd.clock import NANOSECONDS, Clock
 from robotd.cycle.execution import Execution
+from robotd.cycle.on_device import DeviceExecution
 from robotd.cycle.streamer import Streamer
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
+from robotd.device.drivers import AxisDriver
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady
 from robotd.motion import (
@@ -34,10 +37,19 @@ class TrajectoryFollower:
     """Executes trajectories of a robot's joints, one at a time; a newer one takes over.
 
     Any worker thread may call; concurrent goals are planned one after the other.
+
+    Args:
+        on_device: gets trajectories whole, where ``axes.trajectories_on_device``; None streams
+            them.
     """
 
     def __init__(
-        self, axes: Axes, streamer: Streamer, descriptor: RobotDescriptor, clock: Clock
+        self,
+        axes: Axes,
+        streamer: Streamer,
+        descriptor: RobotDescriptor,
+        clock: Clock,
+        on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
         self.settings = descriptor.trajectory
@@ -51,6 +63,11 @@ class TrajectoryFollower:
         self._axes = axes
         self._streamer = streamer
         self._clock = clock
+        self._execution = (
+            partial(DeviceExecution, on_device, descriptor.trajectory.max_points)
+            if on_device
+            else Execution
+        )
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._claim = ExitStack()
         self._active = 0
@@ -109,7 +126,7 @@ class TrajectoryFollower:
         with self._lock:
             trajectory, splice_ns = self._plan(request, start_ns)
             self._acquire()
-            execution = Execution(
+            execution = self._execution(
                 trajectory,
                 self._joint_axes,
                 self.limits,
@@ -127,6 +144,10 @@ class TrajectoryFollower:
         lead_s = LEAD_S
         while (running := self._streamer.running) is not None and not running.done:
             splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns or 0)
+            if isinstance(running, DeviceExecution):
+                # It must stop first; a request that would be refused anyway leaves it alone.
+                plan(request, self.limits, self.settings, self._rest_state())
+                running.preempt()
             state = running.splice_state(splice_ns)
             if state is None:
                 if not running.wait(STOP_TIMEOUT_S):
