@@ -134,6 +134,25 @@ void bind_motion(nb::class_<Device> &device) {
             command.profile = trapezoid(velocity, acceleration, deceleration);
             check("StartVel", Api::CoreMotion, self.core.velocity->StartVel(&command));
         }, Unlocked())
+        .def("start_vels", [](Device &self, const AxisList &axes,
+                              const std::vector<double> &velocities, double ramp_ms) {
+            if (axes.size() != velocities.size()) throw nb::value_error("one velocity per axis");
+            std::vector<Velocity::VelCommand> commands(axes.size());
+            for (std::size_t index = 0; index < axes.size(); index++) {
+                commands[index].axis = axes[index];
+                Profile &profile = commands[index].profile;
+                profile = trapezoid(velocities[index], 0, 0);
+                profile.type = ProfileType::TimeAccTrapezoidal;
+                profile.accTimeMilliseconds = profile.decTimeMilliseconds = ramp_ms;
+            }
+            check("StartVel", Api::CoreMotion,
+                  self.core.velocity->StartVel(static_cast<unsigned int>(commands.size()),
+                                               commands.data()));
+        }, Unlocked())
+        .def("timed_stop_velocity", [](Device &self, int axis, double milliseconds) {
+            check("Velocity::ExecTimedStop", Api::CoreMotion,
+                  self.core.velocity->ExecTimedStop(axis, milliseconds));
+        }, Unlocked())
         .def("stop_motion", [](Device &self, const AxisList &axes) {
             AxisSelection chosen = selection(axes);
             check("Motion::Stop", Api::CoreMotion, self.core.motion->Stop(&chosen));

@@ -156,6 +156,9 @@ void bind_status(nb::module_ &module) {
             return self.axis(axis).motionComplete;
         })
         .def("position", [](const Snapshot &self, int axis) { return self.axis(axis).actualPos; })
+        .def("velocity_command", [](const Snapshot &self, int axis) {
+            return self.axis(axis).velocityCmd;
+        })
         .def("position_command", [](const Snapshot &self, int axis) { return self.axis(axis).posCmd; });
 }
 

@@ -295,6 +295,7 @@ public:
     WMX3APIFUNC Stop(AxisSelection *pAxisSelection);
     WMX3APIFUNC ExecQuickStop(int axis);
     WMX3APIFUNC ExecQuickStop(AxisSelection *pAxisSelection);
+    WMX3APIFUNC ExecTimedStop(int axis, double timeMilliseconds);
     WMX3APIFUNC SetMaxMotorSpeed(int axis, double rpm);
     WMX3APIFUNC GetMaxMotorSpeed(int axis, double *pRpm);
 };

@@ -412,6 +412,10 @@ WMX3APIFUNC Velocity::ExecQuickStop(AxisSelection *selection) {
     return for_axes(cmApi, selection, quick_velocity);
 }
 
+WMX3APIFUNC Velocity::ExecTimedStop(int axis, double milliseconds) {
+    return for_axis(cmApi, axis, in_mode(AxisCommandMode::Velocity, timed_stop(milliseconds)));
+}
+
 #define COLUMN_VALUE(owner, set, get, member)                             \
     WMX3APIFUNC owner::set(int axis, double value) {                      \
         return for_axis(cmApi, axis, [&](Block &block, int which) -> int { \

@@ -69,7 +69,34 @@ const Entry COMMANDS[] = {
 };
 }  // namespace
 
+// Ends the engine and forgets everything, faults and devices included.
+int reset() {
+    {
+        Lock block;
+        block->quit = true;
+    }
+    for (int tries = 0; tries < 3000; tries++) {
+        sleep_ms(1);
+        Lock block;
+        if (block->engine_pid == 0 || now_ns() - block->heartbeat_ns > 1'500'000'000) break;
+    }
+    Lock block;
+    block->faults = Faults{};
+    block->faults.drives = 6;
+    block->faults.io_modules = 1;
+    block->faults.communication_ms = 20;
+    block->auto_quit = true;
+    block->quit = block->stopped = false;
+    block->engine_pid = 0;
+    block->starting_ns = 0;
+    for (Device &device : block->devices) device.used = false;
+    for (double &counts : block->absolute_counts) counts = 0;
+    reset_engine(*block);
+    return 0;
+}
+
 int main(int count, char **words) {
+    if (count == 2 && std::strcmp(words[1], "reset") == 0) return reset();
     for (const Entry &entry : COMMANDS) {
         if (count < 2 || std::strcmp(entry.name, words[1]) != 0) continue;
         if (count != entry.count + 2) break;

@@ -75,8 +75,13 @@ int start_spline(Block &block, int channel, int dimensions, const int *axes, uns
         if (k == 0 && times_ms[k] == 0) continue;
         if (times_ms[k] / 1000 - mine.times_s[knots - 1] < 1e-6)
             return Advanced::TimeBetweenPointsTooClose;
+        double square = 0;
+        for (int index = 0; index < dimensions; index++)
+            square += std::pow(point[k].pos[index] - mine.position[index][knots - 1], 2);
+        if (std::sqrt(square) < 1e-6) continue;  // dropped, as documented
         add(times_ms[k] / 1000, [&](int index) { return point[k].pos[index]; });
     }
+    if (knots < 3) return Advanced::PointCountBelowMinimum;  // two besides the start
     mine.knots = knots;
     mine.dimensions = dimensions;
     mine.acceleration = 0;
