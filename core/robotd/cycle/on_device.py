@@ -52,12 +52,15 @@ class DeviceExecution(Execution):
         stopped_velocity: float,
     ) -> None:
         super().__init__(trajectory, axes, limits, tolerances, start_ns, stopped_velocity)
+        self._start_ns = start_ns
         self._driver = driver
         self._times_s, self._points = device_points(trajectory, max_points)
         self._still = bool(np.ptp(self._points, axis=0).max() < STILL)
         self._watched = threading.Event()
         self._ended = threading.Event()
         self._started = self._seen_moving = self._stop_sent = False
+
+    def begin(self) -> None:
         threading.Thread(target=self._conduct, name="robotd-trajectory", daemon=True).start()
 
     def preempt(self) -> None:
@@ -69,7 +72,8 @@ class DeviceExecution(Execution):
         return None
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
-        self._watched.set()
+        if time_ns >= self._start_ns:
+            self._watched.set()
         super().advance(time_ns, period_ns, image)
 
     def finish(self, outcome: Outcome, message: str) -> None:
@@ -79,6 +83,7 @@ class DeviceExecution(Execution):
 
     def _end(self, outcome: Outcome, message: str) -> None:
         super()._end(outcome, message)
+        self._watched.set()
         self._ended.set()
 
     def _observe(self, image: ProcessImage) -> None:
@@ -87,7 +92,12 @@ class DeviceExecution(Execution):
         super()._observe(image)
 
     def _begin_stop(self, time_ns: int) -> None:
+        self._watched.set()
+        self._ended.set()
         self._enter(Phase.RESTING, time_ns)
+
+    def _obeyed(self, image: ProcessImage) -> bool:
+        return True  # ``_move_on`` tells an arrival from a stop
 
     def _move_on(self, due_ns: int, time_ns: int, image: ProcessImage) -> None:
         moving = (image.operation[self._axes] == Operation.STREAM).any()
@@ -104,9 +114,9 @@ class DeviceExecution(Execution):
             else:
                 self._end(Outcome.FAULT, f"the device stopped at {self._time_s:.3f} s by itself")
 
-    def _rest(self, time_ns: int) -> None:
+    def _rest(self, time_ns: int, image: ProcessImage) -> None:
         if self._stop_sent:
-            super()._rest(time_ns)
+            super()._rest(time_ns, image)
         else:  # a standstill before the stop proves nothing
             self._enter(Phase.RESTING, time_ns)
 

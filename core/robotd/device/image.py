@@ -57,6 +57,15 @@ class ProcessImage:
         """Cycle thread: the arrays are consistent again."""
         self._sequence += 1
 
+    def forget(self) -> None:
+        """Cycle thread: nothing is known any more, as before the first ``read``."""
+        self.begin_write()
+        blank = ProcessImage(self.axes)
+        for name in _ARRAYS:
+            getattr(self, name)[:] = getattr(blank, name)
+        self.stamp_ns = self.fresh_ns = 0
+        self.end_write()
+
     def copy(self) -> ProcessImage:
         """A consistent copy. Any thread may call; retries while the cycle writes."""
         twin = ProcessImage(self.axes)

@@ -10,6 +10,7 @@ from robotd.descriptor import (
     read_wmx_parameters,
     write_wmx_parameters,
 )
+from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import (
     AxisDriver,
@@ -48,6 +49,7 @@ __all__ = [
     "AxisDriver",
     "BackendInfo",
     "BackendOptions",
+    "Bench",
     "Capability",
     "Clock",
     "CommandMode",

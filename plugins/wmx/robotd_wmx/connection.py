@@ -122,6 +122,10 @@ class Connection:
             return state
         return self._lost
 
+    def give_up(self) -> None:
+        """The engine is about to be stopped by us: nothing is commanded any more."""
+        self._lost = EngineState.SHUTDOWN
+
     def others(self) -> list[str]:
         """Names of other programs' devices; empty when the engine does not tell."""
         try:

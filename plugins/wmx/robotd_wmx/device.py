@@ -154,6 +154,8 @@ class WmxDevice(DeviceDriver):
     def _stop_engine(self) -> None:
         try:
             wait_ms = round(self.connection.options.engine_timeout_s * 1000)
-            self.connection.command.stop_engine(wait_ms)
+            command = self.connection.command
+            self.connection.give_up()
+            command.stop_engine(wait_ms)
         except CallError as error:
             log.warning("the engine did not stop in time", reason=text_of(*error.args[1:3]))

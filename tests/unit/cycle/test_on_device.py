@@ -58,7 +58,9 @@ class Rig:
             self.time_ns,
             SETTINGS.stopped_velocity_rad_s,
         )
-        self.streamer.submit(execution, np.array([0, 1]))
+        self.streamer.advance(self.time_ns - PERIOD_NS, self.image)
+        assert self.streamer.submit(execution, np.array([0, 1]), None)
+        execution.begin()
         return execution
 
     def step(self, seconds: float = 0.002) -> None:
