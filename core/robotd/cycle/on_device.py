@@ -115,10 +115,12 @@ class DeviceExecution(Execution):
                 self._end(Outcome.FAULT, f"the device stopped at {self._time_s:.3f} s by itself")
 
     def _rest(self, time_ns: int, image: ProcessImage) -> None:
-        if self._stop_sent:
-            super()._rest(time_ns, image)
-        else:  # a standstill before the stop proves nothing
+        if not self._stop_sent:  # a standstill before the stop proves nothing
             self._enter(Phase.RESTING, time_ns)
+            return
+        if (image.operation[self._axes] != Operation.IDLE).any():
+            self._settled_periods = 0  # at the end of a stop the device is slow, and not done
+        super()._rest(time_ns, image)
 
     def _conduct(self) -> None:
         self._watched.wait()

@@ -77,8 +77,11 @@ class WmxDevice(DeviceDriver):
             return
         if others := self.connection.others():
             log.warning("communication ends for other programs too", devices=others)
-        with translated("communication"):
+        try:
             self.connection.command.stop_communication(max(1, round(timeout_s * 1000)))
+        except CallError as error:
+            if self._engine_lives():
+                raise translate(error, "communication") from error
 
     def state(self) -> EngineState:
         state = self.connection.state()

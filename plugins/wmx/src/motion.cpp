@@ -28,7 +28,7 @@ Profile trapezoid(double velocity, double acceleration, double deceleration) {
 
 AxisSelection selection(const AxisList &axes) {
     AxisSelection chosen;
-    if (axes.size() > static_cast<std::size_t>(constants::maxAxes))
+    if (axes.size() > static_cast<std::size_t>(wmx3Api::constants::maxAxes))
         throw nb::value_error("too many axes");
     chosen.axisCount = static_cast<int>(axes.size());
     for (std::size_t index = 0; index < axes.size(); index++) chosen.axis[index] = axes[index];
@@ -50,7 +50,7 @@ AxisCommandMode::T mode_of(int mode) {
 
 void start_spline(Device &device, int channel, const AxisList &axes, Times times_ms, Points points) {
     const std::size_t count = times_ms.shape(0), dimensions = axes.size();
-    if (dimensions > static_cast<std::size_t>(constants::maxSplineDimensions) ||
+    if (dimensions > static_cast<std::size_t>(wmx3Api::constants::maxSplineDimensions) ||
         points.shape(0) != count || points.shape(1) != dimensions)
         throw nb::value_error("times must be (n,), points (n, axes), axes within MAX_SPLINE_AXES");
     AdvMotion::PointTimeSplineCommand command;

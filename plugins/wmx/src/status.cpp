@@ -59,7 +59,7 @@ public:
           flags_{servo_on, amp_alarm, offline, home_done, home_switch, negative_limit,
                  positive_limit, motion_complete},
           codes_{alarm_code, mode, operation} {
-        bool fit = axes_ <= static_cast<std::size_t>(constants::maxAxes);
+        bool fit = axes_ <= static_cast<std::size_t>(wmx3Api::constants::maxAxes);
         for (const Numbers &array : numbers_) fit = fit && array.shape(0) == axes_;
         for (const Flags &array : flags_) fit = fit && array.shape(0) == axes_;
         for (const Codes &array : codes_) fit = fit && array.shape(0) == axes_;
@@ -111,7 +111,7 @@ public:
         get_status(device, *status);
     }
     const CoreMotionAxisStatus &axis(int index) const {
-        if (index < 0 || index >= constants::maxAxes) throw nb::index_error("no such axis");
+        if (index < 0 || index >= wmx3Api::constants::maxAxes) throw nb::index_error("no such axis");
         return status->axesStatus[index];
     }
     std::unique_ptr<CoreMotionStatus> status;

@@ -230,7 +230,9 @@ def test_two_robots_share_an_engine(tmp_path: Path) -> None:
                 assert execution.wait(5.0)
             assert execution.outcome is Outcome.SUCCEEDED, execution.message
             np.testing.assert_allclose(owner.image.position, 0.3, atol=1e-5)
+        # The guest has switched the axes off at its end, and left the engine alone.
         assert owner.engine.ready
+        owner.enable_joints()
         owner.axes.move([Move(0, 0.1, PROFILE)])
 
 

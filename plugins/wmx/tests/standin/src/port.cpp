@@ -91,6 +91,7 @@ int reset() {
     block->starting_ns = 0;
     for (Device &device : block->devices) device.used = false;
     for (double &counts : block->absolute_counts) counts = 0;
+    for (Slave &slave : block->slaves) slave.lost = false;
     reset_engine(*block);
     return 0;
 }

@@ -197,8 +197,12 @@ WMX3APIFUNC WMX3Api::StopCommunication(unsigned int wait) {
         return ErrorCode::None;
     });
     if (code || wait == 0) return code;
-    return wait_for(wait, [](Block &block) { return !communicating(block); })
-               ? ErrorCode::None : ErrorCode::CommNotStoppedInSpecifiedTime;
+    int result = ErrorCode::None;
+    const bool done = wait_for(wait, [&](Block &block) {
+        if (!engine_alive(block)) result = ErrorCode::APIChannelTimeOut;
+        return result || !communicating(block);
+    });
+    return done ? result : static_cast<int>(ErrorCode::CommNotStoppedInSpecifiedTime);
 }
 
 WMX3APIFUNC WMX3Api::GetEngineStatus(EngineStatus *status) {
