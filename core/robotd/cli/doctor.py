@@ -80,7 +80,7 @@ def _idle(backend: Backend, state: EngineState) -> str:
             f"plugin {backend.origin}: the device is {state.value} before it was opened,"
             f" not {EngineState.IDLE.value}"
         )
-    return state.value
+    return str(state.value)
 
 
 def _there(made: object) -> str:
@@ -92,7 +92,7 @@ def _agrees(backend: Backend, capability: Capability, made: object) -> str:
     if (made is not None) is not (capability in backend.info.capabilities):
         says = "declares" if made is None else "does not declare"
         has = "makes no driver" if made is None else "makes a driver"
-        raise PluginError(f"plugin {backend.origin} {says} {capability!r} and {has} for it")
+        raise PluginError(f"plugin {backend.origin} {says} '{capability}' and {has} for it")
     return _there(made)
 
 

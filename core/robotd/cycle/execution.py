@@ -24,6 +24,7 @@ from robotd.motion import (
 
 SETTLED_PERIODS = 3  # consecutive periods within tolerance that count as arrived, or at rest
 REST_TIMEOUT_S = 2.0  # a joint that still creeps then is reported, not waited for
+STALL_S = 0.02  # a cycle that stood this long may be why a device stopped by itself
 
 
 class Outcome(Enum):
@@ -110,6 +111,8 @@ class Execution:
         self._error: FloatArray = np.zeros(joints)
         self._phase_ns = start_ns
         self._stop_ns = start_ns
+        self._advanced_ns = start_ns
+        self._pause_ns = 0
         self._settled_periods = 0
         self._done = threading.Event()
 
@@ -166,6 +169,7 @@ class Execution:
         """Cycle: judge the measured values of ``time_ns``, compute the setpoint one period on."""
         if self._phase is Phase.FINISHED:
             return
+        self._pause_ns, self._advanced_ns = time_ns - self._advanced_ns, time_ns
         self._observe(image)
         self._check_drives(image)
         if self._phase in (Phase.RUNNING, Phase.ARRIVING):
@@ -229,7 +233,7 @@ class Execution:
             (image.amp_alarm, "amplifier alarm {alarm}"),
             (image.offline, "drive is offline"),
             (~image.servo_on, "servo went off"),
-            (image.operation != Operation.STREAM, "stopped by the device or another command"),
+            (image.operation != Operation.STREAM, self._stopped_text()),
         ]
         for failed, text in what:
             for name, axis in zip(self.trajectory.names, self._axes, strict=True):
@@ -237,6 +241,12 @@ class Execution:
                     reason = text.format(alarm=int(image.alarm_code[axis]))
                     return f"{name} at {self._time_s:.3f} s: {reason}"
         return "a drive does not follow"
+
+    def _stopped_text(self) -> str:
+        pause_s = self._pause_ns / NANOSECONDS
+        if pause_s < STALL_S:
+            return "stopped by the device or another command"
+        return f"stopped by the device after the cycle had stood for {pause_s * 1e3:.0f} ms"
 
     def _judge(self, time_ns: int) -> None:
         if self.ending is None and self._phase is Phase.RUNNING:

@@ -17,10 +17,12 @@ from dataclasses import dataclass
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.cycle.stats import CycleStats
 from robotd.cycle.streamer import NOT_RUNNING, Streamer
+from robotd.cycle.watchdog import Watchdog
 from robotd.device.drivers import AxisDriver
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
 from robotd.device.state import EngineState
+from robotd.errors import RobotdError
 from robotd.log import get_logger
 
 log = get_logger("cycle")
@@ -28,6 +30,7 @@ log = get_logger("cycle")
 Task = Callable[[ProcessImage], None]
 
 PR_SET_TIMERSLACK = 29  # linux/prctl.h
+STOP_S = 2.0  # for the period that is under way to end; one that hangs is left to itself
 SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
 
 
@@ -77,6 +80,8 @@ class Cycle:
         self._failing = False
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
+        self._began_ns = 0
+        self._watchdog = Watchdog(self._age_ns, engine.settings.stale_after_s, self._hang)
 
     def every(self, rate_hz: float, name: str, task: Task) -> None:
         """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.
@@ -91,12 +96,16 @@ class Cycle:
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="robotd-cycle", daemon=True)
             self._thread.start()
+            self._watchdog.start()
 
     def stop(self) -> None:
         """End the thread after its period; returns when it is gone. Twice is not an error."""
         self._stop.set()
+        self._watchdog.stop()
         if self._thread is not None:
-            self._thread.join()
+            self._thread.join(STOP_S)
+            if self._thread.is_alive():
+                log.error("the cycle hangs and was left to itself")
         self._streamer.device_lost(NOT_RUNNING)
 
     def step(self, time_ns: int) -> None:
@@ -141,9 +150,24 @@ class Cycle:
                 skipped = late_ns // period_ns
                 stats.missed += skipped
                 deadline_ns += skipped * period_ns
+            self._began_ns = start_ns
             self.step(deadline_ns)
+            self._began_ns = 0
             stats.record(late_ns, start_ns, clock.now_ns())
             deadline_ns += period_ns
+
+    def _age_ns(self) -> int:
+        began_ns = self._began_ns
+        return self._clock.now_ns() - began_ns if began_ns else 0
+
+    def _hang(self, reason: str) -> None:
+        """Watchdog: no command any more; what runs has failed; the axes are asked to stop."""
+        self._engine.abandon()
+        self._streamer.device_lost(reason)
+        try:
+            self._driver.stop(range(self._image.axes))
+        except RobotdError as error:
+            log.error("stopping the axes failed", reason=str(error))
 
     def _prepare_thread(self) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)

@@ -127,6 +127,7 @@ class MobileBase:
     def close(self) -> None:
         """Take no command any more; returns when the thread is gone. Twice is not an error."""
         self._closing = True
+        self._streaming = False
         self._wake.set()
         self._let_go.set()
         if self._thread is not None:

@@ -23,6 +23,8 @@ log = get_logger("engine")
 
 ReadyListener = Callable[[bool], None]
 
+ANSWER_S = 1.0  # longest wait for a device that another thread is asking for its state
+
 
 class Engine:
     """Opens, starts, stops and closes a device; the only caller of ``DeviceDriver``.
@@ -206,13 +208,26 @@ class Engine:
             self._stale = stale
             self.update_ready()
 
+    def abandon(self) -> None:
+        """Watchdog: the cycle hangs in the driver. Not ready, without asking the device.
+
+        A cycle that goes on after all says by ``set_stale`` how old the values are.
+        """
+        self._stale = True
+        if self._ready:
+            self._ready = False
+            for listener in self._listeners:
+                _tell(listener, False)
+
     def update_ready(self) -> EngineState:
         """Recompute ``ready`` from the device's state and tell the listeners of a change.
 
         Returns the state. What a listener raises is logged.
         """
         # One thread at a time: else an older answer of the device could overwrite a newer one.
-        with self._ready_lock:
+        if not self._ready_lock.acquire(timeout=ANSWER_S):
+            return EngineState.UNKNOWN  # whoever asks does not get an answer either
+        try:
             state = self.state
             ready = state is EngineState.COMMUNICATING and not self._preparing
             if ready is not self._ready:
@@ -220,6 +235,8 @@ class Engine:
                 for listener in self._listeners:
                     _tell(listener, ready)
             return state
+        finally:
+            self._ready_lock.release()
 
     def _begin_communication(self) -> None:
         if self._driver.state() is not EngineState.COMMUNICATING:

@@ -2,21 +2,25 @@
 
 An error that is none of robotd's becomes an ``OperationError``, and a call that does not come
 back a ``DeviceTimeout``; both name the plugin. What the cycle calls is not wrapped: it must
-cost nothing, and the cycle and its watchdog look after it.
+cost nothing, and the cycle and its watchdog look after it. A device that does not answer for its
+state is in state UNKNOWN.
 """
 
 from __future__ import annotations
 
 import inspect
+import threading
 from abc import ABC
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+from robotd.device.state import EngineState
 from robotd.errors import DeviceTimeout, OperationError, RobotdError
 from robotd.plugin.budget import OverBudget, within
 
 CALL_BUDGET_S = 30.0  # of calls without a time-out of their own
+STATE_BUDGET_S = 0.5  # of ``state``, which must never block
 GRACE_S = 2.0  # granted beyond the time-out that a call was given
 
 _UNWRAPPED = {
@@ -40,12 +44,30 @@ def guarded(driver: Driver, contract: type[Driver], plugin: str) -> Driver:
     for name in names - calls:
         if not isinstance(members[name], property):
             guard.__dict__[name] = getattr(driver, name)  # the cycle's way: no call in between
+    if isinstance(driver, DeviceDriver):
+        guard.__dict__["state"] = _Answer(driver.state)
     return cast(Driver, guard)
 
 
 def unguarded(driver: Driver) -> Driver:
     """What the plugin itself made: it may know more of its driver than the contract says."""
     return cast(Driver, getattr(driver, "wrapped", driver))
+
+
+class _Answer:
+    """``state`` of a device; UNKNOWN while an earlier question is not answered."""
+
+    def __init__(self, ask: Callable[[], EngineState]) -> None:
+        self._ask = ask
+        self._asking = threading.Lock()
+
+    def __call__(self) -> EngineState:
+        if not self._asking.acquire(timeout=STATE_BUDGET_S):
+            return EngineState.UNKNOWN
+        try:
+            return self._ask()
+        finally:
+            self._asking.release()
 
 
 def _forward(contract: type, name: str) -> Any:

@@ -15,7 +15,6 @@ from typing import NoReturn
 
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd.motion.interpolation import preload
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd.ros.discovery import announce_often
@@ -139,7 +138,6 @@ def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) 
         events.put(_StartEnded(error))
     else:
         events.put(_StartEnded(None))
-        preload()
         # What start-up made stays: a full collection over it would cost the cycle 20 ms.
         gc.freeze()
 

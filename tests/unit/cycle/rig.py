@@ -112,6 +112,12 @@ class Rig:
     def run(self, seconds: float) -> None:
         self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
+    def stall(self, seconds: float) -> None:
+        """The cycle stands, as on an overloaded computer; the device does not."""
+        step, self.clock.step = self.clock.step, lambda time_ns: None
+        self.run(seconds)
+        self.clock.step = step
+
     def until(self, condition: Callable[[], bool], timeout_s: float = 20.0) -> None:
         end_ns = self.clock.now_ns() + round(timeout_s * NANOSECONDS)
         while not condition():

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.unit.cycle.rig import ACCELERATION, PERIOD_S, Rig
 
 from robotd.cycle.execution import Execution, Outcome
-from robotd.device.state import EngineState
+from robotd.device.image import ProcessImage
+from robotd.device.state import EngineState, Operation
 from robotd.errors import ConnectError, NotReady
 
 FAR = (1.0, -0.6, 0.3)
@@ -104,6 +107,58 @@ def test_a_stop_from_elsewhere_ends_the_goal_and_all_joints(rig: Rig, how: str) 
     with rig.goal(HOME, seconds=1.5) as execution:
         rig.end(execution)
     assert execution.outcome is Outcome.SUCCEEDED, "no recovery is needed: the servos are on"
+
+
+def test_a_cycle_that_stood_too_long_is_named_as_the_reason(rig: Rig) -> None:
+    with rig.goal(FAR) as execution:
+        rig.run(0.4)
+        rig.stall(0.15)
+        rig.end(execution)
+    assert_fault(execution, "joint1 at 0.")
+    assert execution.message.endswith("stopped by the device after the cycle had stood for 152 ms")
+    assert_works(rig)
+
+
+def test_a_short_stall_costs_setpoints_and_nothing_else(rig: Rig) -> None:
+    with rig.goal(FAR) as execution:
+        rig.run(0.4)
+        rig.stall(0.03)
+        rig.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED
+    times_s = rig.setpoints.due_s - execution.start_ns * 1e-9
+    planned = execution.trajectory.evaluate(times_s)[0]
+    np.testing.assert_allclose(rig.setpoints.position, planned, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("array", "value", "reason"),
+    [
+        ("amp_alarm", True, "amplifier alarm 33"),
+        ("servo_on", False, "servo went off"),
+        ("offline", True, "drive is offline"),
+        ("operation", Operation.IDLE, "stopped by the device or another command"),
+    ],
+)
+def test_each_sign_of_a_fault_is_enough(rig: Rig, array: str, value: Any, reason: str) -> None:
+    """Also on a device that shows nothing else of it."""
+    driver = rig.robot.cycle._driver
+    read, broken = driver.read, False
+
+    def spoiled(image: ProcessImage) -> None:
+        read(image)
+        if broken:
+            getattr(image, array)[1] = value
+            image.alarm_code[1] = 33
+
+    driver.read = spoiled  # type: ignore[method-assign]
+    with rig.goal(FAR) as execution:
+        rig.run(0.41)
+        broken = True
+        rig.end(execution)
+        broken = False
+    assert_fault(execution, "joint2 at 0.4")
+    assert execution.message.endswith(reason)
+    rig.setpoints.assert_smooth(ACCELERATION)
 
 
 def test_a_goal_that_waits_for_a_stopped_one_claims_the_axes_anew(rig: Rig) -> None:

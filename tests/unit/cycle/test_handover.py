@@ -12,6 +12,7 @@ from tests.unit.cycle.rig import ACCELERATION, PERIOD_S, Rig
 from robotd.cycle import follower
 from robotd.cycle.execution import Execution, Outcome
 from robotd.cycle.streamer import ABANDONED, NOT_RUNNING
+from robotd.device.state import Operation
 from robotd.errors import NotReady
 
 FAR = (1.0, -0.6, 0.3)
@@ -84,7 +85,7 @@ def test_one_that_took_over_meanwhile_is_the_one_to_follow(
         rig.run(0.3)
         with rig.goal((-0.3, 0.4, 0.5), seconds=1.5) as second:
             # Planned to follow the first one, in time, but the second one runs by then.
-            starts = while_planning(lambda: rig.run(0.028))
+            starts = while_planning(lambda: rig.run(0.025))
             rig.run(2 * PERIOD_S)
             with rig.goal(HOME, seconds=1.5) as third:
                 assert len(starts) == 2
@@ -138,6 +139,22 @@ def test_axes_that_moved_meanwhile_are_planned_for_again(
     assert rig.setpoints.position[0][0] == pytest.approx(0.1)
     assert execution.outcome is Outcome.SUCCEEDED
     rig.setpoints.assert_smooth(peak(execution))
+
+
+def test_joints_that_never_do_as_planned_for_are_given_up(
+    rig: Rig, while_planning: Callable[..., list[float]]
+) -> None:
+    targets = iter(np.linspace(0.1, 1.0, 50))
+
+    def move() -> None:
+        rig.move(0, float(next(targets)))
+        rig.run(1.0)
+
+    starts = while_planning(*[move] * 50)
+    with pytest.raises(NotReady, match="did not go on as planned for, 8 times"), rig.goal(FAR):
+        pass
+    assert len(starts) == 8
+    assert not rig.axes_in(Operation.STREAM)
 
 
 def test_a_stop_that_takes_too_long_is_not_waited_for(
