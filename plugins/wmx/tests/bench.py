@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
-from build import SITE, build_plugin, build_standin
 from standin_port import port
+
+from build import SITE, build_plugin, build_standin
 
 READS = 50_000
 
@@ -18,14 +20,13 @@ def main() -> None:
     build_standin()
     build_plugin()
     sys.path.insert(0, str(SITE))
-    from robotd_wmx import CAPABILITIES
-    from robotd_wmx.axes import WmxAxes
-    from robotd_wmx.connection import Connection
-    from robotd_wmx.options import WmxOptions
-
     from robotd.clock import MonotonicClock
     from robotd.descriptor import load_robot_descriptor
     from robotd.device.image import ProcessImage
+    from robotd_wmx.axes import WmxAxes
+    from robotd_wmx.connection import Connection
+    from robotd_wmx.options import WmxOptions
+    from robotd_wmx.plugin import CAPABILITIES
 
     print(f"capabilities: {', '.join(sorted(CAPABILITIES))}")
     robot = load_robot_descriptor("cr3a")
@@ -40,7 +41,7 @@ def main() -> None:
         costs_us[index] = (time.perf_counter_ns() - start_ns) / 1000.0
     connection.close()
     port("reset")
-    os.unlink(f"/dev/shm/{os.environ['WMX_STANDIN_SHM']}")
+    Path("/dev/shm", os.environ["WMX_STANDIN_SHM"]).unlink()
     p50, p99, p999 = np.percentile(costs_us, (50, 99, 99.9))
     print(f"AxisDriver.read, 6 axes: p50 {p50:.2f} µs, p99 {p99:.2f} µs, p99.9 {p999:.2f} µs")
     if p50 > 10.0:

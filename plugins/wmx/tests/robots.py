@@ -31,7 +31,9 @@ def descriptor(folder: Path, name: str = "cr3a", **wmx: object) -> Path:
 
 
 @contextmanager
-def running(folder: Path, name: str = "cr3a", *, enable: bool = True, **wmx: object) -> Iterator[Robot]:
+def running(
+    folder: Path, name: str = "cr3a", *, enable: bool = True, **wmx: object
+) -> Iterator[Robot]:
     with open_robot(descriptor(folder, name, **wmx), "wmx", enable=enable) as robot:
         yield robot
 

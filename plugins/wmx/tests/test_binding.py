@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import threading
 import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from robots import eventually
+from standin_port import port
+
 from robotd_wmx import _native
 from robotd_wmx._native import CallError, Device, Master, Snapshot, State, StatusReader
-from standin_port import port
 
 AXES = 6
 
@@ -21,13 +25,13 @@ def device() -> Iterator[Device]:
     device.create(_native.SDK_PATH, 5000)
     device.start_communication(5000)
     yield device
-    try:
+    with contextlib.suppress(CallError):
         device.close(False)
-    except CallError:
-        pass
 
 
-def make_reader(device: Device, axes: int = AXES, position: int | None = None) -> tuple[StatusReader, list[np.ndarray]]:
+def make_reader(
+    device: Device, axes: int = AXES, position: int | None = None
+) -> tuple[StatusReader, list[np.ndarray]]:
     arrays: list[np.ndarray] = [np.ones(axes), np.ones(axes)]
     arrays += [np.full(axes if n or position is None else position, np.nan) for n in range(5)]
     arrays += [np.zeros(axes, bool) for _ in range(8)]
@@ -88,14 +92,14 @@ def test_status_is_written_into_the_arrays(device: Device) -> None:
     port("torque", 1, 50)
     port("home_switch", 2, 1)
     port("amp_alarm", 3, 0x1234)
-    device.start_pos(1, 0.5, 5.0, 100.0, 100.0) if _wait(lambda: Snapshot(device).servo_on(1)) else None
-    assert _wait(lambda: Snapshot(device).motion_complete(1))
-    time.sleep(0.005)
-    assert reader.read() > 0
+    eventually(lambda: Snapshot(device).servo_on(1))
+    device.start_pos(1, 10.0, 50.0, 1000.0, 1000.0)
+    eventually(lambda: Snapshot(device).motion_complete(1))
+    eventually(lambda: reader.read() > 0 and arrays[2][1] == 20.0)
     assert reader.communicating
     (_, _, position, _, torque, command, _, servo_on, amp_alarm, offline, *_) = arrays
-    np.testing.assert_allclose(position[:3], [0.0, 1.0, 0.0], atol=2.0)
-    np.testing.assert_allclose(command[:3], [0.0, 1.0, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(position[:3], [0.0, 20.0, 0.0])
+    np.testing.assert_array_equal(command[:3], [0.0, 20.0, 0.0])
     assert torque[1] == pytest.approx(15.0)
     np.testing.assert_array_equal(servo_on, [0, 1, 0, 0, 0, 0])
     np.testing.assert_array_equal(amp_alarm, [0, 0, 0, 1, 0, 0])
@@ -127,8 +131,6 @@ def test_a_read_of_six_axes_costs_less_than_10_us(device: Device) -> None:
 
 
 def test_other_threads_run_while_a_call_blocks() -> None:
-    import threading
-
     port("communication_ms", 300)
     device = Device()
     device.create(_native.SDK_PATH, 5000)
@@ -147,9 +149,3 @@ def test_states_on_the_wire(device: Device) -> None:
     master = Master(device, 0)
     assert master.state == 16
     assert [slave.state for slave in master.slaves] == [16, 16, 16, 0, 16, 16, 16]
-
-
-def _wait(condition) -> bool:  # noqa: ANN001 - a closure
-    from robotd.clock import MonotonicClock, wait_until
-
-    return wait_until(condition, 5.0, MonotonicClock())

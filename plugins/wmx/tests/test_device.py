@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from robots import ROBOTS, descriptor, eventually, running
 from standin_port import port
 
@@ -13,7 +14,8 @@ from robotd.device.axes import Move
 from robotd.device.drivers import Profile
 from robotd.device.state import EngineState
 from robotd.errors import ConnectError, DescriptorError, OperationError, RobotdError
-from robotd.robot import Robot, build_robot
+from robotd.robot import Robot, build_robot, open_robot
+from robotd_wmx import _native
 
 
 @pytest.fixture
@@ -49,8 +51,6 @@ def test_a_link_that_is_not_up_yet_is_tried_again(tmp_path: Path) -> None:
 
 
 def test_our_devices_are_named_after_the_robot_and_closed(tmp_path: Path) -> None:
-    from robotd_wmx import _native
-
     with running(tmp_path):
         device = _native.Device()
         device.create(_native.SDK_PATH, 1000)
@@ -133,7 +133,7 @@ def test_registers_statistics_and_network(tmp_path: Path) -> None:
         assert robot.fieldbus.network_state(0).packet_loss > 0
         robot.fieldbus.reset_statistics(0)
         assert robot.fieldbus.network_state(0).packet_loss == 0
-        with pytest.raises(OperationError, match="wmx 8197"):
+        with pytest.raises(OperationError, match=r"wmx 8197"):
             robot.fieldbus.read_register(0, 1, 0, 1)
         assert "no answer from 1" in robot.engine.scan_network()
 
@@ -146,19 +146,15 @@ def test_inputs_and_outputs(tmp_path: Path) -> None:
         robot.io.set_output_bit(1, 0, True)
         assert robot.io.output_bytes(0, 3) == b"\x01\x03\x03"
         assert robot.io.output_bit(1, 1)
-        with pytest.raises(RobotdError, match="outside 0..7999"):
+        with pytest.raises(RobotdError, match=r"outside 0\.\.7999"):
             robot.io.output_bytes(7999, 2)
 
 
 def test_rated_torque_makes_percent_newton_metres(tmp_path: Path) -> None:
-    import yaml
-
     path = descriptor(tmp_path)
     data = yaml.safe_load(path.read_text("utf-8"))
     data["joints"][0]["rated_torque_nm"] = 40.0
     path.write_text(yaml.safe_dump(data), "utf-8")
-    from robotd.robot import open_robot
-
     with open_robot(path, "wmx") as robot:
         port("torque", 0, 25)
         eventually(lambda: abs(robot.image.torque[0] - 10.0) < 1e-9)

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import pytest
-from robotd_wmx._native import CallError
-from robotd_wmx.errors import INVALID, LOCKED, NOT_READY, TIMEOUTS, names, table, text_of, translated
 
 from robotd.errors import ConnectError, DeviceTimeout, InvalidArgument, NotReady, OperationError
+from robotd_wmx._native import CallError
+from robotd_wmx.errors import (
+    INVALID,
+    LOCKED,
+    NOT_READY,
+    TIMEOUTS,
+    names,
+    table,
+    text_of,
+    translated,
+)
 
 
 def test_every_code_has_a_text() -> None:
@@ -58,7 +67,7 @@ def test_an_unknown_code_keeps_what_the_sdk_says() -> None:
     ],
 )
 def test_errors_are_of_their_phase_and_keep_the_code(name: str, kind: type[Exception]) -> None:
-    with pytest.raises(kind, match="^axis 3: wmx 1 .* from Call$") as raised, translated("axis 3"):
+    with pytest.raises(kind, match=r"^axis 3: wmx 1 .* from Call$") as raised, translated("axis 3"):
         raise CallError("Call", "engine", 1, name, "")
     assert type(raised.value) is kind
     assert raised.value.code == 1  # type: ignore[attr-defined]

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from build import PLUGIN, SDK, build_program, run
-from robots import eventually, goal, running
+from robots import descriptor, eventually, goal, running
 from standin_port import port
 
+from build import PLUGIN, SDK, build_program, run
 from robotd.cycle.execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.drivers import Profile
 from robotd.device.state import EngineState, Operation
 from robotd.errors import ConnectError, NotReady, OperationError
+from robotd.motion import JointTolerance
 from robotd.robot import Robot, build_robot
 
 PROFILE = Profile(1.0, 10.0, 10.0)
@@ -38,7 +41,7 @@ def test_cr3a_comes_up_moves_and_goes_down(tmp_path: Path) -> None:
 def test_a_trajectory_runs_as_a_spline_on_the_engine(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with robot.follower.follow(goal([0.25, 0.5], 0.1, 0.2)) as execution:
-            eventually(lambda: (robot.image.operation == Operation.STREAM).all())
+            eventually(lambda: bool((robot.image.operation == Operation.STREAM).all()))
             assert execution.wait(5.0)
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
         np.testing.assert_allclose(robot.image.position, 0.2, atol=1e-6)
@@ -48,7 +51,9 @@ def test_the_engine_follows_the_planned_path(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         samples: list[tuple[float, float]] = []
         clock = robot.clock
-        robot.cycle.every(500, "test", lambda image: samples.append((clock.now_ns(), image.position_command[2])))
+        robot.cycle.every(
+            500, "test", lambda image: samples.append((clock.now_ns(), image.position_command[2]))
+        )
         with robot.follower.follow(goal([0.3, 0.5, 0.8], 0.2, 0.1, 0.3)) as execution:
             assert execution.wait(5.0)
         times_s, positions = np.array(samples).T
@@ -169,8 +174,6 @@ def test_an_expired_licence_ends_motion_and_is_named(tmp_path: Path) -> None:
 
 
 def test_a_joint_that_is_held_is_a_following_error(tmp_path: Path) -> None:
-    from robotd.motion import JointTolerance
-
     with running(tmp_path) as robot:
         port("stuck", 3, 1)
         tolerances = robot.follower.tolerances([JointTolerance("joint4", 0.05)])
@@ -184,8 +187,12 @@ def test_baymax_drives_by_streamed_velocities(tmp_path: Path) -> None:
     port("topology", 2, 0)
     with running(tmp_path, "baymax") as robot:
         assert robot.base is not None
-        robot.base.command(0.3, 0.0)
-        eventually(lambda: bool((np.abs(robot.image.velocity) > 3.0).all()))
+
+        def fast() -> bool:
+            robot.base.command(0.3, 0.0)
+            return bool((np.abs(robot.image.velocity) > 3.0).all())
+
+        eventually(fast)
         assert (robot.image.operation == Operation.STREAM).all()
         eventually(lambda: settled(robot) and bool((np.abs(robot.image.velocity) < 1e-3).all()))
         assert abs(robot.image.position[0] - robot.image.position[1]) < 0.05
@@ -237,31 +244,29 @@ def test_two_robots_share_an_engine(tmp_path: Path) -> None:
 
 
 def test_the_engine_stops_the_axes_when_the_daemon_dies(tmp_path: Path) -> None:
-    import subprocess
-    import sys
-
-    from robots import descriptor
-
     script = (
-        "import os, sys\n"
+        "import sys\n"
         "from robotd.robot import open_robot\n"
         "from robotd.device.axes import Jog\n"
         "from robotd.device.drivers import Profile\n"
-        "robot = open_robot(sys.argv[1], 'wmx').__enter__()\n"
-        "robot.axes.set_command_mode(0, 1)\n"
-        "robot.axes.jog([Jog(0, Profile(0.5, 5.0, 5.0))])\n"
-        "os.kill(os.getpid(), 9)\n"
+        "with open_robot(sys.argv[1], 'wmx') as robot:\n"
+        "    robot.axes.set_command_mode(0, 1)\n"
+        "    robot.axes.jog([Jog(0, Profile(0.5, 5.0, 5.0))])\n"
+        "    print('moving', flush=True)\n"
+        "    sys.stdin.read()\n"
     )
-    path = descriptor(tmp_path, watchdog_s=0.2)
-    subprocess.run([sys.executable, "-c", script, str(path)], check=False)
+    command = [sys.executable, "-P", "-c", script, str(descriptor(tmp_path, watchdog_s=0.2))]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as daemon:  # type: ignore[call-overload]
+        assert "moving" in iter(lambda: daemon.stdout.readline().strip(), "")
+        assert "axis 0 servo 1 state 8" in port("show")  # OperationState::Velocity
+        daemon.kill()
     eventually(lambda: "engine 0" in port("show"))
 
 
 def test_what_a_start_up_cannot_do_is_said(tmp_path: Path) -> None:
     port("device_locked", 1000)
-    robot = build_robot(
-        __import__("robots").descriptor(tmp_path, lock_timeout_s=0.3), "wmx"
-    )
+    robot = build_robot(descriptor(tmp_path, lock_timeout_s=0.3), "wmx")
     with pytest.raises(ConnectError, match=r"wmx 297 \(device locked by another process\)"):
         robot.start()
     robot.shutdown()

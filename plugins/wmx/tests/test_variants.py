@@ -13,6 +13,7 @@ from pathlib import Path
 
 import nanobind
 import pytest
+
 from build import BUILD, PLUGIN, run
 
 NEWER = {
