@@ -82,7 +82,7 @@ struct Slave {
 struct Faults {  // survive a restart of the engine, so that they can be set before it starts
     int device_locked, process_locked, communication_refused, name_refused;
     int idle_ms, communication_ms, drives, io_modules;
-    bool licence_expired, loop_back;
+    bool licence_expired, loop_back, frozen;
 };
 
 struct Block {

@@ -77,7 +77,7 @@ void step(Block &block, std::int64_t now) {
     if (block.state == EngineState::Running && block.communicate_ns > 0 &&
         now >= block.communicate_ns)
         start_communication(block);
-    if (communicating(block)) tick(block);
+    if (communicating(block) && !block.faults.frozen) tick(block);
 }
 }  // namespace
 

@@ -46,6 +46,15 @@ const Entry COMMANDS[] = {
     {"push", "AXIS COUNTS", 2, [](Block &b, const long *a) {
          b.axes[a[0]].counts += a[1], b.axes[a[0]].sent_counts += a[1];
      }},
+    {"turn", "AXIS MICRO_UNITS", 2, [](Block &b, const long *a) {
+         const double delta = a[1] * 1e-6 * counts_per_unit(b, static_cast<int>(a[0]));
+         b.axes[a[0]].counts += delta, b.axes[a[0]].sent_counts += delta;
+     }},
+    {"freeze", "0|1", 1, [](Block &b, const long *a) { b.faults.frozen = a[0]; }},
+    {"input_bit", "BYTE BIT", 2,
+     [](Block &b, const long *a) { b.inputs[a[0]] |= 1 << a[1]; }},
+    {"no_input_bit", "BYTE BIT", 2,
+     [](Block &b, const long *a) { b.inputs[a[0]] &= ~(1 << a[1]); }},
     {"torque", "AXIS PERCENT", 2,
      [](Block &b, const long *a) { b.axes[a[0]].torque_override = a[1]; }},
     {"positive_limit", "AXIS 0|1", 2,
