@@ -21,6 +21,7 @@ from std_msgs.msg import Bool
 
 from robotd.ros.host import RosHost
 
+BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the same on all
 WAIT_S = 20.0
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -61,7 +62,7 @@ class RobotProcess:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", "sim", *arguments],
+            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", BACKEND, *arguments],
             stdout=self._log,
             stderr=subprocess.STDOUT,
             env=environment,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robotd_wmx import plugin
-from robotd_wmx.plugin import robotd_axes, robotd_fieldbus, robotd_io, robotd_open_device
 from standin_port import port
 
 from robotd.plugin.api import BackendInfo, Bench, Capability, hookimpl
+from robotd_wmx import plugin
+from robotd_wmx.plugin import robotd_axes, robotd_fieldbus, robotd_io, robotd_open_device
 
 __all__ = ["robotd_axes", "robotd_fieldbus", "robotd_io", "robotd_open_device"]
 
@@ -33,10 +33,10 @@ class StandinBench(Bench):
     def reconnect(self, axis: int) -> None:
         port("slave_back", axis)
 
-    def freeze(self, frozen: bool) -> None:  # noqa: FBT001 - the contract's signature
+    def freeze(self, frozen: bool) -> None:
         port("freeze", int(frozen))
 
-    def set_input_bit(self, byte: int, bit: int, value: bool) -> None:  # noqa: FBT001 - as above
+    def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         port("input_bit" if value else "no_input_bit", byte, bit)
 
 
