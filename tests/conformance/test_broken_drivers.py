@@ -71,6 +71,7 @@ def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in ("CALL_BUDGET_S", "GRACE_S", "STATE_BUDGET_S"):
         monkeypatch.setattr(guard, name, 0.1)
     monkeypatch.setattr("robotd.cycle.loop.STOP_S", 0.2)
+    monkeypatch.setattr("robotd.cycle.watchdog.HANG_S", 0.1)
     monkeypatch.setattr("robotd.device.engine.ANSWER_S", 0.2)
     broken.clear()
     released.clear()

@@ -92,8 +92,9 @@ class Rig:
     """A robot on the simulation; time passes in ``run``, and in whatever waits by the clock."""
 
     def __init__(self, descriptor: RobotDescriptor | None = None) -> None:
-        self.clock = SteppedClock(RATE_HZ)
-        self.robot = Robot(descriptor or arm(), load_backend("sim"), self.clock)
+        descriptor = descriptor or arm()
+        self.clock = SteppedClock(descriptor.cycle.rate_hz)
+        self.robot = Robot(descriptor, load_backend("sim"), self.clock)
         self.clock.step = self.robot.cycle.step
         self.robot.cycle.start = lambda: None  # type: ignore[method-assign] # no thread
         self.image = self.robot.image

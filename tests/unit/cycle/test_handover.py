@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from tests.unit.cycle.rig import ACCELERATION, PERIOD_S, Rig
 from robotd.cycle import follower
 from robotd.cycle.execution import Execution, Outcome
 from robotd.cycle.streamer import ABANDONED, NOT_RUNNING
-from robotd.device.state import Operation
 from robotd.errors import NotReady
 
 FAR = (1.0, -0.6, 0.3)
@@ -141,20 +141,18 @@ def test_axes_that_moved_meanwhile_are_planned_for_again(
     rig.setpoints.assert_smooth(peak(execution))
 
 
-def test_joints_that_never_do_as_planned_for_are_given_up(
+def test_planning_that_is_always_too_late_is_given_up(
     rig: Rig, while_planning: Callable[..., list[float]]
 ) -> None:
-    targets = iter(np.linspace(0.1, 1.0, 50))
-
-    def move() -> None:
-        rig.move(0, float(next(targets)))
-        rig.run(1.0)
-
-    starts = while_planning(*[move] * 50)
-    with pytest.raises(NotReady, match="did not go on as planned for, 8 times"), rig.goal(FAR):
-        pass
-    assert len(starts) == 8
-    assert not rig.axes_in(Operation.STREAM)
+    with rig.goal(FAR, seconds=30.0) as first:
+        rig.run(0.2)
+        delays_s = [follower.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
+        starts = while_planning(*[partial(rig.run, delay_s) for delay_s in delays_s])
+        with pytest.raises(NotReady, match="did not go on as planned for, 8 times"):
+            rig.goal(HOME).__enter__()
+        assert len(starts) == 8
+        assert not first.done
+    rig.setpoints.assert_smooth(ACCELERATION)
 
 
 def test_a_stop_that_takes_too_long_is_not_waited_for(
