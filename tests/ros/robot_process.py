@@ -60,6 +60,7 @@ class RobotProcess:
         environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{self.domain}",  # an engine of its own
         }
         self.process = subprocess.Popen(
             [sys.executable, "-m", "robotd", "--robot", robot, "--backend", BACKEND, *arguments],
