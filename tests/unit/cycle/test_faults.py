@@ -221,12 +221,12 @@ def test_a_lost_communication_ends_what_runs_and_what_waits(rig: Rig) -> None:
 def test_nothing_can_be_commanded_before_the_first_image(rig: Rig) -> None:
     rig.faults.drop_communication()
     rig.run(PERIOD_S)
-    step, rig.clock.step = rig.clock.step, lambda time_ns: None
+    rig.clock.detach()
     rig.engine.start_communication()
     assert rig.engine.ready
     with pytest.raises(NotReady, match="joint1 is offline"), rig.goal(HOME):
         pass
-    rig.clock.step = step
+    rig.clock.attach(rig.robot.cycle.period_ns, rig.robot.cycle.period)
 
 
 @pytest.mark.parametrize("restart", ["communication", "device"])

@@ -49,6 +49,7 @@ class Parts:
         self.driver: AxisDriver
         self.io_driver: IoDriver | None = None
         self.fieldbus_driver: FieldbusDriver | None = None
+        self.made_bench: Bench | None = None
         self._backend = backend
 
     def options(self, robot: RobotDescriptor) -> BackendOptions:
@@ -56,8 +57,11 @@ class Parts:
 
     def open_device(self, context: DeviceContext) -> DeviceDriver:
         self.device = self._backend.open_device(context)
-        self.bench = self._backend.bench(self.device, context)
+        self.made_bench = self._backend.bench(self.device, context)
         return self.device
+
+    def bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
+        return self.made_bench
 
     def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:
         self.driver = self._backend.axes(device, context)
@@ -93,7 +97,7 @@ class Rig:
         self.stepped = not real_time and _lives_by_clock(backend, descriptor)
         self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
         self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
-        self.bench: Bench | None = self.parts.bench
+        self.bench: Bench | None = self.parts.made_bench
         self.period_s = 1.0 / descriptor.cycle.rate_hz
         self.image = self.robot.image
         self.count = len(self.robot.axes)
