@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 import yaml
-
-with warnings.catch_warnings():  # rosidl imports an old lark
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import rosidl_generator_py  # noqa: F401
+from tests.contract.surfaces import surface
 
 from robotd.export import EXPORTS, Subject
 from robotd.export.nav2 import twist_limits
 from robotd.robot import Robot, build_robot
-from robotd.ros.host import RosHost
-from robotd.ros.nodes import make_node
-from robotd.ros.surface import ServeReport, report_of
-
-
-def surface(robot: Robot, *ros_args: str) -> ServeReport:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
-        with RosHost(["--ros-args", *ros_args], domain_id=98) as host:
-            nodes = [make_node(name, robot, host) for name in robot.descriptor.nodes]
-            for node in nodes:
-                host.add_node(node)
-            return report_of(nodes)
+from robotd.ros.surface import ServeReport
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ from wmx_ros2_message.srv import SetAxis
 from robotd.descriptor import load_robot_descriptor
 from robotd.robot import build_robot
 from robotd.ros.diagnostics import Diagnostics
-from robotd.ros.health import Level
 from robotd.ros.host import RosHost
+from robotd.ros.part_status import Level
 
 pytestmark = pytest.mark.ros
 

@@ -14,7 +14,8 @@ from rclpy.node import Node
 from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.log import get_logger
 from robotd.robot import Robot
-from robotd.ros.health import Health, Status
+from robotd.ros.health import Health
+from robotd.ros.part_status import Status
 
 log = get_logger("diagnostics")
 

@@ -13,10 +13,8 @@ from robotd.device.drivers import NetworkState, SlaveInfo
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, EngineState
 from robotd.robot import Robot, build_robot
-from robotd.ros.health import (
-    RECENT_S,
-    Growth,
-    Health,
+from robotd.ros.health import RECENT_S, Growth, Health
+from robotd.ros.part_status import (
     Level,
     Status,
     axis_status,
@@ -111,7 +109,7 @@ def test_what_cannot_be_known_is_stale(state: EngineState) -> None:
         assert state.value in status.message
 
 
-def slave(number: int, state: int = 8 * 2, **details: int | bool) -> SlaveInfo:
+def slave(number: int, state: int = 16, **details: int | bool) -> SlaveInfo:
     return SlaveInfo(number, state, **details)  # type: ignore[arg-type]
 
 
