@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 
 import numpy as np
-from standin_port import port
 
-from build import SITE, build_plugin, build_standin
+from standin_build import SITE, build_plugin, build_standin
+from standin_port import port
 
 READS = 50_000
 

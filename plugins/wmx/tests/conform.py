@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from build import BUILD, SDK, build_plugin, build_standin
+from standin_build import BUILD, SDK, build_plugin, build_standin
 
 TESTS = Path(__file__).resolve().parent
 BENCH = BUILD / "bench"  # metadata of the backend wmx_standin

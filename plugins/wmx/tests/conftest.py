@@ -12,9 +12,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ["WMX_STANDIN_SHM"] = f"wmx-test-{os.getpid()}"
 
+from standin_build import SDK, SITE, build_plugin, build_standin
 from standin_port import port
-
-from build import SDK, SITE, build_plugin, build_standin
 
 
 def pytest_sessionstart() -> None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from standin_port import port
-
 from robotd.plugin.api import BackendInfo, Bench, Capability, hookimpl
 from robotd_wmx import plugin
 from robotd_wmx.plugin import robotd_axes, robotd_fieldbus, robotd_io, robotd_open_device
+from standin_port import port
 
 __all__ = ["robotd_axes", "robotd_fieldbus", "robotd_io", "robotd_open_device"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 
-from build import SDK
+from standin_build import SDK
 
 
 def port(command: str, *arguments: int) -> str:

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from robots import eventually
-from standin_port import port
 
 from robotd_wmx import _native
 from robotd_wmx._native import CallError, Device, Master, Snapshot, State, StatusReader
+from robots import eventually
+from standin_port import port
 
 AXES = 6
 

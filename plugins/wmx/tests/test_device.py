@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from robots import ROBOTS, descriptor, eventually, running
-from standin_port import port
 
 from robotd.device.axes import Move
 from robotd.device.drivers import Profile
@@ -16,6 +14,8 @@ from robotd.device.state import EngineState
 from robotd.errors import ConnectError, DescriptorError, OperationError, RobotdError
 from robotd.robot import Robot, build_robot, open_robot
 from robotd_wmx import _native
+from robots import ROBOTS, descriptor, eventually, running
+from standin_port import port
 
 
 @pytest.fixture

@@ -6,9 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from standin_build import SDK
 from standin_port import port
-
-from build import SDK
 
 
 def doctor(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -8,10 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robots import descriptor, eventually, goal, running
-from standin_port import port
 
-from build import PLUGIN, SDK, build_program, run
 from robotd.cycle.execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.drivers import Profile
@@ -19,6 +16,9 @@ from robotd.device.state import EngineState, Operation
 from robotd.errors import ConnectError, NotReady, OperationError
 from robotd.motion import JointTolerance
 from robotd.robot import Robot, build_robot
+from robots import descriptor, eventually, goal, running
+from standin_build import PLUGIN, SDK, build_program, run
+from standin_port import port
 
 PROFILE = Profile(1.0, 10.0, 10.0)
 

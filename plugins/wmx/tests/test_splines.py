@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from robots import eventually, goal, running
 
 from robotd.device.state import Operation
 from robotd.errors import OperationError
 from robotd_wmx import _native
 from robotd_wmx.splines import CLOSEST_UNITS, check, engine_points
+from robots import eventually, goal, running
 
 
 def test_the_start_is_left_to_the_engine() -> None:

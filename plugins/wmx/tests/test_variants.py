@@ -14,7 +14,7 @@ from pathlib import Path
 import nanobind
 import pytest
 
-from build import BUILD, PLUGIN, run
+from standin_build import BUILD, PLUGIN, run
 
 NEWER = {
     "servo_on": 1,
