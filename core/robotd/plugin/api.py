@@ -5,8 +5,10 @@ from robotd.clock import Clock, wait_until
 from robotd.descriptor import (
     RobotDescriptor,
     WmxParameters,
+    axis_text,
     default_wmx_parameters,
     read_wmx_parameters,
+    write_wmx_parameters,
 )
 from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
@@ -75,9 +77,11 @@ __all__ = [
     "SlaveInfo",
     "Unsupported",
     "WmxParameters",
+    "axis_text",
     "default_wmx_parameters",
     "get_logger",
     "hookimpl",
     "read_wmx_parameters",
     "wait_until",
+    "write_wmx_parameters",
 ]
