@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 
-from robotd.clock import NANOSECONDS
+from robotd.clock import NANOSECONDS, Clock
 
 START_NS = NANOSECONDS  # a time of 0 would mean "never"
 _BEHIND_S = 0.1  # real time that a slow computer may make up for; the rest is dropped
@@ -41,10 +42,6 @@ class Pace:
             self._began, self._origin_s, self._origin_ns = True, now_s, time_ns
         elif due_s > now_s:
             time.sleep(due_s - now_s)
-
-    def forget(self) -> None:
-        """Begin anew with the next time: what went by in between does not count."""
-        self._began = False
 
 
 class SteppedClock:
@@ -114,6 +111,7 @@ class PacedClock:
         self._pace = Pace(scale)
         self._now_ns = START_NS
         self._limit_ns: int | None = None
+        self._holds = self._sleepers = 0
         self._standing = False
         self._ended = False
         self._changed = threading.Condition()
@@ -123,7 +121,22 @@ class PacedClock:
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
         with self._changed:
+            self._sleepers += 1
+            self._changed.notify_all()
             self._changed.wait_for(lambda: self._ended or self._now_ns >= deadline_ns)
+            self._sleepers -= 1
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Time stands while the block computes; whoever sleeps meanwhile lets it pass."""
+        with self._changed:
+            self._holds += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._holds -= 1
+                self._changed.notify_all()
 
     @property
     def paused(self) -> bool:
@@ -169,21 +182,21 @@ class PacedClock:
             self._ended, self._limit_ns = True, None
             self._changed.notify_all()
 
-    def _may_pass(self, time_ns: int) -> bool:
-        return self._limit_ns is None or time_ns <= self._limit_ns
-
     def _lead(self, deadline_ns: int) -> None:
-        if not self._may_pass(deadline_ns):
-            with self._changed:
-                while not self._may_pass(deadline_ns):
-                    self._standing = True
-                    self._changed.notify_all()
-                    self._changed.wait()
-                self._pace.forget()
         self._pace.wait_for(deadline_ns)
         with self._changed:
+            while not self._may_pass(deadline_ns):
+                self._changed.wait()
             self._now_ns = max(self._now_ns, deadline_ns)
             self._changed.notify_all()
+
+    def _may_pass(self, time_ns: int) -> bool:
+        """Lock held, cycle."""
+        if self._limit_ns is not None and time_ns > self._limit_ns:
+            self._standing = True
+            self._changed.notify_all()
+            return False
+        return self._holds == 0 or self._sleepers > 0
 
 
 class _Leader:
@@ -198,3 +211,8 @@ class _Leader:
 
 
 SimulatedClock = SteppedClock | PacedClock
+
+
+def held(clock: Clock) -> AbstractContextManager[None]:
+    """``clock.held()`` where the clock has that: computing takes no simulated time."""
+    return clock.held() if isinstance(clock, PacedClock) else nullcontext()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
+from robotd.cycle.execution import Outcome
 from robotd.errors import InvalidArgument, Unsupported
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import Backend, load_backend
@@ -135,6 +136,28 @@ def test_nobody_waits_on_a_clock_that_has_ended() -> None:
     clock.sleep_until_ns(clock.now_ns() + 10 * NANOSECONDS)
     assert clock.step(PERIOD_NS, TIMEOUT_S)
     assert not clock.paused
+
+
+def test_time_stands_while_it_is_held_and_nobody_sleeps(paced: Paced) -> None:
+    clock, periods = paced
+    clock.resume()
+    with clock.held():
+        clock.sleep_until_ns(clock.now_ns() + 3 * PERIOD_NS)  # passes all the same
+        count = len(periods.due_ns)
+        time.sleep(0.02)
+        assert len(periods.due_ns) - count <= 1  # the one that was under way
+    clock.sleep_until_ns(clock.now_ns() + 3 * PERIOD_NS)
+
+
+def test_planning_takes_no_time_however_fast_the_cycle_runs() -> None:
+    with open_robot("cr3a", "sim", clock=PacedClock()) as robot:
+        for target in (0.3, 0.0, 0.3, 0.0):
+            request = TrajectoryRequest(robot.joint_names, np.array([0.5]), np.full((1, 6), target))
+            before_ns = robot.clock.now_ns()
+            with robot.follower.follow(request) as execution:
+                assert execution.start_ns - before_ns < 0.1 * NANOSECONDS
+                assert execution.wait(TIMEOUT_S)
+            assert execution.outcome is Outcome.SUCCEEDED
 
 
 def moves(clock: Clock) -> tuple[bytes, int]:

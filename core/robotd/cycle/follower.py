@@ -29,6 +29,7 @@ from robotd.motion import (
     TrajectoryRequest,
     plan,
 )
+from robotd.simulated_clock import held
 
 OWNER = "follow_joint_trajectory"
 LEAD_S = 0.03  # planning time granted to a goal that takes over from a running one
@@ -138,7 +139,7 @@ class TrajectoryFollower:
     def _start(
         self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int | None
     ) -> Execution:
-        with self._lock:
+        with self._lock, held(self._clock):  # a cycle that does not wait would outrun planning
             try:
                 execution = self._submit(request, tolerances, start_ns or 0)
             except BaseException:
