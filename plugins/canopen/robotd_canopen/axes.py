@@ -40,10 +40,12 @@ class CanopenAxes(AxisDriver):
             self._master.begin_stream()
         for axis in axes:
             self._commands[axis].begin_stream()
+        self._master.settle()
 
     def end_stream(self, axes: Sequence[int]) -> None:
         for axis in axes:
             self._commands[axis].end_stream()
+        self._master.settle()
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         commands = self._commands[axis]
@@ -51,14 +53,17 @@ class CanopenAxes(AxisDriver):
             commands.enable(timeout_s)
         else:
             commands.disable(timeout_s)
+        self._master.settle()
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].clear_alarm(timeout_s)
+        self._master.settle()
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         if mode is CommandMode.TORQUE:
             raise Unsupported("torque mode", "canopen")
         self._commands[axis].set_mode(mode)
+        self._master.settle()
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         self._off(axis)
@@ -72,9 +77,11 @@ class CanopenAxes(AxisDriver):
 
     def home(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].home(timeout_s)
+        self._master.settle()
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
         self._commands[axis].move(target, profile)
+        self._master.settle()
 
     def jog(self, axis: int, profile: Profile) -> None:
         self._commands[axis].jog(profile)

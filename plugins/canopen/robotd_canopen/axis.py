@@ -50,6 +50,7 @@ class Axis:
         wanted: the servo is meant to be on.
         sent: controlword of the last frame.
         lost: why the servo went off by itself; "" if it did not.
+        state, status, displayed_mode: what the drive said, of one moment.
         profile_written: ramps and speeds that the drive has by SDO, by object.
     """
 
@@ -73,7 +74,7 @@ class Axis:
         self.lost = ""
         self.profile_written: dict[int, int] = {}
         self.state = DriveState.UNKNOWN
-        self.status = 0
+        self.status = self.displayed_mode = 0
         self._feedback = feedback
         self._resting = 0
         self._frames = [(pdo, frame(pdo.cob_id, bytes(pdo.layout.size))) for pdo in layout.rpdos]
@@ -81,11 +82,6 @@ class Axis:
     @property
     def powered(self) -> bool:
         return self.state in POWERED
-
-    @property
-    def displayed_mode(self) -> int:
-        """The mode that the drive says it is in."""
-        return int(self._feedback.columns[MODE][self.number])
 
     @property
     def measured(self) -> float:
@@ -117,11 +113,14 @@ class Axis:
         """Cycle: interpret what the drive said last, and write this axis' part of ``image``."""
         number, online = self.number, self.node.online
         self.status = int(self._feedback.columns[STATUSWORD][number])
+        self.displayed_mode = int(self._feedback.columns[MODE][number])
         known = online and self._feedback.heard(number)
         self.state = drive_state(self.status) if known else DriveState.UNKNOWN
         if known:
             self._watch_power()
             self._watch_operation()
+        elif self.operation is not Operation.IDLE:
+            self.hold()
         powered, alarm = self.powered, self.state in FAULTY
         image.offline[number] = not known
         image.servo_on[number] = powered

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,21 +16,25 @@ from robotd_canopen.scaling import SPAN
 STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
 VELOCITY, TORQUE, ERROR_CODE, INPUTS = 0x606C, 0x6077, 0x603F, 0x60FD
 _OBJECTS = (STATUSWORD, MODE, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, INPUTS)
-_ALLOWED_MISSES = 5  # a TPDO may be late by this many of its turns before it can be stale
+_ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
+_NEVER = -1
 _EVENT_DRIVEN = 240
 
 IntArray = NDArray[np.int64]
 
 
 class Feedback:
-    """Values of n axes by object, in the drives' units; -1 in ``times_ns`` is "never".
+    """Values of n axes by object, in the drives' units.
 
-    The receive thread writes single elements, the cycle reads whole arrays.
+    The receive thread writes single elements, the cycle reads whole arrays. Age is counted in
+    SYNCs, for a drive that was not asked is not late.
 
     Attributes:
         columns: object → array of shape (n,).
         pdos: the synchronous TPDOs of all axes, as (axis, PDO).
-        times_ns: when each of ``pdos`` came last; shape (len(pdos),).
+        seen: number of the SYNC after which each of ``pdos`` came last, -1: never.
+        limits: SYNCs without it after which each of ``pdos`` is stale.
+        syncs: SYNCs sent; counted by the cycle.
     """
 
     def __init__(self, axes: Sequence[AxisLayout], sync_period_s: float, stale_s: float) -> None:
@@ -44,10 +49,11 @@ class Feedback:
             for pdo in axis.tpdos
             if pdo.transmission <= _EVENT_DRIVEN
         ]
-        self.times_ns: IntArray = np.full(len(self.pdos), -1, np.int64)
-        turns = np.array([pdo.transmission for _, pdo in self.pdos], np.float64)
-        least_s = turns * sync_period_s * _ALLOWED_MISSES
-        self.limits_ns: IntArray = (np.maximum(least_s, stale_s) * 1e9).astype(np.int64)
+        self.seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
+        self._turns = np.array([pdo.transmission for _, pdo in self.pdos], np.int64)
+        least = math.ceil(stale_s / sync_period_s)
+        self.limits: IntArray = np.maximum(self._turns * _ALLOWED_MISSES, least)
+        self.syncs = 0
         self.counts: IntArray = np.zeros(count, np.int64)  # position without the encoder's wrap
         self._raw: IntArray = np.zeros(count, np.int64)
 
@@ -63,7 +69,7 @@ class Feedback:
             for column, value in zip(columns, unpack(data), strict=True):
                 column[axis] = value
             if slot is not None:
-                self.times_ns[slot] = time_ns
+                self.seen[slot] = self.syncs
 
         return receive
 
@@ -71,13 +77,27 @@ class Feedback:
         """The drive is configured anew: what it said before does not count."""
         for slot, (owner, _) in enumerate(self.pdos):
             if owner == axis:
-                self.times_ns[slot] = -1
+                self.seen[slot] = _NEVER
 
     def heard(self, axis: int) -> bool:
         """Every synchronous TPDO of ``axis`` has come at least once."""
         return all(
-            self.times_ns[slot] >= 0 for slot, (owner, _) in enumerate(self.pdos) if owner == axis
+            self.seen[slot] != _NEVER for slot, (owner, _) in enumerate(self.pdos) if owner == axis
         )
+
+    def stale(self) -> list[tuple[int, Pdo, int]]:
+        """Axis, PDO and missed SYNCs of everything that is overdue. Cycle."""
+        age = self.syncs - self.seen
+        late = (age > self.limits) & (self.seen != _NEVER)
+        if not late.any():
+            return []
+        return [(*self.pdos[slot], int(age[slot])) for slot in late.nonzero()[0]]
+
+    def missed(self) -> int:
+        """SYNCs for which the most silent drive owes an answer; 0 while all is well."""
+        known = self.seen != _NEVER
+        owed = self.syncs - self.seen - self._turns
+        return max(0, int(owed.max(initial=0, where=known))) if known.any() else self.syncs
 
     def unwrap(self) -> None:
         """Cycle: bring ``counts`` up to date; an endless axis runs over 32 bits."""

@@ -12,7 +12,7 @@ from robotd_canopen.feedback import TORQUE, VELOCITY, Feedback
 
 
 def fill(image: ProcessImage, axes: Sequence[Axis], feedback: Feedback) -> None:
-    """Cycle: measured values of axes that answer, and the state of all."""
+    """Cycle: measured values of axes that answer, and the state of all; not ``fresh_ns``."""
     feedback.unwrap()
     for axis in axes:
         axis.observe(image)
@@ -23,5 +23,3 @@ def fill(image: ProcessImage, axes: Sequence[Axis], feedback: Feedback) -> None:
     np.multiply(feedback.counts, units[:, 0], out=image.position, where=live)
     np.multiply(feedback.columns[VELOCITY], units[:, 1], out=image.velocity, where=live)
     np.multiply(feedback.columns[TORQUE], units[:, 2], out=image.torque, where=live)
-    # The oldest value counts: one silent drive makes the whole image old.
-    image.fresh_ns = max(image.fresh_ns, int(feedback.times_ns.min(initial=2**62)))

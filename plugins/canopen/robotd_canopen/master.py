@@ -15,6 +15,7 @@ from robotd.plugin.api import (
     RobotDescriptor,
     RobotdError,
     get_logger,
+    wait_until,
 )
 from robotd_canopen.axis import Axis
 from robotd_canopen.bus import Bus, frame
@@ -43,7 +44,7 @@ class Master:
 
     Attributes:
         faults: the latest losses of nodes and of the bus, newest last, as text.
-        syncs: SYNC frames sent; ``sync_jitter_ns``: largest deviation of their distance.
+        sync_jitter_ns: largest deviation of the distance of two SYNCs from the period.
     """
 
     def __init__(self, robot: RobotDescriptor, options: CanopenOptions, clock: Clock) -> None:
@@ -60,7 +61,6 @@ class Master:
         self._make_io_nodes()
         self.state = EngineState.IDLE
         self.faults: list[str] = []
-        self.syncs = 0
         self.sync_jitter_ns = 0
         self._sync_ns = 0
         self._cycles = 0
@@ -117,6 +117,9 @@ class Master:
                 self._transmit()
             self._sync(now_ns)
         fill(image, self.axes, self.feedback)
+        missed = self.feedback.missed()
+        if missed < self.feedback.syncs:
+            image.fresh_ns = now_ns - round(missed * self.layout.sync_period_s * NANOSECONDS)
         self._watch(now_ns)
         if not any(axis.following for axis in self.axes):
             self._transmit()
@@ -134,17 +137,23 @@ class Master:
         """The time-out of the stream starts now."""
         self._stream_ns = self.clock.now_ns()
 
-    def drive_of(self, axis: int) -> Axis:
-        return self.axes[axis]
+    def settle(self) -> None:
+        """Worker: wait until the image shows what has just been changed.
+
+        Returns early where nobody runs the cycle.
+        """
+        seen = self._cycles
+        period_s = self.layout.sync_period_s
+        wait_until(lambda: self._cycles > seen + 1, 10 * period_s, self.clock, period_s / 4)
 
     def _sync(self, now_ns: int) -> None:
         self.bus.send(self._sync_frame)
         period_ns = self.layout.sync_period_s * NANOSECONDS
-        if self.syncs:
+        if self.feedback.syncs:
             jitter_ns = abs(now_ns - self._sync_ns - period_ns)
             self.sync_jitter_ns = max(self.sync_jitter_ns, round(jitter_ns))
         self._sync_ns = now_ns
-        self.syncs += 1
+        self.feedback.syncs += 1
         self._transmitted = False
         if now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + round(self.options.heartbeat_s * NANOSECONDS)
@@ -170,21 +179,16 @@ class Master:
                 reason = node.missing(now_ns, self._heartbeat_limit_ns)
                 if reason:
                     self.lose(node, reason)
-        self._watch_pdos(now_ns)
+        self._watch_pdos()
         if now_ns - self._stream_ns > self._stream_timeout_ns:
             for axis in self.axes:
                 if axis.following:
                     self._fail(f"{axis.node.name}: no setpoint for {self.options.stream_timeout_s} s")
 
-    def _watch_pdos(self, now_ns: int) -> None:
-        feedback = self.feedback
-        late = (now_ns - feedback.times_ns > feedback.limits_ns) & (feedback.times_ns >= 0)
-        if not late.any():
-            return
-        for slot in late.nonzero()[0]:
-            number, pdo = feedback.pdos[slot]
-            age_ms = (now_ns - feedback.times_ns[slot]) / 1e6
-            self.lose(self.axes[number].node, f"{pdo.name} is {age_ms:.0f} ms old")
+    def _watch_pdos(self) -> None:
+        for number, pdo, missed in self.feedback.stale():
+            age_ms = missed * self.layout.sync_period_s * 1000
+            self.lose(self.axes[number].node, f"{pdo.name} has not come for {age_ms:.0f} ms")
 
     def _fail(self, reason: str) -> None:
         self.faults.append(reason)

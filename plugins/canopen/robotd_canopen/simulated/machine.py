@@ -18,7 +18,6 @@ from robotd_sim.world import FOREVER, NANOSECONDS, World
 
 TICK_S = 0.001
 _MAX_CATCH_UP_S = 1.0
-_LAG_PERIODS = 2  # drive time may lag the computer's by this many periods before it catches up
 
 
 class DriveClock:
@@ -48,6 +47,7 @@ class Machine:
         axes = max(1, len(initial))
         self.servo = Servo(_mechanics(axes), TICK_S)
         self._clock = DriveClock(now_ns)
+        self._seen_ns = now_ns
         self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
         self._torque = np.zeros(axes)
@@ -57,16 +57,16 @@ class Machine:
             self._follow(axis, Segment(0.0, position, 0.0, 0.0))
 
     def synchronise(self, now_ns: int, period_s: float) -> None:
-        """A SYNC has come at ``now_ns``: one period has passed in the drives."""
+        """A SYNC has come at ``now_ns``: one period has passed, or more if some were lost."""
         period_ns = round(period_s * NANOSECONDS)
-        mine = self._clock.now_ns() + period_ns
-        self._clock.set(min(max(mine, now_ns - _LAG_PERIODS * period_ns), now_ns + period_ns))
-        self._advance()
+        periods = max(1, round((now_ns - self._seen_ns) / period_ns))
+        self._seen_ns = now_ns
+        self._advance(periods * period_ns)
 
     def free_run(self, now_ns: int) -> None:
         """There is no SYNC: time goes on by itself."""
-        self._clock.set(now_ns)
-        self._advance()
+        elapsed_ns, self._seen_ns = now_ns - self._seen_ns, now_ns
+        self._advance(elapsed_ns)
 
     def position(self, axis: int) -> float:
         return float(self.servo.position[axis])
@@ -146,7 +146,8 @@ class Machine:
     def _follow(self, axis: int, segment: Segment) -> None:
         self.servo.follow(axis, self._world.tick, segment.position, 0.0, 0.0)
 
-    def _advance(self) -> None:
+    def _advance(self, elapsed_ns: int) -> None:
+        self._clock.set(self._clock.now_ns() + elapsed_ns)
         self._world.advance()
         self.servo.measure_velocity(self._velocity)
         self.servo.measure_torque(self._velocity, self._torque)

@@ -194,7 +194,10 @@ class Motion:
             )
 
     def _follow(self, target: float, word: int, period_s: float) -> None:
-        """A straight line to ``target`` in one period, within the limits of 0x607D."""
+        """A straight line to ``target`` in one period, within the limits of 0x607D.
+
+        Should the next setpoint be late, the line goes on for one more period.
+        """
         low, high = self._limits()
         self.limited = not low <= target <= high
         target = min(max(target, low), high)
@@ -208,7 +211,8 @@ class Motion:
             return
         speed = (target - position) / period_s
         line = Segment(0.0, position, speed, 0.0)
-        self._machine.plan(self._motor, [line, Segment(period_s, target, 0.0, 0.0)])
+        end = min(max(target + speed * period_s, low), high)
+        self._machine.plan(self._motor, [line, Segment(2 * period_s, end, 0.0, 0.0)])
 
     def _move(self, target: float) -> None:
         position, velocity = self._machine.command(self._motor)
