@@ -39,7 +39,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the robot, and numpy and scipy with it, only for those who ask for it."""
+    """Import the robot, and numpy with it, only for those who ask for it."""
     if name not in __all__:
         raise AttributeError(f"module 'robotd' has no attribute {name!r}")
     from robotd import robot

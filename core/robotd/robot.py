@@ -143,7 +143,7 @@ class Robot:
 
     def _enable(self, axis: int) -> None:
         self.axes.clear_alarm(axis)
-        if axis in self.wheel_axes:
+        if axis in self.wheel_axes and self.image.mode[axis] != CommandMode.VELOCITY:
             self.axes.set_command_mode(axis, CommandMode.VELOCITY)
         self.axes.servo(axis, True)
 
@@ -151,18 +151,20 @@ class Robot:
         """Bring what moves to rest, then switch the servos off; failures are logged."""
         if not self.engine.ready:
             return
-        enabled = [axis for axis in range(len(self.axes)) if self.image.servo_on[axis]]
+        everything, time_s = range(len(self.axes)), self.descriptor.engine.shutdown_s
         try:
-            self.follower.stop()
+            self.follower.stop(time_s)
             if self.base is not None:
-                self.base.stop(self.descriptor.engine.shutdown_s)
-            if enabled:
-                self.axes.rest(enabled, self.descriptor.engine.shutdown_s)
+                self.base.stop(time_s)
+            self.axes.rest(everything, time_s)
+            log.info("at rest")
         except RobotdError as error:
             log.error("controlled stop failed", reason=str(error))
+        enabled = [axis for axis in everything if self.image.servo_on[axis]]
         for axis, failure in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
             if failure is not None:
                 log.error("servo off failed", axis=self.axes.names[axis], reason=str(failure))
+        log.info("servos off", axes=len(enabled))
 
 
 def build_robot(

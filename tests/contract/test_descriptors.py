@@ -48,7 +48,7 @@ def urdf(cr3a: RobotDescriptor) -> Any:
 
 def test_every_robot_is_sound_and_named_as_its_folder() -> None:
     robots = list_robots()
-    assert {"cr3a", "standalone"} <= {robot.name for robot in robots}
+    assert {"baymax", "cr3a", "standalone"} <= {robot.name for robot in robots}
     for robot in robots:
         assert robot.problem is None
         assert robot.summary
@@ -97,6 +97,59 @@ def test_standalone_moves_nothing_by_itself() -> None:
     robot = load_robot_descriptor("standalone")
     assert (robot.axes, robot.joints, robot.parameters_file) == (2, (), None)
     assert robot.nodes == SERVICE_NODES
+
+
+def test_baymax_says_the_same_thing_twice_only_in_agreement() -> None:
+    robot = load_robot_descriptor("baymax")
+    assert robot.drive is not None
+    assert robot.nodes == (*SERVICE_NODES, "diff_drive_controller")
+    assert robot.ros_parameters == {
+        "diff_drive_controller": {
+            "left_axis": robot.drive.left_axis,
+            "right_axis": robot.drive.right_axis,
+            "rate": 100,
+            "acc_time": 1.0,
+            "dec_time": 1.0,
+            "wheel_radius": robot.drive.wheel_radius_m,
+            "wheel_to_wheel": robot.drive.wheel_separation_m,
+            "cmd_vel_topic": "/cmd_vel",
+            "encoder_vel_topic": "/cmd_vel_check",
+            "encoder_omega_topic": "/velocity_controller/commands",
+            "encoder_odometry_topic": "/odom_enc",
+            "wmx_param_file_path": "",
+        }
+    }
+    assert (robot.axes, robot.drive.axes) == (2, (0, 1))
+    assert (robot.drive.wheel_radius_m, robot.drive.wheel_separation_m) == (0.09, 0.55)
+
+
+def test_baymax_parameter_file(tmp_path: Path) -> None:
+    robot = load_robot_descriptor("baymax")
+    assert robot.parameters_file is not None
+    parameters = read_wmx_parameters(robot.parameters_file)
+    assert list(parameters["AxisGearRatioNumerator"][:2]) == [52953088] * 2
+    assert np.all(parameters["AxisGearRatioDenominator"][:2] == 2 * np.pi)
+    assert list(parameters["AxisPolarity"][:2]) == [-1, -1]
+    assert list(parameters["AxisCommandMode"][:3]) == [1, 1, 0]
+    assert np.all(parameters["AbsoluteEncoderMode"][:2])
+    write_wmx_parameters(parameters, tmp_path / "again.xml")
+    assert (tmp_path / "again.xml").read_bytes() == robot.parameters_file.read_bytes()
+
+
+def test_baymax_urdf_has_the_wheels_of_the_descriptor() -> None:
+    robot = load_robot_descriptor("baymax")
+    assert robot.urdf is not None
+    assert robot.drive is not None
+    root = etree.parse(robot.urdf).getroot()
+    for side, sign in (("left", 1), ("right", -1)):
+        joint = root.find(f"joint[@name='{side}_wheel_joint']")
+        wheel = root.find(f"link[@name='{side}_wheel']/visual/geometry/cylinder")
+        assert joint is not None
+        assert wheel is not None
+        place = [float(number) for number in joint.find("origin").get("xyz").split()]
+        assert place == [0, sign * robot.drive.wheel_separation_m / 2, 0]
+        assert float(wheel.get("radius")) == robot.drive.wheel_radius_m
+        assert float(joint.find("limit").get("velocity")) == robot.drive.wheel_velocity_rad_s
 
 
 def test_cr3a_parameter_file(cr3a: RobotDescriptor, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ UNWILLING = """\
 schema: 1
 name: unwilling
 axes: 2
-engine: {{open_tries: {tries}, open_retry_s: 0.2}}
+engine: {{open_tries: {tries}, open_retry_s: {retry_s}}}
 nodes: [wmx_engine_node, wmx_core_motion_node, wmx_io_node, wmx_ethercat_node]
 backends: {{sim: {{fail_open: {failures}, open_delay_s: {delay_s}}}}}
 """
@@ -46,11 +46,15 @@ def start(tmp_path: Path) -> Iterator[Any]:
         close()
 
 
-def unwilling(folder: Path, tries: int, failures: int, delay_s: float = 0.0) -> str:
+def unwilling(
+    folder: Path, tries: int, failures: int, retry_s: float = 0.2, delay_s: float = 0.0
+) -> str:
     """A robot whose device fails to open ``failures`` times."""
     path = folder / "unwilling" / "robot.yaml"
     path.parent.mkdir()
-    path.write_text(UNWILLING.format(tries=tries, failures=failures, delay_s=delay_s))
+    path.write_text(
+        UNWILLING.format(tries=tries, failures=failures, retry_s=retry_s, delay_s=delay_s)
+    )
     return str(path)
 
 
@@ -119,6 +123,16 @@ def test_restarting_the_engine_never_switches_a_servo_on(start: Any) -> None:
     client.next(states, lambda each: each.servo_on[0])
 
 
+def steepest(joints: list[Any]) -> float:
+    """The highest deceleration of joint1 in rad/s², over windows of 20 ms or more."""
+    samples: list[tuple[float, float]] = []
+    for message in joints:
+        time_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        if not samples or time_s - samples[-1][0] >= 0.02:
+            samples.append((time_s, message.velocity[0]))
+    return max((v1 - v2) / (t2 - t1) for (t1, v1), (t2, v2) in itertools.pairwise(samples))
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> None:
     process, client = start()
@@ -135,11 +149,8 @@ def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> No
     assert process.end(number) == 0
     _status, result = sent.result()
     assert "stopped by the robot" in result.error_string
-    speeds = [abs(message.velocity[0]) for message in joints]
-    assert max(speeds) > 0.5
-    assert speeds[-1] < 0.05
-    slowing = [b - a for a, b in itertools.pairwise(speeds)]
-    assert min(slowing) > -0.2  # it slowed down, it was not cut off
+    assert abs(joints[-1].velocity[0]) < 0.05
+    assert steepest(joints) < 25.0  # joint1 may slow down by 12.57 rad/s²: it was not cut off
     wait_until(lambda: not ready[-1].data, "ready is false at the end")
     assert "communication stopped" in process.output
     for trouble in ("Traceback", "servo off failed", "controlled stop failed"):
@@ -147,9 +158,9 @@ def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> No
 
 
 def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
-    robot = unwilling(tmp_path, tries=1000, failures=1000, delay_s=5.0)
+    robot = unwilling(tmp_path, tries=1000, failures=1000, retry_s=0.0, delay_s=2.0)
     with RobotProcess(robot=robot) as process:
-        process.wait_output("services")
+        process.wait_output("open failed")  # the next attempt takes another two seconds
         process.process.send_signal(signal.SIGINT)
         process.wait_output("stopping")
         assert process.end(signal.SIGINT) == 130

@@ -2,55 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeVar
-
-import click
-
 from robotd.cli.catalogue import load_catalogue
-from robotd.cli.exit_codes import ExitCode, exit_code
+from robotd.cli.findings import Findings
 from robotd.cli.urdf import check_urdf
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor, read_wmx_parameters
 from robotd.device.capabilities import Capability
-from robotd.errors import DescriptorError, PluginError, RobotdError
+from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.manager import Backend, load_backend
-
-Found = TypeVar("Found")
-
-
-@dataclass
-class _Report:
-    """Prints a line for each check; ``code`` is the exit status of the first that failed."""
-
-    code: ExitCode = ExitCode.OK
-    problems: int = 0
-
-    def run(self, what: str, check: Callable[[], Found]) -> Found | None:
-        """The result of ``check``; None when it raised. A text is printed beside ``what``."""
-        try:
-            found = check()
-        except RobotdError as error:
-            self.fail(what, error)
-            return None
-        self._line("ok", "green", f"{what}: {found}" if isinstance(found, str) else what)
-        return found
-
-    def fail(self, what: str, error: RobotdError) -> None:
-        self.code = self.code or exit_code(error)
-        lines = str(error).splitlines()
-        self.problems += len(lines)
-        self._line("fail", "red", what)
-        for line in lines:
-            click.echo(f"      {line}")
-
-    def _line(self, word: str, colour: str, text: str) -> None:
-        click.echo(f"{click.style(word.ljust(4), fg=colour)}  {text}")
 
 
 def check_robot(robot: str, variant: str | None, backend: str | None) -> int:
     """Check everything, print it line by line, and return the exit status."""
-    report = _Report()
+    report = Findings()
     catalogue = load_catalogue()
     for origin, reason in catalogue.failures.items():
         report.fail(f"plugin {origin.name}", PluginError(reason))
@@ -65,12 +28,10 @@ def check_robot(robot: str, variant: str | None, backend: str | None) -> int:
     plugin = report.run(f"backend {name}", lambda: load_backend(name)) if name else None
     if descriptor is not None and plugin is not None:
         _check_backend(report, descriptor, plugin)
-    problems = f"{report.problems} problem{'' if report.problems == 1 else 's'}"
-    click.echo(problems if report.problems else "all is well")
-    return report.code
+    return report.end()
 
 
-def _check_files(report: _Report, descriptor: RobotDescriptor) -> None:
+def _check_files(report: Findings, descriptor: RobotDescriptor) -> None:
     parameters, urdf = descriptor.parameters_file, descriptor.urdf
     if parameters is not None:
         report.run(
@@ -81,7 +42,7 @@ def _check_files(report: _Report, descriptor: RobotDescriptor) -> None:
         report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
 
 
-def _check_backend(report: _Report, descriptor: RobotDescriptor, backend: Backend) -> None:
+def _check_backend(report: Findings, descriptor: RobotDescriptor, backend: Backend) -> None:
     name, capabilities = backend.info.name, backend.info.capabilities
 
     def features() -> str | None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
+from robotd.cli.author_commands import AUTHOR_COMMANDS
 from robotd.cli.client_commands import CLIENT_COMMANDS
 from robotd.cli.group import RobotdGroup, ros_args
 from robotd.cli.options import (
@@ -89,13 +88,18 @@ def robots(ctx: click.Context, *, as_json: bool) -> None:
 
 @main.command("backends")
 @as_json
+@click.option("--check", "checked", metavar="NAME", help="Examine one backend, without hardware.")
 @log_options
 @click.pass_context
-def backends(ctx: click.Context, *, as_json: bool) -> None:
+def backends(ctx: click.Context, *, as_json: bool, checked: str | None) -> None:
     """List the installed backends, and why one cannot load."""
+    configure_logging(ctx)
+    if checked is not None:
+        from robotd.cli.doctor import check_backend
+
+        ctx.exit(check_backend(checked))
     from robotd.cli.listing import list_backends
 
-    configure_logging(ctx)
     list_backends(as_json=as_json)
 
 
@@ -111,5 +115,5 @@ def nodes(ctx: click.Context, *, as_json: bool) -> None:
     list_nodes(as_json=as_json)
 
 
-for client_command in CLIENT_COMMANDS:
-    main.add_command(client_command)
+for command in (*CLIENT_COMMANDS, *AUTHOR_COMMANDS):
+    main.add_command(command)

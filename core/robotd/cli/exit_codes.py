@@ -19,11 +19,15 @@ class RosUnavailable(RobotdError):
     """ROS 2 is not installed, does not fit, or does not start."""
 
 
+class Refused(RobotdError):
+    """A running robot refused or aborted what a command asked of it."""
+
+
 class ExitCode(IntEnum):
     """The exit statuses of ``robotd``; docs/reference/cli.md explains them."""
 
     OK = 0
-    INTERNAL = 1
+    FAILED = 1
     USAGE = 2
     CONFIGURATION = 3
     PLUGIN = 4
@@ -40,6 +44,7 @@ _PHASES: tuple[tuple[type[RobotdError], ExitCode], ...] = (
     (DeviceTimeout, ExitCode.DEVICE),
     (OperationError, ExitCode.DEVICE),
     (RosUnavailable, ExitCode.ROS),
+    (Refused, ExitCode.FAILED),
 )
 
 
@@ -48,4 +53,4 @@ def exit_code(error: Exception) -> ExitCode:
     for kind, code in _PHASES:
         if isinstance(error, kind):
             return code
-    return ExitCode.INTERNAL
+    return ExitCode.FAILED

@@ -12,6 +12,7 @@ from robotd.errors import RobotdError
 
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
+ROS_COMMANDS = (DEFAULT, "move", "gripper", "servo", "status")
 
 
 class RobotdGroup(click.Group):
@@ -25,8 +26,8 @@ class RobotdGroup(click.Group):
         args, ctx.meta[ROS_ARGS] = args[:first_ros], args[first_ros:]
         if (args and self._is_option_of_run(ctx, args[0])) or (not args and ros_args(ctx)):
             args = [DEFAULT, *args]
-        if ros_args(ctx) and args[0] != DEFAULT:
-            ctx.fail(f"{ROS_ARGS} belongs to '{DEFAULT}' only")
+        if ros_args(ctx) and args[0] not in ROS_COMMANDS:
+            ctx.fail(f"{ROS_ARGS} belongs to {', '.join(ROS_COMMANDS)} only")
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:

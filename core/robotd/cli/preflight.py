@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import threading
 import time
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -12,18 +14,25 @@ from robotd.cli.exit_codes import RosUnavailable
 from robotd.cli.layout import warn
 
 ROS_DISTRO = "jazzy"
+WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes with every ROS wheel
 
 
-def import_ros_server() -> ModuleType:
-    """``robotd.ros.serve``, the first import of rclpy.
+def import_ros(name: str) -> ModuleType:
+    """The module ``robotd.ros.<name>``, the first import of rclpy.
 
-    Raises RosUnavailable, with what to do about it, when a part of ROS is missing or broken.
+    Raises RosUnavailable, with what to do about it, when a part of ROS is missing or broken, or
+    when there are two of them.
     """
     distro = os.environ.get("ROS_DISTRO")
+    if WHEELS and (source := sourced_ros()):
+        raise RosUnavailable(
+            f"two ROS would be mixed: {source}, but this Python has its own ROS from wheels; use a"
+            " shell in which no ROS is sourced, or make .venv anew in this one (make clean venv)"
+        )
     if distro and distro != ROS_DISTRO:
         warn(f"ROS_DISTRO is {distro!r}, robotd is made for {ROS_DISTRO!r}: types may not match")
     try:
-        from robotd.ros import serve
+        return import_module(f"robotd.ros.{name}")
     except ImportError as error:
         if (error.name or "").partition(".")[0] == "robotd":
             raise  # our own mistake, not the installation's
@@ -31,7 +40,20 @@ def import_ros_server() -> ModuleType:
             f"ROS 2 cannot be imported ({error}): install it with pip install 'robotd[ros]',"
             f" or source an installed one: . /opt/ros/{ROS_DISTRO}/setup.bash"
         ) from error
-    return serve
+
+
+def sourced_ros() -> str | None:
+    """What tells that a ROS is sourced in this shell; None where none is."""
+    if distro := os.environ.get("ROS_DISTRO"):
+        return f"ROS_DISTRO is {distro!r}"
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix and Path(prefix, "share/rclpy/package.xml").is_file():
+            return f"AMENT_PREFIX_PATH leads to {prefix}"
+    for name in ("LD_LIBRARY_PATH", "PYTHONPATH"):
+        for folder in os.environ.get(name, "").split(os.pathsep):
+            if folder.startswith("/opt/ros/"):
+                return f"{name} leads to {folder}"
+    return None
 
 
 def realtime_permitted(priority: int) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
-from robotd.descriptor import RobotDescriptor
+from robotd.descriptor import DriveSettings, RobotDescriptor
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
 
@@ -53,12 +53,23 @@ def _axes(descriptor: RobotDescriptor) -> Iterator[str]:
         )
         for joint in descriptor.joints
     ]
-    yield field("joints", columns(joints) if joints else "none; no servo is switched on at start")
-    if len(joints) < descriptor.axes:
+    drive = descriptor.drive
+    if joints or not drive:
+        none = "none; no servo is switched on at start"
+        yield field("joints", columns(joints) if joints else none)
+    if drive:
+        yield field("wheels", _wheels(drive))
+    if len(joints) + len(drive.axes if drive else ()) < descriptor.axes:
         yield field("axes", f"{descriptor.axes}, 0 to {descriptor.axes - 1}")
     if gripper := descriptor.gripper:
         bit = f"output bit {gripper.output_byte}.{gripper.output_bit}"
         yield field("gripper", f"{bit} moves {', '.join(gripper.joints)}")
+
+
+def _wheels(drive: DriveSettings) -> Iterator[str]:
+    yield f"left axis {drive.left_axis}, right axis {drive.right_axis}"
+    yield f"radius {drive.wheel_radius_m:g} m, {drive.wheel_separation_m:g} m apart"
+    yield f"at most {drive.velocity_m_s:g} m/s and {drive.angular_velocity_rad_s:g} rad/s"
 
 
 def _ros(report: ServeReport) -> Iterator[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.device.image import ProcessImage
+from robotd.device.state import Operation
 from robotd.motion import (
     JointLimits,
     MotionState,
@@ -23,6 +24,7 @@ from robotd.motion import (
 
 SETTLED_PERIODS = 3  # consecutive periods within tolerance that count as arrived, or at rest
 REST_TIMEOUT_S = 2.0  # a joint that still creeps then is reported, not waited for
+STALL_S = 0.02  # a cycle that stood this long may be why a device stopped by itself
 
 
 class Outcome(Enum):
@@ -90,6 +92,7 @@ class Execution:
         self.position, self.velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
         self._phase = Phase.RUNNING
         self._axes = axes
+        self._followed = False
         self._limits = limits
         self._tolerances = tolerances
         self._stopped_velocity = stopped_velocity
@@ -103,6 +106,8 @@ class Execution:
         self._error: FloatArray = np.zeros(joints)
         self._phase_ns = start_ns
         self._stop_ns = start_ns
+        self._advanced_ns = start_ns
+        self._pause_ns = 0
         self._settled_periods = 0
         self._done = threading.Event()
 
@@ -110,6 +115,13 @@ class Execution:
     def done(self) -> bool:
         """True once ``outcome`` stands."""
         return self._done.is_set()
+
+    @property
+    def on_path(self) -> bool:
+        """It runs, or has run, along its path to the end; what was planned to follow it fits."""
+        if self.outcome is None:
+            return self.ending is None
+        return self.outcome is Outcome.SUCCEEDED
 
     def cancel(self) -> None:
         """Ask for a controlled stop; the outcome comes at standstill. Late calls: no effect."""
@@ -134,24 +146,33 @@ class Execution:
 
         None while it is being stopped: then only the standstill to come is certain.
         """
-        if self.ending is not None:
+        if not self.on_path:
             return None
-        return self.trajectory.state_at((time_ns - self.start_ns) / NANOSECONDS)
+        time_s = (time_ns - self.start_ns) / NANOSECONDS
+        state = self.trajectory.state_at(time_s)
+        return MotionState.at_rest(state.position) if time_s < 0.0 else state
+
+    def take_over(self, running: Execution) -> None:
+        """Streamer: the setpoint that the joints are reaching now is one of ``running``."""
+        self.position[:] = running.position
+        self.velocity[:] = running.velocity
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
         """Cycle: judge the measured values of ``time_ns``, compute the setpoint one period on."""
+        if self._phase is Phase.FINISHED:
+            return
+        self._pause_ns, self._advanced_ns = time_ns - self._advanced_ns, time_ns
         self._observe(image)
+        self._check_drives(image)
         if self._phase in (Phase.RUNNING, Phase.ARRIVING):
-            self._judge(time_ns, image)
+            self._judge(time_ns)
         match self._phase:
             case Phase.RUNNING | Phase.STOPPING:
                 self._move_on(time_ns + period_ns, time_ns)
             case Phase.ARRIVING:
                 self._arrive(time_ns)
             case Phase.RESTING:
-                self._rest(time_ns)
-            case Phase.FINISHED:
-                pass
+                self._rest(time_ns, image)
 
     def finish(self, outcome: Outcome, message: str) -> None:
         """Streamer: this is the end, whatever the joints do. The first outcome stands."""
@@ -161,7 +182,7 @@ class Execution:
             self._done.set()
 
     def _end(self, outcome: Outcome, message: str) -> None:
-        if self.ending is None:
+        if self.ending is None and self.outcome is None:
             self.ending = (outcome, message)
 
     def _enter(self, phase: Phase, time_ns: int) -> None:
@@ -176,10 +197,47 @@ class Execution:
         np.abs(self._error, self._error)
         np.fmax(self.max_error, self._error, self.max_error)
 
-    def _judge(self, time_ns: int, image: ProcessImage) -> None:
-        axes = self._axes
-        if not image.servo_on[axes].all() or image.amp_alarm[axes].any():
-            self._end(Outcome.FAULT, self._fault_text(image))
+    def _check_drives(self, image: ProcessImage) -> None:
+        """A drive that does not follow is a fault, also while its neighbours are being stopped."""
+        axes, joints = self._axes, len(self._axes)
+        following = np.count_nonzero(image.operation[axes] == Operation.STREAM) == joints
+        # Values from before the stream began do not show it yet.
+        self._followed |= following
+        if (
+            (following or not self._followed)
+            and np.count_nonzero(image.servo_on[axes]) == joints
+            and not np.count_nonzero(image.amp_alarm[axes])
+            and not np.count_nonzero(image.offline[axes])
+        ):
+            return
+        if self.ending is None:
+            self.ending = (Outcome.FAULT, self._fault_text(image))
+        elif self.ending[0] is not Outcome.FAULT:
+            reason = f"{self._fault_text(image)} (while stopping: {self.ending[1]})"
+            self.ending = (Outcome.FAULT, reason)
+
+    def _fault_text(self, image: ProcessImage) -> str:
+        """Which joint, when, and what. The joint that is worst off names the reason."""
+        what = [
+            (image.amp_alarm, "amplifier alarm {alarm}"),
+            (image.offline, "drive is offline"),
+            (~image.servo_on, "servo went off"),
+            (image.operation != Operation.STREAM, self._stopped_text()),
+        ]
+        for failed, text in what:
+            for name, axis in zip(self.trajectory.names, self._axes, strict=True):
+                if failed[axis]:
+                    reason = text.format(alarm=int(image.alarm_code[axis]))
+                    return f"{name} at {self._time_s:.3f} s: {reason}"
+        return "a drive does not follow"
+
+    def _stopped_text(self) -> str:
+        pause_s = self._pause_ns / NANOSECONDS
+        if pause_s < STALL_S:
+            return "stopped by the device or another command"
+        return f"stopped by the device after the cycle had stood for {pause_s * 1e3:.0f} ms"
+
+    def _judge(self, time_ns: int) -> None:
         if self.ending is None and self._phase is Phase.RUNNING:
             violation = self._tolerances.check_path(
                 self._time_s,
@@ -194,16 +252,6 @@ class Execution:
             self._stop = plan_stop(self.trajectory, self._time_s, self._limits)
             self._stop_ns = time_ns
             self._enter(Phase.STOPPING, time_ns)
-
-    def _fault_text(self, image: ProcessImage) -> str:
-        for name, axis in zip(self.trajectory.names, self._axes, strict=True):
-            if image.amp_alarm[axis]:
-                alarm = int(image.alarm_code[axis])
-                return f"{name} at {self._time_s:.3f} s: amplifier alarm {alarm}"
-            if not image.servo_on[axis]:
-                what = "drive is offline" if image.offline[axis] else "servo went off"
-                return f"{name} at {self._time_s:.3f} s: {what}"
-        return "a servo went off"
 
     def _move_on(self, due_ns: int, time_ns: int) -> None:
         """The setpoint for ``due_ns``, on the path at full rate or along the stop."""
@@ -234,8 +282,10 @@ class Execution:
             self._end(Outcome.GOAL_TOLERANCE, str(violation))
             self._enter(Phase.RESTING, time_ns)
 
-    def _rest(self, time_ns: int) -> None:
-        moving = bool((np.abs(self._actual_velocity) > self._stopped_velocity).any())
+    def _rest(self, time_ns: int, image: ProcessImage) -> None:
+        fast = np.abs(self._actual_velocity) > self._stopped_velocity
+        # Of a drive that does not answer the last velocity stays, and says nothing.
+        moving = bool((fast & ~image.offline[self._axes]).any())
         self._settled_periods = 0 if moving else self._settled_periods + 1
         timed_out = time_ns - self._phase_ns > REST_TIMEOUT_S * NANOSECONDS
         if self.ending and (self._settled_periods >= SETTLED_PERIODS or timed_out):

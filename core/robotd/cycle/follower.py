@@ -5,10 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.clock import NANOSECONDS, Clock
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.cycle.execution import Execution
 from robotd.cycle.streamer import Streamer
 from robotd.descriptor import RobotDescriptor
@@ -28,6 +30,15 @@ from robotd.motion import (
 OWNER = "follow_joint_trajectory"
 LEAD_S = 0.03  # planning time granted to a goal that takes over from a running one
 STOP_TIMEOUT_S = 10.0  # the longest controlled stop that is waited for
+MOVED_RAD = 1e-6  # a command that differs by more has moved
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A trajectory, and the monotonic time of its time 0."""
+
+    trajectory: Trajectory
+    start_ns: int
 
 
 class TrajectoryFollower:
@@ -92,64 +103,98 @@ class TrajectoryFollower:
             yield execution
         finally:
             execution.cancel()
-            execution.wait(STOP_TIMEOUT_S)
+            self._await_end(execution, STOP_TIMEOUT_S)
             self._release()
 
-    def stop(self) -> None:
-        """Stop what runs in a controlled way and wait for standstill. Nothing runs: no effect."""
+    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
+        """Stop what runs in a controlled way and wait for standstill. Nothing runs: no effect.
+
+        What takes longer than ``timeout_s`` is left to others.
+        """
         active = self._streamer.active
         for execution in active:
             execution.cancel()
         for execution in active:
-            execution.wait(STOP_TIMEOUT_S)
+            self._await_end(execution, timeout_s)
 
     def _start(
         self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int | None
     ) -> Execution:
         with self._lock:
-            trajectory, splice_ns = self._plan(request, start_ns)
-            self._acquire()
+            try:
+                execution = self._submit(request, tolerances, start_ns or 0)
+            except BaseException:
+                if self._active == 0:
+                    self._claim.close()
+                raise
+            self._active += 1
+            return execution
+
+    def _submit(
+        self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int
+    ) -> Execution:
+        """Plan and hand over, again and again until it fits what runs by then."""
+        lead_s = LEAD_S
+        while True:
+            running = self._streamer.running
+            if running is None or running.done:
+                after, planned = None, self._plan_from_rest(request, running, start_ns)
+            else:
+                after, planned = running, self._plan_splice(request, running, start_ns, lead_s)
+                lead_s *= 2.0
+            if planned is None:
+                continue
             execution = Execution(
-                trajectory,
+                planned.trajectory,
                 self._joint_axes,
                 self.limits,
                 tolerances,
-                splice_ns or max(self._clock.now_ns(), start_ns or 0),
+                planned.start_ns,
                 self.settings.stopped_velocity_rad_s,
             )
-            self._streamer.submit(execution, self._joint_axes)
-            return execution
+            if self._streamer.submit(execution, self._joint_axes, after):
+                return execution
 
-    def _plan(
-        self, request: TrajectoryRequest, start_ns: int | None
-    ) -> tuple[Trajectory, int | None]:
-        """The trajectory, and when it must take over from a running one (None: none runs)."""
-        lead_s = LEAD_S
-        while (running := self._streamer.running) is not None and not running.done:
-            splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns or 0)
-            state = running.splice_state(splice_ns)
-            if state is None:
-                if not running.wait(STOP_TIMEOUT_S):
-                    raise NotReady("the joints did not come to rest after the last trajectory")
-                continue
-            trajectory = plan(request, self.limits, self.settings, state)
-            if self._clock.now_ns() < splice_ns:
-                return trajectory, splice_ns
-            lead_s *= 2.0
-        return plan(request, self.limits, self.settings, self._rest_state()), None
+    def _plan_splice(
+        self, request: TrajectoryRequest, running: Execution, start_ns: int, lead_s: float
+    ) -> _Planned | None:
+        """From the path of ``running``; None when that is left, after the standstill."""
+        splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns)
+        state = running.splice_state(splice_ns)
+        if state is not None:
+            return _Planned(plan(request, self.limits, self.settings, state), splice_ns)
+        if not self._await_end(running, STOP_TIMEOUT_S):
+            raise NotReady("the joints did not come to rest after the last trajectory")
+        return None
+
+    def _plan_from_rest(
+        self, request: TrajectoryRequest, running: Execution | None, start_ns: int
+    ) -> _Planned | None:
+        """From standstill, on axes claimed anew; None when they have moved meanwhile."""
+        state = self._rest_state()
+        trajectory = plan(request, self.limits, self.settings, state)
+        if not self._streamer.make_way(running):
+            return None
+        # The old claim is no use: after a fault the device has taken axes out of the stream.
+        self._claim.close()
+        self._claim.enter_context(self._axes.claimed(OWNER, self._joint_axes.tolist()))
+        if (np.abs(self._command() - state.position) > MOVED_RAD).any():
+            return None
+        earliest_ns = max(self._streamer.next_start_ns, self._clock.now_ns())
+        return _Planned(trajectory, max(earliest_ns, start_ns))
 
     def _rest_state(self) -> MotionState:
         """Where the command stands: planning from the measured position would be a jump."""
-        for axis in self._joint_axes:
-            if reason := self._axes.refusal(int(axis), CommandMode.POSITION, OWNER):
+        for axis in self._joint_axes.tolist():
+            if reason := self._axes.refusal(axis, CommandMode.POSITION, OWNER):
                 raise NotReady(reason)
-        return MotionState.at_rest(self._axes.image.position_command[self._joint_axes])
+        return MotionState.at_rest(self._command())
 
-    def _acquire(self) -> None:
-        if self._active == 0:
-            axes = [int(axis) for axis in self._joint_axes]
-            self._claim.enter_context(self._axes.claimed(OWNER, axes))
-        self._active += 1
+    def _await_end(self, execution: Execution, timeout_s: float) -> bool:
+        return wait_until(lambda: execution.done, timeout_s, self._clock)
+
+    def _command(self) -> FloatArray:
+        return self._axes.image.position_command[self._joint_axes]
 
     def _release(self) -> None:
         with self._lock:

@@ -16,11 +16,13 @@ from dataclasses import dataclass
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.cycle.stats import CycleStats
-from robotd.cycle.streamer import Streamer
+from robotd.cycle.streamer import NOT_RUNNING, Streamer
+from robotd.cycle.watchdog import Watchdog
 from robotd.device.drivers import AxisDriver
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
 from robotd.device.state import EngineState
+from robotd.errors import RobotdError
 from robotd.log import get_logger
 
 log = get_logger("cycle")
@@ -28,6 +30,7 @@ log = get_logger("cycle")
 Task = Callable[[ProcessImage], None]
 
 PR_SET_TIMERSLACK = 29  # linux/prctl.h
+STOP_S = 2.0  # for the period that is under way to end; one that hangs is left to itself
 SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
 
 
@@ -74,8 +77,11 @@ class Cycle:
         self._communicating_since_ns = 0
         self._tasks: list[_Periodic] = []
         self._read_failure: str | None = None
+        self._failing = False
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
+        self._began_ns = 0
+        self._watchdog = Watchdog(self._age_ns, engine.settings.stale_after_s, self._hang)
 
     def every(self, rate_hz: float, name: str, task: Task) -> None:
         """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.
@@ -83,35 +89,53 @@ class Cycle:
         Only while the engine communicates. A task must not block; what it raises is logged
         once and does not stop the cycle. Any thread may call, also while the cycle runs.
         """
-        periodic = _Periodic(task, name, round(NANOSECONDS / rate_hz))
-        self._tasks = [*self._tasks, periodic]
+        self._tasks.append(_Periodic(task, name, round(NANOSECONDS / rate_hz)))
 
     def start(self) -> None:
-        self._thread = threading.Thread(target=self._run, name="robotd-cycle", daemon=True)
-        self._thread.start()
+        """Begin; a cycle that runs already goes on. For one thread; not again after ``stop``."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="robotd-cycle", daemon=True)
+            self._thread.start()
+            self._watchdog.start()
 
     def stop(self) -> None:
         """End the thread after its period; returns when it is gone. Twice is not an error."""
         self._stop.set()
+        self._watchdog.stop()
         if self._thread is not None:
-            self._thread.join()
+            self._thread.join(STOP_S)
+            if self._thread.is_alive():
+                log.error("the cycle hangs and was left to itself")
+        self._streamer.device_lost(NOT_RUNNING)
 
     def step(self, time_ns: int) -> None:
         """One period whose nominal time is ``time_ns``.
 
         The nominal time, not the jittery real one, drives trajectories. Called by the thread,
-        or by a test that owns the clock.
+        or by a test that owns the clock. What goes wrong is logged once and ends all motion,
+        never the cycle.
         """
-        self._engine.update_ready()
-        state = self._engine.state
+        try:
+            self._live(time_ns)
+            self._failing = False
+        except Exception as error:
+            if not self._failing:
+                log.exception("a period of the cycle failed")
+            self._failing = True
+            self._streamer.device_lost(f"{type(error).__name__}: {error}")
+
+    def _live(self, time_ns: int) -> None:
+        state = self._engine.update_ready()
         if state not in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
-            self._communicating_since_ns = 0
-            self._engine.set_stale(False)
             self._streamer.device_lost(f"engine is {state.value}")
+            if self._communicating_since_ns:
+                self._communicating_since_ns = 0
+                self._engine.set_stale(False)
+                self._image.forget()
             return
         self._read(time_ns)
-        self._watch_age(time_ns)
-        self._stream(time_ns)
+        if self._is_fresh(time_ns):
+            self._streamer.advance(time_ns, self._image)
         self._run_tasks(time_ns)
 
     def _run(self) -> None:
@@ -126,9 +150,24 @@ class Cycle:
                 skipped = late_ns // period_ns
                 stats.missed += skipped
                 deadline_ns += skipped * period_ns
+            self._began_ns = start_ns
             self.step(deadline_ns)
+            self._began_ns = 0
             stats.record(late_ns, start_ns, clock.now_ns())
             deadline_ns += period_ns
+
+    def _age_ns(self) -> int:
+        began_ns = self._began_ns
+        return self._clock.now_ns() - began_ns if began_ns else 0
+
+    def _hang(self, reason: str) -> None:
+        """Watchdog: no command any more; what runs has failed; the axes are asked to stop."""
+        self._engine.abandon()
+        self._streamer.device_lost(reason)
+        try:
+            self._driver.stop(range(self._image.axes))
+        except RobotdError as error:
+            log.error("stopping the axes failed", reason=str(error))
 
     def _prepare_thread(self) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -154,24 +193,18 @@ class Cycle:
         finally:
             image.end_write()
 
-    def _watch_age(self, time_ns: int) -> None:
+    def _is_fresh(self, time_ns: int) -> bool:
+        """Whether the values are young enough to be true; else the engine is not ready."""
         if self._communicating_since_ns == 0:
             self._communicating_since_ns = time_ns
-        alive_ns = max(self._image.fresh_ns, self._communicating_since_ns)
-        stale = time_ns - alive_ns > self._stale_after_ns
+        age_ns = time_ns - max(self._image.fresh_ns, self._communicating_since_ns)
+        stale = age_ns > self._stale_after_ns
         self._engine.set_stale(stale)
         if stale:
-            age_ms = (time_ns - self._image.fresh_ns) / 1e6
             self._streamer.device_lost(
-                self._read_failure or f"the fieldbus values are {age_ms:.0f} ms old"
+                self._read_failure or f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
             )
-
-    def _stream(self, time_ns: int) -> None:
-        try:
-            self._streamer.advance(time_ns, self._image)
-        except Exception as error:
-            log.exception("streaming setpoints failed")
-            self._streamer.device_lost(f"{type(error).__name__}: {error}")
+        return not stale
 
     def _run_tasks(self, time_ns: int) -> None:
         slack_ns = self.period_ns // 2

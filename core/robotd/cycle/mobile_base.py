@@ -119,13 +119,15 @@ class MobileBase:
             log.error("the base is not at rest", after_s=timeout_s)
 
     def start(self) -> None:
-        """Take commands from now on."""
-        self._thread = threading.Thread(target=self._serve, name="robotd-base", daemon=True)
-        self._thread.start()
+        """Take commands from now on. Twice is not an error."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._serve, name="robotd-base", daemon=True)
+            self._thread.start()
 
     def close(self) -> None:
         """Take no command any more; returns when the thread is gone. Twice is not an error."""
         self._closing = True
+        self._streaming = False
         self._wake.set()
         self._let_go.set()
         if self._thread is not None:

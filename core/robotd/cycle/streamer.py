@@ -14,6 +14,8 @@ from robotd.device.drivers import AxisDriver
 from robotd.device.image import ProcessImage
 
 PREEMPTED = "preempted by a new goal"
+ABANDONED = "the joints did not come to rest in time"
+NOT_RUNNING = "the cycle is not running"
 SPLICE_LOST = "the running trajectory was stopped before this one could take over"
 
 
@@ -30,10 +32,10 @@ class SetpointSource(Protocol):
 
 
 class Streamer:
-    """Holds at most one running execution and one that takes over at its start time.
+    """Holds at most one running execution and one that takes over from it on its way.
 
-    ``submit`` and ``release`` are for the trajectory follower (one worker at a time);
-    ``advance`` and ``device_lost`` for the cycle; ``add`` comes before the cycle starts.
+    ``submit``, ``make_way`` and ``release`` are for the trajectory follower (one worker at a
+    time); ``advance`` and ``device_lost`` for the cycle; ``add`` comes before the cycle starts.
 
     Args:
         axes: number of axes of the device.
@@ -48,6 +50,8 @@ class Streamer:
         self._axes: IntArray = np.zeros(0, np.int64)
         self._running: Execution | None = None
         self._next: Execution | None = None
+        self._due_ns = 0
+        self._lost: str | None = NOT_RUNNING
         self._handover = threading.Lock()
         self._sources: list[SetpointSource] = []
 
@@ -65,19 +69,58 @@ class Streamer:
         """What runs and what is waiting to take over, without what has ended."""
         return [each for each in (self._running, self._next) if each is not None and not each.done]
 
-    def submit(self, execution: Execution, axes: IntArray) -> None:
-        """Let ``execution`` take over at its ``start_ns``. The axes must be in streaming."""
+    @property
+    def next_start_ns(self) -> int:
+        """The earliest time 0 of a trajectory from rest that is submitted now."""
+        return self._due_ns + self.period_ns
+
+    def submit(self, execution: Execution, axes: IntArray, after: Execution | None) -> bool:
+        """Let ``execution`` run: at once from rest, else from its ``start_ns`` on.
+
+        The axes must be in streaming. Where the device is lost, it ends with a fault at once.
+
+        Args:
+            after: the moving execution on whose path it was planned; None: it begins at rest.
+
+        Returns:
+            False, and nothing was done, when its time has passed, or ``after`` no longer is
+            what runs or has left its path: plan again.
+        """
         with self._handover:
-            if self._next is not None:
-                self._next.finish(Outcome.PREEMPTED, PREEMPTED)
-            self._axes, self._next = axes, execution
+            if self._lost is not None:
+                execution.finish(Outcome.FAULT, self._lost)
+                return True
+            on_path = after is None or after.on_path
+            if self._running is not after or not on_path or execution.start_ns < self._due_ns:
+                return False
+            self._axes = axes
+            self._drop_next(Outcome.PREEMPTED, PREEMPTED)
+            if after is None:
+                self._running = execution
+            else:
+                self._next = execution
+            return True
+
+    def make_way(self, running: Execution | None) -> bool:
+        """Hold the joints no longer after ``running``, which has ended; a goal from rest comes.
+
+        Returns False, and nothing was done, when something else runs by now.
+        """
+        with self._handover:
+            if self._running is not running:
+                return False
+            self._drop_next(Outcome.PREEMPTED, PREEMPTED)
+            self._running = None
+            return True
 
     def release(self) -> None:
-        """Stream no more. Call after the last execution ended and before ``end_stream``."""
-        self._running = None
+        """Stream trajectories no more. Call after the last one ended, before ``end_stream``."""
+        with self._handover:
+            self._drop(Outcome.FAULT, ABANDONED)
 
     def advance(self, time_ns: int, image: ProcessImage) -> None:
         """Cycle: one period, whose setpoints are due at ``time_ns + period_ns``."""
+        self._due_ns, self._lost = time_ns + self.period_ns, None
         streams = self._advance_trajectory(time_ns, image)
         for source in self._sources:
             streams |= source.advance(time_ns, image, self._position, self._velocity)
@@ -88,16 +131,14 @@ class Streamer:
         """Cycle: the device cannot be reached; whatever runs has failed."""
         for source in self._sources:
             source.device_lost(reason)
-        if self._next is None and self._running is None:
-            return
+        self._lost = reason
         with self._handover:
-            for execution in (self._next, self._running):
-                if execution is not None:
-                    execution.finish(Outcome.FAULT, reason)
-            self._next = None
+            self._drop(Outcome.FAULT, reason)
 
     def _advance_trajectory(self, time_ns: int, image: ProcessImage) -> bool:
-        self._take_over(time_ns)
+        if self._next is not None:
+            with self._handover:
+                self._take_over()
         execution = self._running
         if execution is None or execution.outcome is Outcome.FAULT:
             # After a fault the joints are where the device stopped them, not at the setpoint.
@@ -107,19 +148,27 @@ class Streamer:
         self._velocity[self._axes] = execution.velocity
         return True
 
-    def _take_over(self, time_ns: int) -> None:
-        if self._next is None:
+    def _take_over(self) -> None:
+        """Lock held. Let the one that waits run if its time has come, or end it."""
+        successor, running = self._next, self._running
+        if successor is None or running is None:
             return
-        with self._handover:
-            successor, running = self._next, self._running
-            if successor.ending:
-                successor.finish(*successor.ending)
-                self._next = None
-            elif time_ns >= successor.start_ns:
-                self._next = None
-                if running is not None and running.ending and not running.done:
-                    successor.finish(Outcome.FAULT, SPLICE_LOST)
-                    return
-                if running is not None:
-                    running.finish(Outcome.PREEMPTED, PREEMPTED)
-                self._running = successor
+        if successor.ending is not None:
+            self._drop_next(*successor.ending)
+        elif not running.on_path:
+            self._drop_next(Outcome.FAULT, SPLICE_LOST)
+        elif running.done or self._due_ns >= successor.start_ns:
+            running.finish(Outcome.PREEMPTED, PREEMPTED)
+            successor.take_over(running)
+            self._running, self._next = successor, None
+
+    def _drop(self, outcome: Outcome, message: str) -> None:
+        self._drop_next(outcome, message)
+        if self._running is not None:
+            self._running.finish(outcome, message)
+            self._running = None
+
+    def _drop_next(self, outcome: Outcome, message: str) -> None:
+        if self._next is not None:
+            self._next.finish(outcome, message)
+            self._next = None

@@ -14,8 +14,13 @@ from robotd.device.drivers import AxisDriver, Profile
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, Operation
-from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, Unsupported
+from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
+from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move
+
+log = get_logger("axes")
+
+SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,10 @@ class Axes:
 
     A command on several axes is checked whole before any axis starts. Commands are refused,
     with the reason, while the engine is not ready, and on an axis that somebody has claimed.
+
+    Checks go by the process image, which is a period behind the device. So a command returns
+    when the image shows what it did, and what needs an idle axis looks at an image that is newer
+    than the last motion command.
 
     Args:
         driver: the backend's axes.
@@ -69,6 +78,7 @@ class Axes:
         self._backend = backend
         self._clock = clock
         self._owners: dict[int, str] = {}
+        self._commanded_ns = 0
         self._lock = threading.RLock()
 
     def __len__(self) -> int:
@@ -78,16 +88,21 @@ class Axes:
         """Enable (at the measured position, without a jump) or disable one servo; waits for it.
 
         Disabling is never refused because of an owner: who streams to the axis is stopped.
+        Enabling is, because setpoints from before would be far away.
         """
         self._check_axes([axis])
         if on and self.image.amp_alarm[axis]:
             raise NotReady(f"{self.names[axis]}: {self._alarm_text(axis)}; clear it first")
+        if on and not self.image.servo_on[axis]:
+            self._check_axis(axis)
         self._driver.servo(axis, on, self._engine.settings.servo_timeout_s)
+        self._see(lambda: bool(self.image.servo_on[axis]) is on)
 
     def clear_alarm(self, axis: int) -> None:
         """Clear the amplifier alarm of one axis; waits until it is gone."""
         self._check_axis(axis)
         self._driver.clear_alarm(axis, self._engine.settings.servo_timeout_s)
+        self._see(lambda: not self.image.amp_alarm[axis])
 
     def set_command_mode(self, axis: int, mode: int) -> None:
         """Position 0 or velocity 1 (torque 2 where the backend has it), on an idle axis."""
@@ -101,6 +116,7 @@ class Axes:
         self._require(needs, f"{CommandMode(mode).name.lower()} mode")
         self._check_idle(axis, "the command mode")
         self._driver.set_command_mode(axis, CommandMode(mode))
+        self._see(lambda: bool(self.image.mode[axis] == mode))
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         """1 or -1, with the servo off."""
@@ -110,6 +126,7 @@ class Axes:
         self._require(Capability.SCALING, "polarity")
         self._check_servo_off(axis, "polarity")
         self._driver.set_polarity(axis, polarity)
+        self._see_newer(self._clock.now_ns())
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         """Encoder counts per unit as a fraction, both parts positive, with the servo off."""
@@ -122,6 +139,7 @@ class Axes:
         self._require(Capability.SCALING, "gear ratio")
         self._check_servo_off(axis, "the gear ratio")
         self._driver.set_gear_ratio(axis, numerator, denominator)
+        self._see_newer(self._clock.now_ns())
 
     def home(self, axis: int) -> None:
         """Make the present position of one idle axis its home position."""
@@ -129,6 +147,7 @@ class Axes:
         self._require(Capability.HOMING, "homing")
         self._check_idle(axis, "homing")
         self._driver.home(axis, self._engine.settings.servo_timeout_s)
+        self._see_newer(self._clock.now_ns())
 
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
         """Start position moves together. Returns when all are accepted, not when they end.
@@ -143,6 +162,7 @@ class Axes:
                 check_move(name, limits, move.target, *profile)
             for move in absolute:
                 self._driver.move(move.axis, move.target, move.profile)
+                self._commanded_ns = self._clock.now_ns()
 
     def jog(self, jogs: Sequence[Jog]) -> None:
         """Start or change velocity commands together; velocity 0 slows to rest."""
@@ -154,6 +174,7 @@ class Axes:
                 check_jog(name, limits, *profile)
             for jog in jogs:
                 self._driver.jog(jog.axis, jog.profile)
+                self._commanded_ns = self._clock.now_ns()
 
     def stop(self, axes: Sequence[int]) -> None:
         """Controlled stop; never refused because of an owner. Not ready: no effect."""
@@ -169,6 +190,7 @@ class Axes:
         Raises DeviceTimeout naming the axes that still move.
         """
         self.stop(axes)
+        self._see_newer(self._commanded_ns)
         if not wait_until(lambda: not self._moving(axes), timeout_s, self._clock):
             names = ", ".join(self.names[axis] for axis in self._moving(axes))
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
@@ -194,7 +216,7 @@ class Axes:
             with self._lock:
                 for axis in axes:
                     self._owners.pop(axis, None)
-                self._driver.end_stream(axes)
+                self._end_stream(axes)
 
     def refusal(self, axis: int, mode: CommandMode, by: str = "") -> str | None:
         """Why a motion command ``by`` somebody would be refused now; None when it would not."""
@@ -236,6 +258,7 @@ class Axes:
             raise NotReady(f"{self.names[axis]} is in use by {owner}")
 
     def _check_idle(self, axis: int, what: str) -> None:
+        self._see_newer(self._commanded_ns)
         operation = Operation(int(self.image.operation[axis]))
         if operation is not Operation.IDLE:
             raise NotReady(
@@ -272,6 +295,24 @@ class Axes:
 
     def _moving(self, axes: Sequence[int]) -> list[int]:
         return [axis for axis in axes if self.image.operation[axis] != Operation.IDLE]
+
+    def _end_stream(self, axes: Sequence[int]) -> None:
+        try:
+            self._driver.end_stream(axes)
+        except RobotdError as error:  # of a device that is gone; the block has its own outcome
+            log.warning("a stream could not be ended", reason=str(error))
+        self._see(lambda: not self._streaming(axes))
+
+    def _streaming(self, axes: Sequence[int]) -> bool:
+        return any(self.image.operation[axis] == Operation.STREAM for axis in axes)
+
+    def _see(self, condition: Callable[[], bool]) -> None:
+        """Let the image catch up with a change: the next command is judged by it."""
+        wait_until(lambda: condition() or not self._engine.ready, SHOWN_S, self._clock)
+
+    def _see_newer(self, time_ns: int) -> None:
+        """Let the image be one that was read after ``time_ns``."""
+        self._see(lambda: self.image.stamp_ns > time_ns)
 
     def _alarm_text(self, axis: int) -> str:
         return f"amplifier alarm {int(self.image.alarm_code[axis])}"

@@ -28,7 +28,8 @@ class Engine:
     """Opens, starts, stops and closes a device; the only caller of ``DeviceDriver``.
 
     Every method may be called by any thread; commands exclude each other, ``state`` and
-    ``ready`` never block. Nothing here enables a servo.
+    ``ready`` never block. Nothing here enables a servo. Listeners are called one at a time, and
+    must not command the engine.
 
     Attributes:
         before_stop: called before communication is stopped on purpose: brings motion to rest.
@@ -60,7 +61,9 @@ class Engine:
         self._ending = threading.Event()
         self._closed = False
         self._stale = False
+        self._preparing = False
         self._ready = False
+        self._ready_lock = threading.RLock()
         self._listeners: list[ReadyListener] = []
         self.before_stop: Callable[[], None] = _nothing
 
@@ -74,7 +77,7 @@ class Engine:
 
     @property
     def ready(self) -> bool:
-        """True while axes can be commanded: communicating, and values are fresh."""
+        """True while axes can be commanded: communicating, parameters in force, values fresh."""
         return self._ready
 
     def require_ready(self) -> None:
@@ -84,8 +87,9 @@ class Engine:
 
     def on_ready(self, listener: ReadyListener) -> None:
         """Call ``listener(ready)`` now and on every change, from the thread that causes it."""
-        self._listeners.append(listener)
-        listener(self._ready)
+        with self._ready_lock:
+            self._listeners.append(listener)
+            listener(self._ready)
 
     def start(self) -> None:
         """The whole start-up: open with retries, scan, start communication.
@@ -124,8 +128,11 @@ class Engine:
             try:
                 self.stop_communication()
             finally:
-                self._driver.close()
-                self.update_ready()
+                try:
+                    self._driver.close()
+                    log.info("device closed")
+                finally:
+                    self.update_ready()
 
     def start_communication(self) -> None:
         """Begin the cyclic exchange and apply the parameter file. Nothing moves."""
@@ -134,14 +141,11 @@ class Engine:
             if self._driver.state() is EngineState.IDLE:
                 raise NotReady("device is not open")
             self._check_parameters_file()
-            if self._driver.state() is not EngineState.COMMUNICATING:
-                self._driver.start_communication(self.settings.communication_timeout_s)
+            self._preparing = not self._ready
             try:
-                self._apply_parameters_file()
-            except RobotdError:
-                self._driver.stop_communication(self.settings.communication_timeout_s)
-                raise
+                self._begin_communication()
             finally:
+                self._preparing = False
                 self.update_ready()
             log.info("communication started")
 
@@ -151,11 +155,12 @@ class Engine:
         Not communicating: no effect.
         """
         with self._lock:
-            if self._driver.state() in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
-                self.before_stop()
-                self._driver.stop_communication(self.settings.communication_timeout_s)
-                log.info("communication stopped")
-            self.update_ready()
+            try:
+                if self._driver.state() in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
+                    self._end_communication()
+                    log.info("communication stopped")
+            finally:
+                self.update_ready()
 
     def scan_network(self) -> str:
         """Look for devices on the fieldbus; a one-line summary for people."""
@@ -201,13 +206,46 @@ class Engine:
             self._stale = stale
             self.update_ready()
 
-    def update_ready(self) -> None:
-        """Recompute ``ready`` from the device's state and tell the listeners of a change."""
-        ready = self.state is EngineState.COMMUNICATING
-        if ready is not self._ready:
-            self._ready = ready
+    def abandon(self) -> None:
+        """Watchdog: the cycle hangs in the driver. Not ready, without asking the device.
+
+        A cycle that goes on after all says by ``set_stale`` how old the values are.
+        """
+        self._stale = True
+        if self._ready:
+            self._ready = False
             for listener in self._listeners:
-                listener(ready)
+                _tell(listener, False)
+
+    def update_ready(self) -> EngineState:
+        """Recompute ``ready`` from the device's state and tell the listeners of a change.
+
+        Returns the state. What a listener raises is logged.
+        """
+        # One thread at a time: else an older answer of the device could overwrite a newer one.
+        with self._ready_lock:
+            state = self.state
+            ready = state is EngineState.COMMUNICATING and not self._preparing
+            if ready is not self._ready:
+                self._ready = ready
+                for listener in self._listeners:
+                    _tell(listener, ready)
+            return state
+
+    def _begin_communication(self) -> None:
+        if self._driver.state() is not EngineState.COMMUNICATING:
+            self._driver.start_communication(self.settings.communication_timeout_s)
+        try:
+            self._apply_parameters_file()
+        except RobotdError:
+            self._driver.stop_communication(self.settings.communication_timeout_s)
+            raise
+
+    def _end_communication(self) -> None:
+        try:
+            self.before_stop()
+        finally:
+            self._driver.stop_communication(self.settings.communication_timeout_s)
 
     def _require_alive(self) -> None:
         if self._ending.is_set():
@@ -224,6 +262,13 @@ class Engine:
         self._driver.load_parameters(self.parameters_file)
         self._parameters_loaded = True
         log.info("parameters loaded", file=str(self.parameters_file))
+
+
+def _tell(listener: ReadyListener, ready: bool) -> None:
+    try:
+        listener(ready)
+    except Exception:
+        log.exception("a listener of the engine failed", ready=ready)
 
 
 def _nothing() -> None:

@@ -7,6 +7,8 @@ import numpy as np
 from robotd.arrays import BoolArray, FloatArray, IntArray
 from robotd.device.state import CommandMode, Operation
 
+COPY_TRIES = 2000  # tens of milliseconds; a read takes a tenth of one
+
 
 class ProcessImage:
     """Preallocated arrays of shape (n_axes,), overwritten in place once a cycle.
@@ -57,16 +59,29 @@ class ProcessImage:
         """Cycle thread: the arrays are consistent again."""
         self._sequence += 1
 
+    def forget(self) -> None:
+        """Cycle thread: nothing is known any more, as before the first ``read``."""
+        self.begin_write()
+        blank = ProcessImage(self.axes)
+        for name in _ARRAYS:
+            getattr(self, name)[:] = getattr(blank, name)
+        self.stamp_ns = self.fresh_ns = 0
+        self.end_write()
+
     def copy(self) -> ProcessImage:
-        """A consistent copy. Any thread may call; retries while the cycle writes."""
+        """A consistent copy. Any thread may call; retries while the cycle writes.
+
+        Of a write that does not end, because the driver hangs, it is a copy of what there is.
+        """
         twin = ProcessImage(self.axes)
-        while True:
+        for _ in range(COPY_TRIES):
             before = self._sequence
             for name in _ARRAYS:
                 getattr(twin, name)[:] = getattr(self, name)
             twin.stamp_ns, twin.fresh_ns = self.stamp_ns, self.fresh_ns
             if before == self._sequence and before % 2 == 0:
-                return twin
+                break
+        return twin
 
 
 _ARRAYS = tuple(

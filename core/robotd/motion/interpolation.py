@@ -1,7 +1,7 @@
 """From knots to polynomials. Which kind follows from what the client gave.
 
 All kinds share one form: coefficients of shape (k, order, m), highest power first, of the
-time since the start of the segment (the layout of ``scipy.interpolate.PPoly``, segment first).
+time since the start of the segment.
 """
 
 from __future__ import annotations
@@ -38,38 +38,67 @@ def interpolate(knots: Points, start: MotionState) -> FloatArray:
 
     Raises TrajectoryRefused when the numbers are too large to compute with.
     """
-    # A third of a second to import: ``preload`` pays it when nobody waits for a joint state.
-    from scipy.interpolate import CubicHermiteSpline, CubicSpline
-
+    times_s, positions = knots.times_s, knots.positions
     with np.errstate(all="ignore"):
         if knots.velocities is None:
-            at_rest = np.zeros_like(start.velocity)
-            stacked = CubicSpline(
-                knots.times_s, knots.positions, bc_type=((1, start.velocity), (1, at_rest))
-            ).c
+            coefficients = _cubic(times_s, positions, spline_velocities(knots, start.velocity))
         elif knots.accelerations is None:
-            stacked = CubicHermiteSpline(knots.times_s, knots.positions, knots.velocities).c
+            coefficients = _cubic(times_s, positions, knots.velocities)
         else:
-            stacked = _quintic(
-                knots.times_s, knots.positions, knots.velocities, knots.accelerations
-            )
-    if not np.isfinite(stacked).all():
+            coefficients = _quintic(times_s, positions, knots.velocities, knots.accelerations)
+    if not np.isfinite(coefficients).all():
         raise refuse("the points are too far apart to be joined by a finite path")
-    return np.ascontiguousarray(stacked.transpose(1, 0, 2))
+    return coefficients
 
 
-def preload() -> None:
-    """Import what the first trajectory needs, so that it is planned as fast as the second."""
-    import scipy.interpolate  # noqa: F401
+def spline_velocities(knots: Points, start_velocity: FloatArray) -> FloatArray:
+    """(k + 1, m) velocities of the clamped cubic spline: ``start_velocity`` first, 0 at the end.
+
+    With segment lengths h and slopes s, equal second derivatives at the inner knots say
+
+        h[i]·v[i-1] + 2·(h[i-1] + h[i])·v[i] + h[i-1]·v[i+1] = 3·(h[i]·s[i-1] + h[i-1]·s[i]).
+
+    The matrix is tridiagonal and diagonally dominant, so elimination needs no pivots.
+    """
+    h = np.diff(knots.times_s)
+    slope = np.diff(knots.positions, axis=0) / h[:, None]
+    velocity = np.zeros_like(knots.positions)
+    velocity[0] = start_velocity
+    velocity[1:-1] = 3.0 * (h[1:, None] * slope[:-1] + h[:-1, None] * slope[1:])
+    lengths = h.tolist()
+    upper = [0.0]  # what is left of the coefficient of v[i+1] when v[i] has the factor 1
+    for i in range(1, len(lengths)):
+        before, after = lengths[i - 1], lengths[i]
+        pivot = 2.0 * (before + after) - after * upper[-1]
+        upper.append(before / pivot)
+        velocity[i] = (velocity[i] - after * velocity[i - 1]) / pivot
+    for i in range(len(lengths) - 1, 0, -1):
+        velocity[i] -= upper[i] * velocity[i + 1]
+    return velocity
+
+
+def _cubic(times_s: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+    """(k, 4, m): the cubics that have the given values and derivatives at both their ends."""
+    h = np.diff(times_s)[:, None]
+    slope = np.diff(position, axis=0) / h
+    start, end = velocity[:-1], velocity[1:]
+    return np.stack(
+        [
+            (start + end - 2.0 * slope) / h**2,
+            (3.0 * slope - 2.0 * start - end) / h,
+            start,
+            position[:-1],
+        ],
+        axis=1,
+    )
 
 
 def _quintic(
     times_s: FloatArray, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
-    """(6, k, m) from values and two derivatives at both ends of every segment.
+    """(k, 6, m): the quintics that have the given values and two derivatives at both their ends.
 
-    ``BPoly.from_derivatives`` gives the same, one segment at a time in Python, and would hold
-    the interpreter for 0.1 s at 1000 points. In τ = t/h the powers 0 to 2 are fixed by the left
+    In τ = t/h the powers 0 to 2 are fixed by the left
     end; the rest a, b, c of the right end's position, velocity and acceleration solve
     [[1, 1, 1], [3, 4, 5], [6, 12, 20]] · (c3, c4, c5) = (a, b, c).
     """
@@ -81,4 +110,6 @@ def _quintic(
     c3 = 10.0 * a - 4.0 * b + 0.5 * c
     c4 = -15.0 * a + 7.0 * b - c
     c5 = 6.0 * a - 3.0 * b + 0.5 * c
-    return np.stack([c5 / h**5, c4 / h**4, c3 / h**3, acceleration[:-1] / 2.0, velocity[:-1], c0])
+    return np.stack(
+        [c5 / h**5, c4 / h**4, c3 / h**3, acceleration[:-1] / 2.0, velocity[:-1], c0], axis=1
+    )

@@ -8,6 +8,7 @@ from robotd.descriptor import (
     default_wmx_parameters,
     read_wmx_parameters,
 )
+from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import (
     AxisDriver,
@@ -46,6 +47,7 @@ __all__ = [
     "AxisDriver",
     "BackendInfo",
     "BackendOptions",
+    "Bench",
     "Capability",
     "Clock",
     "CommandMode",

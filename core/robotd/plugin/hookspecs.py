@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.descriptor import RobotDescriptor
+from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
@@ -100,3 +101,10 @@ class RobotdHooks:
         self, device: DeviceDriver, context: DeviceContext
     ) -> FieldbusDriver | None:
         """Make the diagnostics driver of the device, None where there is no fieldbus."""
+
+    @hookspec
+    def robotd_bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
+        """Make the handle by which tests play the outside world; None where there is none.
+
+        Called by ``robotd.testing`` alone, never while a robot is served.
+        """

@@ -1,7 +1,8 @@
 """Find backend plugins, load the one that is wanted, and call its hooks by typed methods.
 
 Nobody else touches pluggy. A plugin's failure always becomes a ``PluginError`` that names the
-distribution it came from.
+distribution it came from; so does an import or a hook that does not end. The drivers that a
+backend makes are handed out behind a guard.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ from typing import Any, TypeVar
 import pluggy
 
 from robotd.descriptor import RobotDescriptor, validate_section
+from robotd.device.bench import Bench
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.errors import PluginError, RobotdError
+from robotd.plugin.budget import OverBudget, within
+from robotd.plugin.guard import guarded, unguarded
 from robotd.plugin.hookspecs import (
     API_VERSION,
     BackendInfo,
@@ -29,8 +33,10 @@ from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 BACKENDS = "robotd.backends"
 PLUGINS = "robotd.plugins"
+IMPORT_BUDGET_S = 30.0
+HOOK_BUDGET_S = 10.0
 
-Driver = TypeVar("Driver")
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -85,15 +91,29 @@ class Plugin:
             )
         for caller in callers:
             for implementation in caller.get_hookimpls():
-                if inspect.iscoroutinefunction(implementation.function):
-                    raise PluginError(f"plugin {self.origin}: {caller.name} must not be async")
+                self._check_function(caller.name, implementation.function)
+
+    def _check_function(self, hook: str, function: Callable[..., object]) -> None:
+        if inspect.iscoroutinefunction(function):
+            raise PluginError(f"plugin {self.origin}: {hook} must not be async")
+        for argument in inspect.signature(function).parameters.values():
+            if argument.kind is argument.KEYWORD_ONLY or argument.default is not argument.empty:
+                raise PluginError(
+                    f"plugin {self.origin}: {hook} must take {argument.name!r} as a plain argument"
+                    " without a default, otherwise it is not handed over"
+                )
 
     def _call(self, hook: str, **arguments: object) -> list[Any]:
         try:
-            return list(getattr(self._manager.hook, hook)(**arguments))
+            caller = getattr(self._manager.hook, hook)
+            return list(within(HOOK_BUDGET_S, lambda: caller(**arguments), hook))
         except RobotdError:
             raise
-        except Exception as error:
+        except OverBudget:
+            raise PluginError(
+                f"plugin {self.origin}: {hook} did not return within {HOOK_BUDGET_S:g} s"
+            ) from None
+        except (Exception, SystemExit) as error:
             raise PluginError(
                 f"plugin {self.origin}: {hook} failed: {type(error).__name__}: {error}"
             ) from error
@@ -118,24 +138,33 @@ class Backend(Plugin):
         return validate_section(robot, f"backends.{self.info.name}", self.info.options)
 
     def open_device(self, context: DeviceContext) -> DeviceDriver:
-        return self._one("robotd_open_device", DeviceDriver, context=context)
+        device = self._one("robotd_open_device", DeviceDriver, context=context)
+        return guarded(device, DeviceDriver, str(self.origin))
 
     def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:
-        return self._one("robotd_axes", AxisDriver, device=device, context=context)
+        made = self._one("robotd_axes", AxisDriver, device=unguarded(device), context=context)
+        return guarded(made, AxisDriver, str(self.origin))
 
     def io(self, device: DeviceDriver, context: DeviceContext) -> IoDriver | None:
-        return self._maybe("robotd_io", IoDriver, device=device, context=context)
+        made = self._maybe("robotd_io", IoDriver, device=unguarded(device), context=context)
+        return made and guarded(made, IoDriver, str(self.origin))
 
     def fieldbus(self, device: DeviceDriver, context: DeviceContext) -> FieldbusDriver | None:
-        return self._maybe("robotd_fieldbus", FieldbusDriver, device=device, context=context)
+        own = unguarded(device)
+        made = self._maybe("robotd_fieldbus", FieldbusDriver, device=own, context=context)
+        return made and guarded(made, FieldbusDriver, str(self.origin))
 
-    def _one(self, hook: str, kind: type[Driver], **arguments: object) -> Driver:
+    def bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
+        """The handle by which tests play the outside world; None where there is none."""
+        return self._maybe("robotd_bench", Bench, device=unguarded(device), context=context)
+
+    def _one(self, hook: str, kind: type[Answer], **arguments: object) -> Answer:
         result = self._maybe(hook, kind, **arguments)
         if result is None:
             raise PluginError(f"plugin {self.origin} does not answer the hook {hook}")
         return result
 
-    def _maybe(self, hook: str, kind: type[Driver], **arguments: object) -> Driver | None:
+    def _maybe(self, hook: str, kind: type[Answer], **arguments: object) -> Answer | None:
         results = self._call(hook, **arguments)
         if not results:
             return None
@@ -195,8 +224,12 @@ def _load(
     kind: Callable[[PluginOrigin, object], Loaded], origin: PluginOrigin, entry: EntryPoint
 ) -> Loaded:
     try:
-        module = entry.load()
-    except Exception as error:
+        module = within(IMPORT_BUDGET_S, entry.load, f"import {origin.module}")
+    except OverBudget:
+        raise PluginError(
+            f"plugin {origin} cannot be imported: not done within {IMPORT_BUDGET_S:g} s"
+        ) from None
+    except (Exception, SystemExit) as error:
         raise PluginError(
             f"plugin {origin} cannot be imported: {type(error).__name__}: {error}"
         ) from error

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Any, Self
 
 import rclpy
@@ -27,7 +26,7 @@ _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
 
 class RosClient:
-    """Calls services and waits for messages: ``with RosClient(ros_args, timeout_s) as client:``.
+    """Calls services and waits for messages, between ``start`` and ``close``.
 
     Signal handlers are left alone: Ctrl-C raises KeyboardInterrupt out of a wait.
 
@@ -46,7 +45,8 @@ class RosClient:
         self._ros_args = list(ros_args)
         self._context = Context()
 
-    def __enter__(self) -> Self:
+    def start(self) -> None:
+        """Raises OperationError: the ROS arguments are wrong or the middleware does not start."""
         try:
             rclpy.init(
                 args=self._ros_args,
@@ -63,21 +63,14 @@ class RosClient:
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End what ``start`` began."""
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
 
-    def wait(
-        self, condition: Callable[[], Any], what: str, timeout_s: float | None = None
-    ) -> Any:
+    def wait(self, condition: Callable[[], Any], what: str, timeout_s: float | None = None) -> Any:
         """The first true answer of ``condition``, asked after every event.
 
         Args:
@@ -134,9 +127,7 @@ class Listener:
     def __init__(self, client: RosClient, message_type: Any, topic: str, qos: Any) -> None:
         self.newest: Any = None
         self._client = client
-        self._subscription = client.node.create_subscription(
-            message_type, topic, self._keep, qos
-        )
+        self._subscription = client.node.create_subscription(message_type, topic, self._keep, qos)
 
     def wait(self) -> Any:
         """The newest message, the first one if there is none yet. Raises DeviceTimeout."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from rclpy.node import Node
 
 from robotd.robot import Robot
@@ -41,7 +39,8 @@ class ManipulatorState(Node):
             topics.add_unstamped(topic)
         if topic := parameters.topic("gazebo_joint_topic", "positions as a bare array"):
             topics.add_positions(topic)
-        self._override_parameters_file(parameters)
+        if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
+            robot.engine.parameters_file = path
         parameters.done()
         robot.cycle.every(rate_hz, "joint states", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(rate_hz))
@@ -73,16 +72,6 @@ class ManipulatorState(Node):
             "gripper_close_value", settings.closed_m if settings else 0.0, "closed fingers, in m"
         )
         return Fingers(gripper, open_m, closed_m) if gripper else None
-
-    def _override_parameters_file(self, parameters: Parameters) -> None:
-        """The parameter wins over the descriptor, before the engine starts."""
-        name = "wmx_param_file_path"
-        path = parameters.text(name, "", "parameter file; empty: the descriptor's")
-        if not path:
-            return
-        if not Path(path).is_file():
-            raise parameters.error(name, f"file {path!r} does not exist")
-        self._robot.engine.parameters_file = Path(path)
 
 
 def joint_count(parameters: Parameters, robot: Robot) -> int:

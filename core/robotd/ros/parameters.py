@@ -7,8 +7,10 @@ anything moves, by node, parameter, value and limit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -17,6 +19,13 @@ from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robotd.errors import DescriptorError
+
+_KINDS = {
+    bool: ("true or false", "truth values"),
+    int: ("a whole number", "whole numbers"),
+    float: ("a number with a decimal point", "numbers with a decimal point"),
+    str: ("a text", "texts"),
+}
 
 
 class Parameters:
@@ -49,6 +58,26 @@ class Parameters:
             raise self.error(name, f"{value} is not a finite number")
         return value
 
+    def positive(self, name: str, default: float, meaning: str) -> float:
+        """A finite number above 0."""
+        value = self.number(name, default, f"{meaning}; above 0")
+        if value <= 0.0:
+            raise self.error(name, f"{value} is not above 0")
+        return value
+
+    def numbers(self, name: str, default: Sequence[float], meaning: str) -> tuple[float, ...]:
+        """As many finite numbers as the default has."""
+        values = tuple(float(value) for value in self._declare(name, list(default), meaning))
+        if len(values) != len(default):
+            raise self.error(name, f"{len(values)} numbers instead of {len(default)}")
+        if not all(map(math.isfinite, values)):
+            raise self.error(name, f"{list(values)} are not all finite numbers")
+        return values
+
+    def flag(self, name: str, default: bool, meaning: str) -> bool:
+        """True or false."""
+        return bool(self._declare(name, default, meaning))
+
     def text(self, name: str, default: str, meaning: str) -> str:
         """Any text."""
         return str(self._declare(name, default, meaning))
@@ -65,6 +94,13 @@ class Parameters:
         elif required:
             raise self.error(name, "is empty, but needs a name")
         return value
+
+    def file(self, name: str, meaning: str) -> Path | None:
+        """Path of a file that exists; None where the parameter is empty."""
+        path = self.text(name, "", meaning)
+        if path and not Path(path).is_file():
+            raise self.error(name, f"file {path!r} does not exist")
+        return Path(path) if path else None
 
     def done(self) -> None:
         """Refuse what the descriptor gives and the node does not have."""
@@ -93,8 +129,10 @@ class Parameters:
             raise self._wrong_type(name, override, reference) from error
 
     def _wrong_type(self, name: str, value: Any, reference: Any) -> DescriptorError:
-        kinds = {int: "a whole number", float: "a number with a decimal point", str: "a text"}
-        wanted = kinds.get(type(reference), "a list of texts")
+        if isinstance(reference, list):
+            wanted = f"a list of {_KINDS[type(reference[0]) if reference else str][1]}"
+        else:
+            wanted = _KINDS[type(reference)][0]
         return self.error(name, f"{value!r} is not {wanted}")
 
     def _check_topic(self, name: str, value: str) -> None:

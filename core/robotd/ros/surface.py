@@ -10,6 +10,15 @@ from rclpy.node import Node
 
 # Every node has these.
 _COMMON_TOPICS = ("/rosout", "/parameter_events", "/clock")
+_COMMON_SERVICES = (
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "get_type_description",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+)
 
 
 @dataclass(frozen=True)
@@ -49,7 +58,8 @@ def report_of(nodes: Iterable[Node]) -> ServeReport:
                 if name not in _COMMON_TOPICS and "/_action/" not in name:
                     topics[name] = Topic(name, types[0], rates.get(name))
         for name, _ in node.get_service_names_and_types_by_node(*own):
-            if not name.startswith(f"{names[-1]}/") and "/_action/" not in name:
+            own_name = name.removeprefix(f"{names[-1]}/")
+            if own_name not in _COMMON_SERVICES and "/_action/" not in name:
                 services.add(name)
         actions |= {name for name, _ in get_action_server_names_and_types_by_node(node, *own)}
     return ServeReport(

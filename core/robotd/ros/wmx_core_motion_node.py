@@ -10,7 +10,6 @@ from rclpy.node import Node
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
-from robotd.clock import wait_until
 from robotd.device.axes import each
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, RobotdError
@@ -23,7 +22,6 @@ from robotd.ros.refusal_log import RefusalLog
 from robotd.ros.service import add_service, add_subscription
 
 COMMAND_DEPTH = 10
-IMAGE_TIMEOUT_S = 0.1  # many periods; the answer is sent all the same
 READY = "wmx/core_motion/ready"
 
 
@@ -38,7 +36,6 @@ class WmxCoreMotionNode(Node):
         super().__init__("wmx_core_motion_node", context=host.context)
         self._axes = robot.axes
         self._engine = robot.engine
-        self._robot_clock = robot.clock
         self._refusals = RefusalLog()
         self._add_axis_services(host)
         add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
@@ -82,7 +79,6 @@ class WmxCoreMotionNode(Node):
             if allowed is not None:
                 data = convert.choices(axes, request.data, allowed)
             results = each(axes, lambda axis: command(axis, data[axis]))
-            self._wait_for_image()
             return convert.fill_outcome(response, self._axes.names, results)
 
         return handle
@@ -91,13 +87,7 @@ class WmxCoreMotionNode(Node):
         self._engine.require_ready()
         ratios = convert.gear_ratios(request, len(self._axes))
         results = each(list(ratios), lambda axis: self._axes.set_gear_ratio(axis, *ratios[axis]))
-        self._wait_for_image()
         return convert.fill_outcome(response, self._axes.names, results)
-
-    def _wait_for_image(self) -> None:
-        """Until the cycle has read what was done: the next command is judged by that image."""
-        done_ns = self._robot_clock.now_ns()
-        wait_until(lambda: self._axes.image.stamp_ns > done_ns, IMAGE_TIMEOUT_S, self._robot_clock)
 
     def _load_parameters(self, request: Any, response: Any) -> Any:
         if not request.file_path:

@@ -10,6 +10,7 @@ from typing import cast
 from robotd.plugin.api import (
     AxisDriver,
     BackendInfo,
+    Bench,
     Capability,
     DeviceContext,
     DeviceDriver,
@@ -18,6 +19,7 @@ from robotd.plugin.api import (
     hookimpl,
 )
 from robotd_sim.axes import SimAxes
+from robotd_sim.bench import SimBench
 from robotd_sim.device import SimDevice
 from robotd_sim.fieldbus import SimFieldbus
 from robotd_sim.io import SimIo
@@ -60,3 +62,9 @@ def robotd_io(device: DeviceDriver) -> IoDriver:
 def robotd_fieldbus(device: DeviceDriver) -> FieldbusDriver:
     """One EtherCAT line."""
     return SimFieldbus(cast(SimDevice, device).simulation)
+
+
+@hookimpl
+def robotd_bench(device: DeviceDriver) -> Bench:
+    """Hands, plugs and sensors."""
+    return SimBench(cast(SimDevice, device).simulation)

@@ -31,6 +31,12 @@ class Faults:
             self._simulation.network.packet_loss += 1
             self._simulation.silence()
 
+    def freeze(self, frozen: bool) -> None:
+        """No value arrives any more, and nothing says so; the axes go on with what they do."""
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.network.frozen = frozen
+
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         """A sensor on the I/O module changes."""
         with self._world.lock:

@@ -84,11 +84,13 @@ class Network:
         self._module_bytes = MODULE_BYTES if has_module else 0
         self._axes, self._period_us = robot.axes, round(options.tick_s * 1e6)
         self.packet_loss = 0
+        self.frozen = False  # frames are lost without anybody noticing
         self._up_since = self._reset_at = 0
         self._slips = 0
 
     def up(self, tick: int) -> None:
         """Communication begins: counters start anew."""
+        self.frozen = False
         self._up_since = self._reset_at = tick
         self.packet_loss = 0
 

@@ -34,6 +34,8 @@ class Readout:
 
     def fill(self, image: ProcessImage) -> None:
         simulation, states = self._simulation, self._simulation.states
+        if simulation.network.frozen:
+            return
         if simulation.communicating:
             image.fresh_ns = simulation.world.now_ns
             np.logical_not(states.connected, image.offline)

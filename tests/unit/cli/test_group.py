@@ -93,10 +93,10 @@ def test_ros_args_alone_are_a_run_without_a_robot(robotd: Robotd, ran: list[Any]
 
 
 @pytest.mark.parametrize("command", ["check", "robots", "nodes"])
-def test_only_run_takes_ros_args(robotd: Robotd, command: str) -> None:
+def test_commands_without_ros_take_no_ros_args(robotd: Robotd, command: str) -> None:
     result = robotd(command, "--ros-args", "-r", "a:=b")
     assert result.exit_code == ExitCode.USAGE
-    assert "--ros-args belongs to 'run' only" in result.output
+    assert "--ros-args belongs to run, move, gripper, servo, status only" in result.output
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_an_internal_error_is_admitted_without_a_traceback(
 ) -> None:
     raising(KeyError("axis"))
     result = robotd("--robot", "cr3a")
-    assert result.exit_code == ExitCode.INTERNAL
+    assert result.exit_code == ExitCode.FAILED
     assert result.stderr.startswith("robotd: error: internal error: KeyError: 'axis'\n")
     assert "Traceback" not in result.stderr
 

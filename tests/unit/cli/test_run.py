@@ -64,7 +64,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Server:
     stand_in = Server()
-    monkeypatch.setattr("robotd.cli.run.import_ros_server", lambda: stand_in)
+    monkeypatch.setattr("robotd.cli.run.import_ros", lambda name: stand_in)
     return stand_in
 
 
@@ -225,7 +225,8 @@ def run_without_ros(**environment: str) -> subprocess.CompletedProcess[str]:
     program = (
         "import sys\n"
         "sys.modules['rclpy'] = None\n"
-        "from robotd.cli import main\n"
+        "from robotd.cli import main, preflight\n"
+        "preflight.WHEELS = False\n"
         "main(['--robot', 'cr3a'])"
     )
     return subprocess.run(

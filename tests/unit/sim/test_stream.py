@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from tests.unit.sim.rig import PROFILE, TICK_S, Rig, closed_rig, rig, robot
 
 from robotd.arrays import FloatArray
-from robotd.plugin.api import NotReady, Operation
+from robotd.plugin.api import CommandMode, NotReady, Operation
 
 PERIOD_S = 0.002
 
@@ -146,3 +146,42 @@ def test_the_period_need_not_be_a_multiple_of_the_fieldbus_cycle(rate_hz: float)
         made.clock.sleep_until_ns(start_ns + round(index / rate_hz * 1e9))
         commands.append(made.look().velocity_command[0])
     assert commands[-10:] == pytest.approx([1.0] * 10, abs=1e-6)
+
+
+def by_velocity(axes: int = 2) -> Rig:
+    made = rig(axes)
+    for axis in range(axes):
+        made.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    made.look()
+    return made
+
+
+def test_in_velocity_mode_an_axis_changes_evenly_to_the_velocity_of_its_setpoint() -> None:
+    made = by_velocity()
+    made.axes.begin_stream([0])
+    nowhere = np.full(2, np.nan)
+    speeds = [0.0, 0.004, 0.008, 0.008, 0.008, 0.002]
+    seen = []
+    for speed in speeds:
+        made.axes.stream(nowhere, np.array([speed, np.nan]))
+        ticks = range(round(PERIOD_S / TICK_S))
+        seen += [made.look(TICK_S).velocity_command[0] for _ in ticks]
+    middles = np.convolve([0.0, *speeds], [0.5, 0.5], "valid")
+    expected = np.column_stack([middles, speeds]).ravel()
+    assert seen == pytest.approx(expected, abs=1e-12)
+    way = float(np.sum(middles) * PERIOD_S)
+    assert made.simulation.servo.command[0] == pytest.approx(way, abs=1e-12)
+
+
+def test_in_velocity_mode_the_end_of_a_stream_slows_to_rest() -> None:
+    made = by_velocity()
+    made.axes.begin_stream([0, 1])
+    for _ in range(100):
+        made.axes.stream(np.full(2, np.nan), np.array([1.0, -1.0]))
+        made.look(PERIOD_S)
+    made.axes.end_stream([0, 1])
+    assert list(made.look().operation) == [Operation.STOPPING] * 2
+    record = made.record(0.2)
+    assert np.abs(np.diff(record.command_velocity[:, 0])).max() == pytest.approx(10.0 * TICK_S)
+    assert list(record.command_velocity[-1]) == [0.0, 0.0]
+    assert list(record.operation[-1]) == [Operation.IDLE] * 2

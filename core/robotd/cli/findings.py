@@ -1,0 +1,49 @@
+"""Checks one by one, each with a line that says how it went."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import click
+
+from robotd.cli.exit_codes import ExitCode, exit_code
+from robotd.errors import RobotdError
+
+Found = TypeVar("Found")
+
+
+@dataclass
+class Findings:
+    """Prints a line for each check; ``code`` is the exit status of the first that failed."""
+
+    code: ExitCode = ExitCode.OK
+    problems: int = 0
+
+    def run(self, what: str, check: Callable[[], Found]) -> Found | None:
+        """The result of ``check``; None when it raised. A text is printed beside ``what``."""
+        try:
+            found = check()
+        except RobotdError as error:
+            self.fail(what, error)
+            return None
+        self._line("ok", "green", f"{what}: {found}" if isinstance(found, str) else what)
+        return found
+
+    def fail(self, what: str, error: RobotdError) -> None:
+        self.code = self.code or exit_code(error)
+        lines = str(error).splitlines()
+        self.problems += len(lines)
+        self._line("fail", "red", what)
+        for line in lines:
+            click.echo(f"      {line}")
+
+    def end(self) -> ExitCode:
+        """The last line, and the exit status."""
+        count = f"{self.problems} problem{'' if self.problems == 1 else 's'}"
+        click.echo(count if self.problems else "all is well")
+        return self.code
+
+    def _line(self, word: str, colour: str, text: str) -> None:
+        click.echo(f"{click.style(word.ljust(4), fg=colour)}  {text}")

@@ -1,0 +1,55 @@
+"""``robotd new-backend``: a package to start from, written from the templates beside this file."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import version
+from pathlib import Path
+from string import Template
+
+import click
+
+from robotd.errors import InvalidArgument, OperationError
+from robotd.plugin.manager import discover
+
+TEMPLATES = Path(__file__).parent / "templates" / "backend"
+SUFFIX = ".in"  # so that no tool takes a template for the real thing
+
+
+def write_backend(name: str, into: Path) -> None:
+    """Write the package ``robotd-NAME`` into a new folder of that name, and say what to do next.
+
+    Raises:
+        InvalidArgument: the name is not one, or is taken by an installed backend.
+        OperationError: the folder exists.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise InvalidArgument(
+            f"backend name {name!r}: must be lower-case letters, digits and _, a letter first"
+        )
+    taken = [origin for origin, _ in discover() if origin.name == name]
+    if taken:
+        raise InvalidArgument(f"backend name {name!r} is taken by {taken[0]}")
+    words = _words(name)
+    folder = into / words["distribution"]
+    if folder.exists():
+        raise OperationError(f"folder {folder} exists already")
+    for template in sorted(TEMPLATES.rglob(f"*{SUFFIX}")):
+        relative = template.relative_to(TEMPLATES).as_posix().removesuffix(SUFFIX)
+        target = folder / relative.replace("PACKAGE", words["package"])
+        target.parent.mkdir(parents=True, exist_ok=True)
+        text = Template(template.read_text(encoding="utf-8")).substitute(words)
+        target.write_text(text, encoding="utf-8")
+    click.echo(f"{folder} is a backend that moves imaginary drives. Install it and check it:\n")
+    click.echo(f"  pip install --editable {folder}\n  robotd conform --backend {name}\n")
+    click.echo("Its README.md says what to replace by your hardware.")
+
+
+def _words(name: str) -> dict[str, str]:
+    return {
+        "name": name,
+        "package": f"robotd_{name}",
+        "distribution": f"robotd-{name.replace('_', '-')}",
+        "Name": "".join(word.capitalize() for word in name.split("_")),
+        "robotd_version": ".".join(version("robotd").split(".")[:2]),
+    }

@@ -1,0 +1,47 @@
+"""One line that follows a motion, on a terminal only."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+
+import click
+
+_CLEAR_LINE = "\r\x1b[K"
+
+
+class Progress:
+    """Shows how far a motion is on standard error, and takes the line away at the end.
+
+    Args:
+        joints: those to show.
+        time_s: planned duration.
+        degrees: show degrees instead of radians.
+    """
+
+    def __init__(self, joints: Sequence[str], time_s: float, *, degrees: bool) -> None:
+        self._joints = joints
+        self._time_s = time_s
+        self._degrees = degrees
+        self._shown = False
+
+    def show(self, passed_s: float, positions: Mapping[str, float]) -> None:
+        """``passed_s`` since the start; ``positions`` of all joints in rad."""
+        if not sys.stderr.isatty():
+            return
+        values = "  ".join(f"{joint} {self._text(positions[joint])}" for joint in self._joints)
+        line = f"{passed_s:.1f} of {self._time_s:.1f} s  {values}"
+        width = shutil.get_terminal_size().columns - 1
+        click.echo(f"{_CLEAR_LINE}{line[:width]}", nl=False, err=True)
+        self._shown = True
+
+    def end(self) -> None:
+        """Take the line away."""
+        if self._shown:
+            click.echo(_CLEAR_LINE, nl=False, err=True)
+            self._shown = False
+
+    def _text(self, radians: float) -> str:
+        return f"{math.degrees(radians):+.1f}°" if self._degrees else f"{radians:+.3f}"

@@ -1,0 +1,50 @@
+"""What only a person at the bench can do, offered by a backend that can do it by itself."""
+
+from __future__ import annotations
+
+from robotd.errors import Unsupported
+
+
+class Bench:
+    """Optional handle for tests: the outside world of a device. One worker thread.
+
+    A simulation fills all of it; a test stand may fill what it can. What is not overridden
+    answers ``Unsupported``, and the checks that need it are skipped with that reason.
+
+    Attributes:
+        lives_by_clock: the device has no time but ``DeviceContext.clock`` and no thread of its
+            own, so that tests may run it on a clock that they advance themselves.
+    """
+
+    lives_by_clock: bool = False
+
+    def position(self, axis: int) -> float:
+        """Where the axis really is, in rad or m, as an instrument beside the drive shows it."""
+        raise self._unsupported("position")
+
+    def move_by_hand(self, axis: int, delta: float) -> None:
+        """Turn an axis whose servo is off by ``delta`` rad or m; it stays there."""
+        raise self._unsupported("move_by_hand")
+
+    def trip(self, axis: int, code: int) -> None:
+        """Let the drive report the alarm ``code`` (> 0) until it is cleared."""
+        raise self._unsupported("trip")
+
+    def disconnect(self, axis: int) -> None:
+        """Pull the plug of one drive: it stops answering."""
+        raise self._unsupported("disconnect")
+
+    def reconnect(self, axis: int) -> None:
+        """Put the plug back; the drive may need ``start_hot_connect`` to be taken in again."""
+        raise self._unsupported("reconnect")
+
+    def freeze(self, frozen: bool) -> None:
+        """Let no further value arrive, without the device saying so; False: they arrive again."""
+        raise self._unsupported("freeze")
+
+    def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
+        """Let a sensor change one bit of the input image."""
+        raise self._unsupported("set_input_bit")
+
+    def _unsupported(self, method: str) -> Unsupported:
+        return Unsupported(f"Bench.{method}", type(self).__module__)

@@ -1,0 +1,114 @@
+"""Fixtures of the checks, their time limit, and the report at the end."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from robotd.device.bench import Bench
+from robotd.device.capabilities import Capability
+from robotd.errors import RobotdError
+from robotd.testing.conformance.report import Report
+from robotd.testing.conformance.rig import Rig
+from robotd.testing.conformance.stand import BenchOrSkip, Stand
+
+CHECK_LIMIT_S = 60.0
+
+MakeRig = Callable[..., Rig]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Load backend and robot, so that a wrong name is one sentence and not an error per check."""
+    name = config.getoption("--robotd-backend")
+    if not name:
+        raise pytest.UsageError("which backend? add --robotd-backend NAME")
+    try:
+        stand = Stand(name, config.getoption("--robotd-robot"))
+    except RobotdError as error:
+        raise pytest.UsageError(str(error)) from error
+    config.stash[STAND] = stand
+    config.pluginmanager.register(Report(stand), "robotd-conformance-report")
+
+
+STAND = pytest.StashKey[Stand]()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Note what each check is about, for the report and for JUnit."""
+    for item in items:
+        mark = item.get_closest_marker("needs")
+        capability = mark.args[0] if mark else Capability.AXES
+        item.user_properties.append(("capability", str(capability)))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what the backend does not claim to have."""
+    mark = item.get_closest_marker("needs")
+    info = item.config.stash[STAND].backend.info
+    if mark and mark.args[0] not in info.capabilities:
+        pytest.skip(f"the {info.name} backend does not declare {mark.args[0]}")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """A check that hangs has failed."""
+
+    def expire(number: int, frame: FrameType | None) -> None:
+        pytest.fail(f"{item.name} did not end within {CHECK_LIMIT_S:g} s")
+
+    handler = signal.signal(signal.SIGALRM, expire)
+    before = signal.setitimer(signal.ITIMER_REAL, CHECK_LIMIT_S)
+    try:
+        return (yield)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, *before)
+        signal.signal(signal.SIGALRM, handler)
+
+
+@pytest.fixture(scope="session")
+def stand(pytestconfig: pytest.Config) -> Iterator[Stand]:
+    """Backend and robot, and the rig that most checks share."""
+    stand = pytestconfig.stash[STAND]
+    yield stand
+    stand.clear()
+
+
+@pytest.fixture
+def rig(stand: Stand) -> Rig:
+    """The shared rig: up, every axis enabled, at rest and where it was at first."""
+    return stand.shared()
+
+
+@pytest.fixture
+def make_rig(stand: Stand) -> Iterator[MakeRig]:
+    """Further rigs, not brought up; the shared one is shut down first: a device has one client."""
+    made: list[Rig] = []
+
+    def make(**options: Any) -> Rig:
+        stand.clear()
+        for rig in made:
+            rig.down()
+        made.append(stand.build(**options))
+        return made[-1]
+
+    yield make
+    for rig in made:
+        rig.down()
+
+
+@pytest.fixture
+def bench(rig: Rig) -> Bench:
+    """The bench of the shared rig; the check is skipped where it cannot do what is needed."""
+    return BenchOrSkip.of(rig)
+
+
+@pytest.fixture
+def jointed(rig: Rig) -> Rig:
+    """The shared rig, of a robot that has joints."""
+    if not rig.robot.joint_names:
+        pytest.skip(f"the robot {rig.robot.descriptor.name} has no joints")
+    return rig

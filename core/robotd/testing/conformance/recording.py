@@ -1,0 +1,101 @@
+"""What the process image showed, period by period, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.device.image import ProcessImage
+
+
+class Recording:
+    """Samples in the order of time; every array has the shape (samples, n_axes).
+
+    Look at it when the recording is over. Samples whose values are as old as the one before
+    are left out: they say nothing new.
+    """
+
+    def __init__(self) -> None:
+        self._times_ns: list[int] = []
+        self._rows: list[tuple[np.ndarray, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, image: ProcessImage) -> None:
+        if self._times_ns and image.fresh_ns <= self._times_ns[-1]:
+            return
+        self._times_ns.append(image.fresh_ns)
+        self._rows.append(
+            tuple(
+                array.copy()
+                for array in (
+                    image.position,
+                    image.velocity,
+                    image.position_command,
+                    image.velocity_command,
+                    image.operation,
+                    image.servo_on,
+                )
+            )
+        )
+
+    @cached_property
+    def time_s(self) -> FloatArray:
+        """(samples,) when the device had the values, from the first sample on."""
+        times_ns = np.array(self._times_ns, np.int64)
+        return np.asarray((times_ns - times_ns[:1].sum()) * 1e-9, np.float64)
+
+    @cached_property
+    def position(self) -> FloatArray:
+        return self._column(0)
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        return self._column(1)
+
+    @cached_property
+    def position_command(self) -> FloatArray:
+        return self._column(2)
+
+    @cached_property
+    def velocity_command(self) -> FloatArray:
+        return self._column(3)
+
+    @cached_property
+    def operation(self) -> IntArray:
+        return np.asarray(self._column(4), np.int64)
+
+    @cached_property
+    def servo_on(self) -> IntArray:
+        return np.asarray(self._column(5), np.int64)
+
+    def slope(self, values: FloatArray, span_s: float) -> tuple[FloatArray, FloatArray]:
+        """Mean rate of change over spans of ``span_s``: times (k,), and rates (k, n_axes)."""
+        ends = np.searchsorted(self.time_s, self.time_s + span_s)
+        first = np.flatnonzero(ends < len(self.time_s))
+        last = ends[first]
+        spans = self.time_s[last] - self.time_s[first]
+        middles = (self.time_s[last] + self.time_s[first]) / 2
+        return middles, (values[last] - values[first]) / spans[:, None]
+
+    def _column(self, index: int) -> FloatArray:
+        return np.array([row[index] for row in self._rows], np.float64)
+
+
+class Recorder:
+    """A task of the cycle that fills ``sink``, and calls ``task``, while there is one."""
+
+    def __init__(self) -> None:
+        self.sink: Recording | None = None
+        self.task: Callable[[ProcessImage], None] | None = None
+
+    def __call__(self, image: ProcessImage) -> None:
+        sink, task = self.sink, self.task
+        if sink is not None:
+            sink.add(image)
+        if task is not None:
+            task(image)

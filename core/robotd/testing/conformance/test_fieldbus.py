@@ -1,0 +1,99 @@
+"""Fieldbus answers: there in every state, consistent, and without side effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import FieldbusDriver, NetworkState
+from robotd.testing.conformance.rig import SETTLED_RAD, Rig
+from robotd.testing.conformance.stand import BenchOrSkip
+
+MakeRig = Callable[..., Rig]
+
+pytestmark = pytest.mark.needs(Capability.FIELDBUS)
+
+STATES = {0, 1, 2, 4, 8, 16}
+OPERATIONAL = 16
+
+
+def fieldbus_of(rig: Rig) -> FieldbusDriver:
+    driver = rig.parts.fieldbus_driver
+    assert driver is not None, "the backend declares fieldbus and makes no driver"
+    return driver
+
+
+def test_it_answers_in_every_state(make_rig: MakeRig) -> None:
+    rig = make_rig()
+    driver, device = fieldbus_of(rig), rig.parts.device
+    assert driver.masters >= 1
+    rig.begin()
+    calls: list[Callable[[], object]] = [
+        device.state,
+        device.open,
+        lambda: device.start_communication(10.0),
+        lambda: device.stop_communication(10.0),
+        device.close,
+    ]
+    for call in calls:
+        call()
+        for master in range(driver.masters):
+            assert isinstance(driver.network_state(master), NetworkState)
+
+
+def test_the_slaves_are_told_apart(rig: Rig) -> None:
+    driver = fieldbus_of(rig)
+    for master in range(driver.masters):
+        network = driver.network_state(master)
+        ids = [slave.id for slave in network.slaves]
+        assert len(ids) == len(set(ids))
+        assert {slave.state for slave in network.slaves} <= STATES
+
+
+def test_the_drives_are_operational(rig: Rig) -> None:
+    driver = fieldbus_of(rig)
+    networks = [driver.network_state(master) for master in range(driver.masters)]
+    assert sum(network.total_axes for network in networks) >= rig.count
+    drives = [slave for network in networks for slave in network.slaves if slave.axes]
+    assert all(slave.state == OPERATIONAL and not slave.offline for slave in drives)
+
+
+def test_a_lost_slave_is_shown(make_rig: MakeRig) -> None:
+    rig = make_rig()
+    rig.up()
+    driver = fieldbus_of(rig)
+    BenchOrSkip.of(rig).disconnect(0)
+
+    def lost() -> bool:
+        slaves = [s for m in range(driver.masters) for s in driver.network_state(m).slaves]
+        return any(slave.offline or slave.state != OPERATIONAL for slave in slaves)
+
+    rig.until(lost, "a slave is offline or not operational", 3.0)
+
+
+@pytest.mark.needs(Capability.REGISTER_READ)
+def test_registers_have_the_length_that_was_asked_for(rig: Rig) -> None:
+    slave = fieldbus_of(rig).network_state(0).slaves[0].id
+    for length in (1, 2, 4, 16):
+        assert len(rig.robot.fieldbus.read_register(0, slave, 0x0000, length)) == length
+    whole = rig.robot.fieldbus.read_register(0, slave, 0x0000, 8)
+    assert rig.robot.fieldbus.read_register(0, slave, 0x0004, 4) == whole[4:]
+
+
+@pytest.mark.needs(Capability.STATISTICS)
+def test_counters_are_zero_after_a_reset(rig: Rig) -> None:
+    rig.robot.fieldbus.reset_statistics(0)
+    network = rig.robot.fieldbus.network_state(0)
+    assert (network.packet_loss, network.packet_timeout, network.over_cycle) == (0, 0, 0)
+
+
+@pytest.mark.needs(Capability.HOT_CONNECT)
+def test_a_hot_connect_moves_and_switches_nothing(rig: Rig) -> None:
+    start = rig.image.position.copy()
+    rig.robot.fieldbus.start_hot_connect(0)
+    rig.let(0.5)
+    assert rig.image.servo_on.all()
+    assert np.abs(rig.image.position - start).max() <= SETTLED_RAD

@@ -1,0 +1,132 @@
+"""Digital I/O: what is written is there, and nothing beside it has changed.
+
+The checks write the last three bytes of the output image and put back what was there.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+
+import pytest
+
+from robotd.device.bench import Bench
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import IoDriver
+from robotd.errors import InvalidArgument
+from robotd.testing.conformance.rig import Rig
+
+pytestmark = pytest.mark.needs(Capability.IO)
+
+
+@pytest.fixture
+def io(rig: Rig) -> Iterator[IoDriver]:
+    driver = rig.parts.io_driver
+    assert driver is not None, "the backend declares io and makes no driver"
+    if driver.output_bytes == 0:
+        pytest.skip("the device has no outputs")
+    before = driver.read_outputs(0, driver.output_bytes)
+    yield driver
+    driver.write_outputs(0, before)
+
+
+def outputs(rig: Rig, io: IoDriver, expected: bytes, byte: int) -> None:
+    def right() -> bool:
+        return io.read_outputs(byte, len(expected)) == expected
+
+    rig.until(right, f"outputs from byte {byte} on are {expected.hex()}", 2.0)
+
+
+def window(io: IoDriver) -> tuple[int, int]:
+    """First byte and size of what the checks may write."""
+    size = min(3, io.output_bytes)
+    return io.output_bytes - size, size
+
+
+def test_the_images_have_a_size(rig: Rig, io: IoDriver) -> None:
+    assert io.input_bytes >= 0
+    assert len(io.read_outputs(0, io.output_bytes)) == io.output_bytes
+    if io.input_bytes:
+        assert len(io.read_inputs(0, io.input_bytes)) == io.input_bytes
+
+
+def test_a_bit_leaves_its_neighbours_alone(rig: Rig, io: IoDriver) -> None:
+    first, size = window(io)
+    middle = size // 2
+    for pattern in (0x00, 0xFF, 0x5A):
+        for bit in range(8):
+            value = not pattern >> bit & 1
+            io.write_outputs(first, bytes([pattern] * size))
+            outputs(rig, io, bytes([pattern] * size), first)
+            io.write_output_bit(first + middle, bit, value)
+            expected = bytearray([pattern] * size)
+            expected[middle] ^= 1 << bit
+            outputs(rig, io, bytes(expected), first)
+
+
+def test_bytes_leave_their_neighbours_alone(rig: Rig, io: IoDriver) -> None:
+    first, size = window(io)
+    for index in range(size):
+        io.write_outputs(first, bytes([0xA5] * size))
+        io.write_outputs(first + index, bytes([0x3C]))
+        expected = bytearray([0xA5] * size)
+        expected[index] = 0x3C
+        outputs(rig, io, bytes(expected), first)
+
+
+def test_the_other_outputs_stay_as_they_are(rig: Rig, io: IoDriver) -> None:
+    first, size = window(io)
+    before = io.read_outputs(0, io.output_bytes)
+    io.write_outputs(first, bytes([0xFF] * size))
+    outputs(rig, io, bytes([0xFF] * size), first)
+    assert io.read_outputs(0, io.output_bytes)[:first] == before[:first]
+
+
+def test_bits_written_by_several_threads_are_all_there(rig: Rig, io: IoDriver) -> None:
+    byte = io.output_bytes - 1
+    io.write_outputs(byte, bytes([0]))
+
+    def toggle(bit: int) -> None:
+        for round_ in range(21):
+            io.write_output_bit(byte, bit, round_ % 2 == 0)
+
+    threads = [threading.Thread(target=toggle, args=(bit,)) for bit in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20.0)
+    outputs(rig, io, bytes([0xFF]), byte)
+
+
+def test_reading_does_not_block(rig: Rig, io: IoDriver) -> None:
+    durations = []
+    for _ in range(200):
+        began = time.perf_counter()
+        io.read_outputs(0, 1)
+        durations.append(time.perf_counter() - began)
+    assert sorted(durations)[100] < 0.25 * rig.period_s
+
+
+def test_an_input_shows_its_sensor(rig: Rig, io: IoDriver, bench: Bench) -> None:
+    if io.input_bytes == 0:
+        pytest.skip("the device has no inputs")
+    for value in (True, False):
+        bench.set_input_bit(0, 3, value)
+        rig.until(partial(follows, rig, value), "the input follows its sensor")
+
+
+def follows(rig: Rig, value: bool) -> bool:
+    return rig.robot.io.input_bit(0, 3) is value
+
+
+def test_addresses_outside_are_refused(rig: Rig, io: IoDriver) -> None:
+    for call in (
+        lambda: rig.robot.io.set_output_bit(io.output_bytes, 0, True),
+        lambda: rig.robot.io.set_output_bit(0, 8, True),
+        lambda: rig.robot.io.output_bytes(io.output_bytes - 1, 2),
+        lambda: rig.robot.io.input_bytes(-1, 1),
+    ):
+        with pytest.raises(InvalidArgument):
+            call()

@@ -1,0 +1,121 @@
+"""Trajectories: they arrive, follow their path, and begin and end without a jump."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotd.cycle.execution import Outcome
+from robotd.testing.conformance.recording import Recording
+from robotd.testing.conformance.rig import SETTLED_RAD, Rig
+
+LAG_S = 0.03  # granted between the path and the measured position
+MORE = 1.15
+
+
+def joint_travel(rig: Rig, share: float = 1.0) -> np.ndarray:
+    return rig.travel(share)[list(rig.robot.joint_axes)]
+
+
+def check_smooth(rig: Rig, recording: Recording) -> None:
+    """Commands and measured values change no faster than the joints' limits allow."""
+    joints = list(rig.robot.joint_axes)
+    limits = rig.robot.follower.limits
+    _, speed = recording.slope(recording.position, 2 * rig.period_s)
+    assert (np.abs(speed[:, joints]).max(0) <= MORE * limits.velocity + 0.01).all()
+    _, ramp = recording.slope(recording.velocity_command, 0.02)
+    assert (np.abs(ramp[:, joints]).max(0) <= MORE * limits.acceleration + 0.01).all()
+
+
+def test_a_trajectory_arrives(jointed: Rig) -> None:
+    rig, joints = jointed, list(jointed.robot.joint_axes)
+    goal = rig.image.position_command[joints] + joint_travel(rig)
+    with rig.recording() as recording, rig.following([1.2], [joint_travel(rig)]) as execution:
+        rig.until(lambda: execution.done, "the trajectory ends")
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    rig.rest()
+    assert rig.image.position[joints] == pytest.approx(goal, abs=SETTLED_RAD)
+    check_smooth(rig, recording)
+
+
+def test_the_joints_are_on_the_path(jointed: Rig) -> None:
+    rig, way = jointed, joint_travel(jointed)
+    phases = np.linspace(0.0, np.pi, 13)[1:]
+    rows = [way * np.sin(phase) for phase in phases]
+    times_s = [0.25 * (index + 1) for index in range(len(rows))]
+    with rig.following(times_s, rows, velocities=True) as execution:
+        rig.until(lambda: execution.done, "the trajectory ends")
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    fastest = np.abs(way) * np.pi / times_s[-1]
+    assert (execution.max_error <= SETTLED_RAD + 1.5 * LAG_S * fastest).all()
+
+
+def test_bare_axes_do_not_move_with_the_joints(jointed: Rig) -> None:
+    rig = jointed
+    others = [axis for axis in rig.all if axis not in rig.robot.joint_axes]
+    if not others:
+        pytest.skip(f"the robot {rig.robot.descriptor.name} has no axis that is no joint")
+    with rig.recording() as recording, rig.following([0.8], [joint_travel(rig)]) as execution:
+        rig.until(lambda: execution.done, "the trajectory ends")
+    start = recording.position[0, others]
+    assert np.abs(recording.position[:, others] - start).max() <= SETTLED_RAD
+    assert np.isfinite(recording.position_command).all()
+
+
+def test_a_stream_begins_where_the_command_stands(rig: Rig) -> None:
+    start = rig.image.position.copy()
+    with rig.recording() as recording, rig.robot.axes.claimed("conformance", rig.all):
+        rig.let(0.2)
+    assert np.abs(recording.position - start).max() <= SETTLED_RAD
+
+
+def test_the_end_of_a_trajectory_is_held(jointed: Rig) -> None:
+    rig = jointed
+    with rig.following([0.8], [joint_travel(rig, 0.5)]) as execution:
+        rig.until(lambda: execution.done, "the trajectory ends")
+    rig.rest()
+    with rig.recording() as recording:
+        rig.let(0.4)
+    assert np.ptp(recording.position, 0).max() <= SETTLED_RAD
+    assert np.ptp(recording.position_command, 0).max() <= SETTLED_RAD
+
+
+def test_a_canceled_trajectory_stops_within_the_limits(jointed: Rig) -> None:
+    rig = jointed
+    with rig.recording() as recording, rig.following([1.2], [joint_travel(rig)]) as execution:
+        rig.let(0.6)
+        execution.cancel()
+        rig.until(lambda: execution.done, "the trajectory is stopped")
+    assert execution.outcome is Outcome.CANCELED
+    rig.rest()
+    check_smooth(rig, recording)
+
+
+def test_a_new_goal_takes_over_without_a_jump(jointed: Rig) -> None:
+    rig, way = jointed, joint_travel(jointed)
+    with rig.recording() as recording, rig.following([1.2], [way]) as first:
+        rig.let(0.5)
+        with rig.following([1.0], [-0.3 * way]) as second:
+            rig.until(lambda: second.done, "the second trajectory ends")
+    assert first.outcome is Outcome.PREEMPTED
+    assert second.outcome is Outcome.SUCCEEDED, second.message
+    check_smooth(rig, recording)
+
+
+def test_trajectories_may_follow_at_once_on_each_other(jointed: Rig) -> None:
+    rig, way = jointed, joint_travel(jointed, 0.3)
+    for sign in (1.0, -1.0, 1.0):
+        with rig.following([0.5], [sign * way]) as execution:
+            rig.until(lambda: execution.done, "the trajectory ends")
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+
+
+def test_an_axis_takes_moves_after_a_trajectory(jointed: Rig) -> None:
+    rig = jointed
+    with rig.following([0.5], [joint_travel(rig, 0.3)]) as execution:
+        rig.until(lambda: execution.done, "the trajectory ends")
+    rig.rest()
+    targets = rig.image.position_command - rig.travel(0.3)
+    rig.move(rig.all, targets)
+    rig.rest()
+    assert rig.image.position == pytest.approx(targets, abs=SETTLED_RAD)

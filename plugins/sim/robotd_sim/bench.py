@@ -1,0 +1,40 @@
+"""The world around the simulated robot, for the conformance checks."""
+
+from __future__ import annotations
+
+from robotd.plugin.api import Bench
+from robotd_sim.faults import Faults
+from robotd_sim.simulation import Simulation
+
+
+class SimBench(Bench):
+    """Everything that a bench can do. Any thread may call."""
+
+    lives_by_clock = True
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation, self._world = simulation, simulation.world
+        self._faults = Faults(simulation)
+
+    def position(self, axis: int) -> float:
+        with self._world.lock:
+            self._world.advance()
+            return float(self._simulation.servo.position[axis])
+
+    def move_by_hand(self, axis: int, delta: float) -> None:
+        self._faults.push(axis, self.position(axis) + delta)
+
+    def trip(self, axis: int, code: int) -> None:
+        self._faults.trip(axis, code)
+
+    def disconnect(self, axis: int) -> None:
+        self._faults.disconnect(axis)
+
+    def reconnect(self, axis: int) -> None:
+        """A slave is taken in again by ``start_hot_connect``, its plug alone does nothing."""
+
+    def freeze(self, frozen: bool) -> None:
+        self._faults.freeze(frozen)
+
+    def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
+        self._faults.set_input_bit(byte, bit, value)

@@ -1,0 +1,66 @@
+"""Work that is done once per request: a long trajectory, a large parameter file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotd.descriptor import default_wmx_parameters, load_robot_descriptor, read_wmx_parameters
+from robotd.descriptor.wmx_xml import write_wmx_parameters
+from robotd.motion import JointLimits, MotionState, TrajectoryRequest, plan
+
+POINTS = 1000
+JOINTS = 6
+FILE_BYTES = 1_000_000
+REPETITIONS = 15
+
+
+def planning(folder: Path) -> dict[str, float]:
+    """Medians in ms, after a first time that imports and compiles what is needed."""
+    path = folder / "parameters.xml"
+    write_wmx_parameters(default_wmx_parameters(), path)
+    if (padding := FILE_BYTES - path.stat().st_size) > 0:
+        path.write_text(path.read_text() + f"<!--{'-+' * (padding // 2)}-->\n")
+    return {
+        "plan_1000x6_ms": _median_ms(_plan_call()),
+        "parameters_128_axes_ms": _median_ms(lambda: read_wmx_parameters(path)),
+        "parameters_file_mb": path.stat().st_size / 1e6,
+    }
+
+
+def _plan_call() -> Callable[[], Any]:
+    descriptor = load_robot_descriptor("cr3a")
+    joints = descriptor.joints
+    limits = JointLimits(
+        tuple(joint.name for joint in joints),
+        np.array([joint.lower_rad for joint in joints]),
+        np.array([joint.upper_rad for joint in joints]),
+        np.array([joint.velocity_rad_s for joint in joints]),
+        np.array([joint.acceleration_rad_s2 for joint in joints]),
+    )
+    times = np.linspace(0.02, 20.0, POINTS)
+    phases = np.arange(JOINTS)
+    positions = 0.5 * (np.sin(times[:, None] + phases) - np.sin(phases))
+    rows = positions.tolist()
+    start = MotionState.at_rest(np.zeros(JOINTS))
+    names = limits.names
+
+    def call() -> Any:
+        request = TrajectoryRequest.from_rows(names, times.tolist(), rows)
+        return plan(request, limits, descriptor.trajectory, start)
+
+    return call
+
+
+def _median_ms(call: Callable[[], Any]) -> float:
+    times = []
+    call()
+    for _ in range(REPETITIONS):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times)) * 1000.0

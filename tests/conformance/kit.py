@@ -1,0 +1,50 @@
+"""The conformance checks, run inside a test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+import robotd.testing.conformance as package
+
+CHECKS = Path(package.__file__).parent
+
+
+@dataclass
+class Outcome:
+    """Names of checks (``test_units.py::test_…``) by how they went, and what failures said."""
+
+    passed: set[str] = field(default_factory=set)
+    skipped: set[str] = field(default_factory=set)
+    failed: dict[str, str] = field(default_factory=dict)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        name = report.nodeid.rpartition("/")[2]
+        if report.failed:
+            self.failed[name] = str(report.longrepr)
+        elif report.skipped:
+            self.skipped.add(name)
+        elif report.when == "call":
+            self.passed.add(name)
+
+
+def run_kit(backend: str, *checks: str, robot: str | None = None) -> Outcome:
+    """Run ``checks`` (all of them without a name) on ``backend``, within this process."""
+    outcome = Outcome()
+    arguments = [f"--robotd-backend={backend}", *([f"--robotd-robot={robot}"] if robot else [])]
+    pytest.main(
+        [
+            *([str(CHECKS / check) for check in checks] or [str(CHECKS)]),
+            *arguments,
+            f"--rootdir={CHECKS}",
+            "--config-file=/dev/null",
+            "--import-mode=importlib",
+            "-qq",
+            "-pno:cacheprovider",
+            "-Werror",
+        ],
+        plugins=[outcome],
+    )
+    return outcome

@@ -1,0 +1,81 @@
+"""A stranger's way: generate a package, install it by pip into an empty environment, check it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+NAME = "acme_bus"
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
+    done = subprocess.run(
+        [str(word) for word in command],
+        cwd=cwd,
+        env=environment | {"PYTHONPATH": "", "PIP_DISABLE_PIP_VERSION_CHECK": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def python(tmp_path: Path) -> Path:
+    """A new environment that sees what this one has installed, robotd among it."""
+    run(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv", cwd=tmp_path)
+    python = tmp_path / "venv" / "bin" / "python"
+    site = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=tmp_path)
+    here = sysconfig.get_path("purelib")
+    line = f"import site; site.addsitedir({here!r})\n"
+    (Path(site.strip()) / "outer.pth").write_text(line, encoding="utf-8")
+    return python
+
+
+@pytest.mark.timeout(180)
+def test_a_generated_package_installs_and_passes_at_once(python: Path, tmp_path: Path) -> None:
+    run(python, "-m", "robotd", "new-backend", NAME, cwd=tmp_path)
+    package = tmp_path / "robotd-acme-bus"
+    offline = ("--no-index", "--no-deps", "--no-build-isolation", "--quiet")
+    run(python, "-m", "pip", "install", *offline, package, cwd=tmp_path)
+    robotd = (python, "-m", "robotd")
+    assert f"'{NAME}' (robotd_acme_bus of robotd-acme-bus 0.1.0)" in run(
+        *robotd, "backends", "--check", NAME, cwd=tmp_path
+    )
+    checked = run(*robotd, "check", "--robot", "standalone", "--backend", NAME, cwd=tmp_path)
+    assert "all is well" in checked
+    junit = tmp_path / "results.xml"
+    report = run(*robotd, "conform", "--backend", NAME, "--junit", junit, cwd=tmp_path)
+    assert "verdict: passed" in report
+    assert "tested on 9" in report
+    assert junit.read_text(encoding="utf-8").count("<testcase") > 90
+
+
+def test_the_generated_code_is_in_order(python: Path, tmp_path: Path) -> None:
+    run(python, "-m", "robotd", "new-backend", NAME, cwd=tmp_path)
+    package = tmp_path / "robotd-acme-bus" / "robotd_acme_bus"
+    settings = Path(__file__).parents[2] / "pyproject.toml"
+    ruff = Path(sys.executable).parent / "ruff"
+    run(ruff, "check", f"--config={settings}", package, cwd=tmp_path)
+    run(ruff, "format", "--check", f"--config={settings}", package, cwd=tmp_path)
+
+
+def test_the_kit_runs_by_pytest_alone(tmp_path: Path) -> None:
+    arguments = (
+        "--pyargs",
+        "robotd.testing.conformance",
+        "--robotd-backend",
+        "sim",
+        "-k",
+        "enable",
+    )
+    report = run(sys.executable, "-m", "pytest", *arguments, cwd=tmp_path)
+    assert "conformance of the sim backend on plain" in report

@@ -1,0 +1,288 @@
+"""diff_drive_controller over DDS: names, a square, the watchdog, and what it refuses."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from tests.ros.robot_process import Client, RobotProcess, names_of, wait_until
+from tf2_msgs.msg import TFMessage
+from wmx_ros2_message.msg import AxisState
+from wmx_ros2_message.srv import SetAxis
+
+pytestmark = pytest.mark.ros
+
+RADIUS_M, SEPARATION_M = 0.09, 0.55
+PERIOD_S = 0.05  # between two commands
+TIMEOUT_S, BRAKING_S = 0.5, 0.4
+FAST = ["publish_tf:=true", f"dec_time:={BRAKING_S}", "acc_time:=0.4", "linear.x.max_jerk:=0.0",
+        "angular.z.max_jerk:=0.0"]  # fmt: skip
+MARGIN_S = 0.2  # for a busy computer
+
+SENDER = """
+import sys, time
+import rclpy
+from geometry_msgs.msg import Twist
+rclpy.init()
+publisher = rclpy.create_node("sender").create_publisher(Twist, "/cmd_vel", 1)
+twist = Twist()
+twist.linear.x, twist.angular.z = float(sys.argv[1]), float(sys.argv[2])
+while True:
+    publisher.publish(twist)
+    time.sleep(0.02)
+"""
+
+
+def ros_args(*parameters: str) -> list[str]:
+    return ["--ros-args", *(word for parameter in parameters for word in ("-p", parameter))]
+
+
+@pytest.fixture(scope="module")
+def process() -> Iterator[RobotProcess]:
+    with RobotProcess(*ros_args(*FAST), robot="baymax") as process:
+        process.wait_ready()
+        yield process
+
+
+@pytest.fixture(scope="module")
+def client(process: RobotProcess) -> Iterator[Client]:
+    client = Client(process.domain)
+    client.wait_engine()
+    yield client
+    client.close()
+
+
+class Base:
+    """What a client sees of the base, and how it commands it."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._publisher = client.publisher(Twist, "/cmd_vel")
+        self.odometry = client.listen(Odometry, "/odom_enc")
+        self.axes = client.listen(AxisState, "/wmx/axis/state")
+        client.next(self.odometry)
+
+    @property
+    def speed(self) -> float:
+        return float(self.odometry[-1].twist.twist.linear.x)
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        pose = self.odometry[-1].pose.pose
+        heading = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
+        return pose.position.x, pose.position.y, heading
+
+    def command(self, linear: float, angular: float) -> None:
+        twist = Twist()
+        twist.linear.x, twist.angular.z = linear, angular
+        self._publisher.publish(twist)
+
+    def drive(self, linear: float, angular: float, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.command(linear, angular)
+            time.sleep(min(PERIOD_S, max(0.0, end - time.monotonic())))
+
+    def rest(self) -> None:
+        self.command(0.0, 0.0)
+        wait_until(lambda: abs(self.speed) < 1e-9, "at rest")
+        self._client.next(self.odometry)
+        self._client.next(self.axes)
+
+    def reset(self) -> None:
+        self.rest()
+        answer = self._client.call(Trigger, "/diff_drive_controller/reset_odometry")
+        assert answer.success, answer.message
+        self._client.next(self.odometry)
+
+
+@pytest.fixture(scope="module")
+def base(client: Client) -> Base:
+    return Base(client)
+
+
+def wheels_say(states: list[Any]) -> tuple[float, float, float, float]:
+    """x, y, heading and way by the true wheel positions, from one state to the next."""
+    x = y = heading = way = 0.0
+    for before, after in pairwise(states):
+        left, right = (RADIUS_M * (after.actual_pos[a] - before.actual_pos[a]) for a in (0, 1))
+        turn, length = (right - left) / SEPARATION_M, (left + right) / 2
+        x += length * math.cos(heading + turn / 2)
+        y += length * math.sin(heading + turn / 2)
+        heading, way = heading + turn, way + abs(length)
+    return x, y, heading, way
+
+
+def test_names_and_types(client: Client, base: Base) -> None:
+    topics = names_of(client.node.get_topic_names_and_types())
+    expected = {
+        "/cmd_vel": "geometry_msgs/msg/Twist",
+        "/cmd_vel_check": "geometry_msgs/msg/Twist",
+        "/velocity_controller/commands": "std_msgs/msg/Float64MultiArray",
+        "/odom_enc": "nav_msgs/msg/Odometry",
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/wmx/axis/state": "wmx_ros2_message/msg/AxisState",
+    }
+    assert expected.items() <= topics.items()
+    nodes = client.node.get_node_names()
+    service_nodes = {"wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node"}
+    assert service_nodes | {"diff_drive_controller"} <= set(nodes)
+
+
+def test_the_parameters_of_the_reference(client: Client) -> None:
+    names = ["left_axis", "right_axis", "rate", "wheel_radius", "wheel_to_wheel", "cmd_vel_timeout",
+             "use_stamped_vel", "odom_frame_id", "base_frame_id"]  # fmt: skip
+    answer = client.call(GetParameters, "/diff_drive_controller/get_parameters", names=names)
+    left, right, rate, radius, track, timeout, stamped, odom, child = answer.values
+    assert (left.integer_value, right.integer_value, rate.integer_value) == (0, 1, 100)
+    assert (radius.double_value, track.double_value) == (RADIUS_M, SEPARATION_M)
+    assert (timeout.double_value, stamped.bool_value) == (TIMEOUT_S, False)
+    assert (odom.string_value, child.string_value) == ("odom", "base_link")
+
+
+def test_a_square_of_ten_metres(base: Base) -> None:
+    base.reset()
+    start = len(base.axes) - 1
+    for _ in range(4):
+        base.drive(1.0, 0.0, 2.5)
+        base.drive(0.0, 0.0, 0.5)
+        base.drive(0.0, math.pi / 2, 1.0)
+        base.drive(0.0, 0.0, 0.5)
+    base.rest()
+    x, y, heading, way = wheels_say(base.axes[start:])
+    assert way == pytest.approx(10.0, abs=0.3)
+    assert math.hypot(base.pose[0] - x, base.pose[1] - y) < 1e-3
+    off = math.remainder(base.pose[2] - heading, 2 * math.pi)
+    assert abs(off) < math.radians(0.1)
+    assert math.hypot(x, y) < 0.3, "the square does not close within the timing of the client"
+
+
+def test_a_killed_client_stops_the_base_in_time(process: RobotProcess, base: Base) -> None:
+    base.rest()
+    told = process.output.count("no command in time")
+    environment = os.environ | {"ROS_DOMAIN_ID": str(process.domain)}
+    with subprocess.Popen([sys.executable, "-c", SENDER, "0.8", "0.4"], env=environment) as sender:
+        try:
+            wait_until(lambda: base.speed > 0.799, "full speed")
+        finally:
+            sender.kill()
+            killed_s = time.monotonic()
+    wait_until(lambda: base.speed < 1e-9, "standstill")
+    took_s = time.monotonic() - killed_s
+    assert TIMEOUT_S - 0.1 < took_s < TIMEOUT_S + BRAKING_S + MARGIN_S
+    wait_until(lambda: process.output.count("no command in time") == told + 1, "a line of log")
+    braking = [each.twist.twist for each in base.odometry[-200:] if each.twist.twist.linear.x > 0.1]
+    for twist in braking:
+        assert twist.angular.z == pytest.approx(twist.linear.x / 2, abs=1e-3)
+
+
+def test_wheel_speeds_and_echo(client: Client, base: Base) -> None:
+    omega = client.listen(Float64MultiArray, "/velocity_controller/commands")
+    echo = client.listen(Twist, "/cmd_vel_check")
+    wait_until(lambda: client.node.count_publishers("/cmd_vel_check"), "the echo")
+    base.drive(0.5, 1.0, 1.0)
+    left, right = omega[-1].data
+    assert left == pytest.approx((2 * 0.5 - 1.0 * SEPARATION_M) / (2 * RADIUS_M), rel=1e-3)
+    assert right == pytest.approx((2 * 0.5 + 1.0 * SEPARATION_M) / (2 * RADIUS_M), rel=1e-3)
+    assert (echo[-1].linear.x, echo[-1].angular.z) == (0.5, 1.0)
+    base.rest()
+
+
+def test_odometry_and_transform_agree(client: Client, base: Base) -> None:
+    transforms = client.listen(TFMessage, "/tf", 100)
+    base.reset()
+    assert base.pose == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    base.drive(0.3, 0.5, 0.5)
+    base.rest()
+    (transform,) = client.next(transforms).transforms
+    odometry = client.next(base.odometry)
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert transform.transform.translation.x == odometry.pose.pose.position.x > 0.05
+    assert transform.transform.translation.y == odometry.pose.pose.position.y > 0.0
+    assert transform.transform.rotation == odometry.pose.pose.orientation
+    assert odometry.header.stamp.sec > 1_000_000_000
+    diagonal = [odometry.pose.covariance[7 * index] for index in range(6)]
+    assert diagonal == [1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-2]
+    assert sum(odometry.pose.covariance) == pytest.approx(sum(diagonal))
+
+
+def test_a_command_that_is_not_finite_is_refused_once(process: RobotProcess, base: Base) -> None:
+    base.rest()
+    for _ in range(5):
+        base.command(math.nan, 0.0)
+        base.command(0.0, math.inf)
+    wait_until(lambda: "is not finite" in process.output, "a line of log")
+    base.drive(0.0, 0.0, 0.2)
+    assert process.output.count("is not finite") <= 2
+    assert abs(base.speed) < 1e-9
+
+
+def test_without_a_servo_it_stands_and_says_so_once(
+    process: RobotProcess, client: Client, base: Base
+) -> None:
+    base.rest()
+    off = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[0])
+    assert off.success, off.message
+    base.drive(0.5, 0.0, 0.5)
+    assert abs(base.speed) < 1e-9
+    assert process.output.count("right wheel: servo is off") == 1
+    on = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[1])
+    assert on.success, on.message
+    base.drive(0.5, 0.0, 0.5)
+    assert base.speed > 0.1
+    assert "the base can move again" in process.output
+    base.rest()
+
+
+def test_stamped_commands_and_a_client_of_the_other_type() -> None:
+    with RobotProcess(*ros_args("use_stamped_vel:=true"), robot="baymax") as process:
+        process.wait_ready()
+        client, stranger = Client(process.domain), Client(process.domain)
+        try:
+            odometry = client.listen(Odometry, "/odom_enc")
+            publisher = client.publisher(TwistStamped, "/cmd_vel")
+            stranger.node.create_publisher(Twist, "/cmd_vel", 1)
+            message = TwistStamped()
+            message.twist.linear.x = 0.3
+            end = time.monotonic() + 1.0
+            while time.monotonic() < end:
+                publisher.publish(message)
+                time.sleep(PERIOD_S)
+            assert odometry[-1].twist.twist.linear.x > 0.1
+            process.wait_output("commands of another type are not received")
+        finally:
+            stranger.close()
+            client.close()
+        process.wait_output("commands of another type are gone")
+        assert process.output.count("are not received") == 1
+        assert "offered=['geometry_msgs/msg/Twist']" in process.output
+
+
+@pytest.mark.parametrize(
+    ("parameter", "reason"),
+    [
+        ("left_axis:=1", "left_axis: 1, but drive.left_axis of the robot is 0"),
+        ("wheel_radius:=0.0", "wheel_radius: 0.0 is not above 0"),
+        ("pose_covariance_diagonal:=[1.0]", "pose_covariance_diagonal: 1 numbers instead of 6"),
+        ("rate:=100000", "rate: 100000 is outside 1 to 200"),
+        ("wmx_param_file_path:=/nowhere.xml", "file '/nowhere.xml' does not exist"),
+    ],
+)
+def test_a_wrong_parameter_ends_it_before_anything_moves(parameter: str, reason: str) -> None:
+    with RobotProcess(*ros_args(parameter), robot="baymax") as process:
+        assert process.exit_status() == 3
+        assert reason in process.output
+        assert "device open" not in process.output

@@ -1,0 +1,103 @@
+"""``robotd backends --check``, ``new-backend`` and ``conform`` for authors of backends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from robotd.cli.commands import main
+from robotd.cli.exit_codes import ExitCode
+
+Install = Callable[..., Path]
+
+LYING = """
+    from robotd.plugin.api import BackendInfo, Capability, hookimpl
+    from robotd.testing.fakes import FakeAxes, FakeDevice
+
+    @hookimpl
+    def robotd_backend():
+        return BackendInfo(
+            name="{name}", summary="a test",
+            capabilities=frozenset({Capability.AXES, Capability.IO}),
+        )
+
+    @hookimpl
+    def robotd_open_device(): return FakeDevice()
+
+    @hookimpl
+    def robotd_axes(): return FakeAxes(2)
+"""
+
+
+def robotd(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def test_the_doctor_finds_the_simulation_well() -> None:
+    result = robotd("backends", "--check", "sim")
+    assert result.exit_code == 0
+    assert "all is well" in result.output
+    assert "fail" not in result.output
+
+
+def test_the_doctor_names_the_nearest_backend() -> None:
+    result = robotd("backends", "--check", "simm")
+    assert result.exit_code == ExitCode.PLUGIN
+    assert "did you mean 'sim'" in result.output
+
+
+def test_the_doctor_finds_a_driver_that_was_declared_and_is_not_there(install: Install) -> None:
+    install("lying", LYING)
+    result = robotd("backends", "--check", "lying")
+    assert result.exit_code == ExitCode.PLUGIN
+    assert "declares 'io' and makes no driver for it" in result.output
+    assert "'lying' (plugin_acme of acme 1.2)" in result.output
+    assert "1 problem" in result.output
+
+
+def test_the_doctor_goes_on_with_nothing_it_cannot_import(install: Install) -> None:
+    install("broken", "import not_there_at_all")
+    result = robotd("backends", "--check", "broken")
+    assert result.exit_code == ExitCode.PLUGIN
+    assert "ModuleNotFoundError" in result.output
+    assert "robotd_open_device" not in result.output
+
+
+def test_a_new_backend_has_one_file_per_contract(tmp_path: Path) -> None:
+    result = robotd("new-backend", "my_bus", "--into", tmp_path)
+    assert result.exit_code == 0
+    package = tmp_path / "robotd-my-bus" / "robotd_my_bus"
+    names = {path.stem for path in package.glob("*.py")}
+    assert names >= {"__init__", "device", "axes", "io", "fieldbus", "options"}
+    assert "class MyBusAxes(AxisDriver)" in (package / "axes.py").read_text(encoding="utf-8")
+    for path in (tmp_path / "robotd-my-bus").rglob("*.*"):
+        assert "$" not in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["My", "9bus", "my-bus", "", "a b", "../up"])
+def test_a_name_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
+    result = robotd("new-backend", "--into", tmp_path, "--", name)
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_taken_name_is_refused(tmp_path: Path) -> None:
+    result = robotd("new-backend", "sim", "--into", tmp_path)
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "taken by 'sim'" in result.output
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "robotd-acme").mkdir()
+    result = robotd("new-backend", "acme", "--into", tmp_path)
+    assert result.exit_code == ExitCode.DEVICE
+    assert "exists already" in result.output
+
+
+def test_the_checks_are_not_begun_for_a_backend_that_cannot_load() -> None:
+    result = robotd("conform", "--backend", "simm")
+    assert result.exit_code == ExitCode.PLUGIN
+    assert "did you mean 'sim'" in result.output

@@ -1,0 +1,62 @@
+"""A ROS from wheels and a sourced one never meet in a process."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from robotd.cli import preflight
+from robotd.cli.exit_codes import RosUnavailable
+
+VARIABLES = ("ROS_DISTRO", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH")
+
+
+@pytest.fixture(autouse=True)
+def wheels_and_a_clean_shell(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preflight, "WHEELS", True)
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def prefix(tmp_path: Path) -> Path:
+    """What a ROS installation looks like."""
+    package = tmp_path / "share" / "rclpy" / "package.xml"
+    package.parent.mkdir(parents=True)
+    package.touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "found"),
+    [
+        ("ROS_DISTRO", "jazzy", "ROS_DISTRO is 'jazzy'"),
+        ("LD_LIBRARY_PATH", "/usr/lib:/opt/ros/jazzy/lib", "leads to /opt/ros/jazzy/lib"),
+        ("PYTHONPATH", "/opt/ros/jazzy/lib/python3", "leads to /opt/ros/jazzy/lib/python3"),
+        ("AMENT_PREFIX_PATH", "/nowhere:{prefix}", "AMENT_PREFIX_PATH leads to {prefix}"),
+    ],
+)
+def test_a_sourced_ros_beside_wheels_is_refused_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, prefix: Path, name: str, value: str, found: str
+) -> None:
+    monkeypatch.setenv(name, value.format(prefix=prefix))
+    with pytest.raises(RosUnavailable, match=re.escape(found.format(prefix=prefix))) as refusal:
+        preflight.import_ros("serve")
+    assert "\n" not in str(refusal.value)
+    assert "shell in which no ROS is sourced" in str(refusal.value)
+
+
+def test_an_overlay_without_rclpy_is_no_second_ros(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/usr/local/lib")
+    assert preflight.sourced_ros() is None
+
+
+def test_a_sourced_ros_alone_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preflight, "WHEELS", False)
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    assert preflight.import_ros("message_fields").__name__ == "robotd.ros.message_fields"

@@ -1,0 +1,103 @@
+"""A driver that hangs in ``read``: the robot is not ready, motion has failed, it can be ended."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from robotd.clock import MonotonicClock, wait_until
+from robotd.cycle.loop import Cycle
+from robotd.cycle.streamer import Streamer
+from robotd.cycle.watchdog import Watchdog
+from robotd.descriptor import EngineSettings
+from robotd.device.engine import Engine
+from robotd.device.image import ProcessImage
+from robotd.device.state import EngineState
+from robotd.testing.fakes import FakeAxes, FakeDevice
+
+LIMIT_S = 0.05
+
+
+class HangingAxes(FakeAxes):
+    """Live values, until ``hang`` is set; ``go_on`` ends the read that hangs."""
+
+    def __init__(self) -> None:
+        super().__init__(2)
+        self.hang, self.go_on = threading.Event(), threading.Event()
+
+    def read(self, image: ProcessImage) -> None:
+        if self.hang.is_set():
+            self.go_on.wait(20.0)
+        super().read(image)
+        image.fresh_ns = MonotonicClock.now_ns()
+
+
+class Bench:
+    def __init__(self) -> None:
+        settings = EngineSettings(stale_after_s=LIMIT_S)
+        self.axes, self.image = HangingAxes(), ProcessImage(2)
+        self.engine = Engine(FakeDevice(), settings, None, "fake")
+        streamer = Streamer(self.axes, 2, 500.0)
+        self.cycle = Cycle(self.axes, self.engine, self.image, streamer, 500.0)
+        self.heard: list[bool] = []
+        self.engine.on_ready(self.heard.append)
+
+    def ready(self) -> bool:
+        return wait_until(lambda: self.engine.ready, 5.0, MonotonicClock())
+
+    def lost(self) -> bool:
+        return wait_until(lambda: not self.engine.ready, 5.0, MonotonicClock())
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    monkeypatch.setattr("robotd.cycle.loop.STOP_S", 0.1)
+    bench = Bench()
+    bench.cycle.start()
+    bench.engine.start()
+    assert bench.ready()
+    yield bench
+    bench.axes.go_on.set()
+    bench.cycle.stop()
+
+
+def test_a_read_that_hangs_makes_the_engine_not_ready(bench: Bench) -> None:
+    bench.axes.hang.set()
+    assert bench.lost()
+    assert bench.engine.state is EngineState.UNKNOWN
+    assert bench.heard[-1] is False
+    assert wait_until(lambda: ("stop", [0, 1]) in bench.axes.calls, 5.0, MonotonicClock())
+
+
+def test_a_cycle_that_goes_on_is_ready_again(bench: Bench) -> None:
+    bench.axes.hang.set()
+    assert bench.lost()
+    bench.axes.hang.clear()
+    bench.axes.go_on.set()
+    assert bench.ready()
+
+
+def test_the_image_can_be_copied_while_the_driver_hangs(bench: Bench) -> None:
+    bench.axes.hang.set()
+    assert bench.lost()
+    assert bench.image.copy().axes == 2
+
+
+def test_shutting_down_does_not_wait_for_ever(bench: Bench) -> None:
+    bench.axes.hang.set()
+    assert bench.lost()
+    bench.engine.shutdown()
+    bench.cycle.stop()
+    assert bench.engine.state is EngineState.SHUTDOWN
+
+
+def test_a_hang_is_told_once_for_each_period() -> None:
+    age_ns, told = [0], list[str]()
+    watchdog = Watchdog(lambda: age_ns[0], 0.1, told.append)
+    for age in (0, 99_000_000, 101_000_000, 500_000_000, 0, 200_000_000):
+        age_ns[0] = age
+        watchdog.look()
+    assert len(told) == 2
+    assert "longer than 0.1 s" in told[0]

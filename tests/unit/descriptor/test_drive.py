@@ -1,0 +1,55 @@
+"""The section of a mobile base: counted as axes, and checked against the joints."""
+
+from pathlib import Path
+
+import pytest
+
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.errors import DescriptorError
+
+BASE = """\
+schema: 1
+name: base
+drive:
+  left_axis: 2
+  right_axis: 3
+  wheel_radius_m: 0.1
+  wheel_separation_m: 0.5
+  velocity_m_s: 1.0
+  acceleration_m_s2: 1.0
+  deceleration_m_s2: 1.0
+  angular_velocity_rad_s: 1.0
+  angular_acceleration_rad_s2: 1.0
+  angular_deceleration_rad_s2: 1.0
+"""
+JOINT = "{name: a, axis: 2, lower_rad: -1, upper_rad: 1, velocity_rad_s: 2, acceleration_rad_s2: 3}"
+
+
+def load(folder: Path, text: str) -> RobotDescriptor:
+    path = folder / "robot.yaml"
+    path.write_text(text)
+    return load_robot_descriptor(path)
+
+
+def test_wheels_count_as_axes_and_have_defaults(tmp_path: Path) -> None:
+    robot = load(tmp_path, BASE)
+    assert robot.axes == 4
+    assert robot.drive is not None
+    assert robot.drive.axes == (2, 3)
+    assert robot.drive.command_timeout_s == 0.5
+    assert robot.drive.wheel_wrap_rad is None
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        (BASE.replace("right_axis: 3", "right_axis: 2"), "drive.right_axis: used before"),
+        (BASE + "axes: 3\n", r"drive.right_axis: must be less than axes \(3\)"),
+        (BASE + f"joints: [{JOINT}]\n", "drive.left_axis: used before, by joints.0.axis"),
+        (BASE.replace("wheel_radius_m: 0.1", "wheel_radius_m: 0"), "drive.wheel_radius_m"),
+        (BASE.replace("  velocity_m_s: 1.0\n", ""), "drive.velocity_m_s"),
+    ],
+)
+def test_a_wrong_drive_is_told_by_its_key(tmp_path: Path, text: str, where: str) -> None:
+    with pytest.raises(DescriptorError, match=where):
+        load(tmp_path, text)

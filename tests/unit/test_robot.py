@@ -1,0 +1,219 @@
+"""A whole robot on the simulation: brought up, recovered, restarted and shut down."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from structlog.testing import capture_logs
+from tests.unit.cycle.rig import Rig, arm
+
+from robotd.clock import MonotonicClock
+from robotd.cycle.execution import Outcome
+from robotd.device.state import EngineState
+from robotd.errors import ConnectError, NotReady, OperationError
+from robotd.motion import TrajectoryRequest
+from robotd.plugin.guard import unguarded
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot, build_robot, open_robot
+
+FAR = (1.0, -0.6, 0.3)
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+def make(**keys: Any) -> Robot:
+    return Robot(arm(**keys), load_backend("sim"), MonotonicClock())
+
+
+@pytest.fixture
+def threads() -> Iterator[None]:
+    """No thread is left behind."""
+    before = set(threading.enumerate())
+    yield
+    left = [each for each in threading.enumerate() if each not in before and each.is_alive()]
+    assert left == []
+
+
+def test_start_switches_the_joints_on(rig: Rig) -> None:
+    rig.robot.start()
+    assert rig.engine.ready
+    assert rig.image.servo_on.all()
+
+
+def test_start_may_leave_the_servos_alone(rig: Rig) -> None:
+    rig.robot.start(enable=False)
+    rig.run(0.01)
+    assert rig.engine.ready
+    assert not rig.image.servo_on.any()
+
+
+def test_a_failed_start_can_be_repeated(rig: Rig) -> None:
+    rig.simulation.failures_left = 7
+    with pytest.raises(ConnectError, match="cannot be opened"):
+        rig.robot.start()  # five tries
+    rig.robot.start()
+    assert rig.image.servo_on.all()
+
+
+def test_enabling_again_has_no_effect_on_what_is_on(rig: Rig) -> None:
+    rig.up().robot.enable_joints()
+    assert rig.image.servo_on.all()
+
+
+def test_shutdown_brings_a_trajectory_to_rest_then_servos_off_then_closes(rig: Rig) -> None:
+    rig.up()
+    with rig.goal(FAR) as execution:
+        rig.run(0.4)
+        rig.robot.shutdown()
+        assert execution.outcome is Outcome.CANCELED
+    rig.setpoints.assert_smooth(12.0)
+    assert not rig.simulation.states.servo_on.any()
+    assert rig.engine.state is EngineState.SHUTDOWN
+    assert not rig.engine.ready
+
+
+def test_shutdown_brings_a_move_to_rest(rig: Rig) -> None:
+    rig.up()
+    rig.move(0, 2.0)
+    rig.run(0.5)
+    speeds: list[float] = []
+    rig.robot.cycle.every(500.0, "speed", lambda image: speeds.append(float(image.velocity[0])))
+    rig.robot.shutdown()
+    steps = np.abs(np.diff(speeds))
+    assert speeds[0] > 0.5
+    assert steps.max() < 5.0 * 0.002 * 1.5, "braked with the move's own deceleration"
+    assert abs(speeds[-1]) < 0.02
+
+
+def test_a_move_that_the_image_does_not_show_yet_is_stopped_too(rig: Rig) -> None:
+    rig.up()
+    rig.run(0.1)
+    rig.move(0, 2.0)
+    rig.robot.shutdown()
+    assert not rig.simulation.world.moves(0)
+    assert abs(rig.simulation.servo.position[0]) < 0.1
+
+
+def test_shutdown_twice_and_before_start_is_fine() -> None:
+    robot = make()
+    robot.shutdown()
+    robot.shutdown()
+    with pytest.raises(NotReady, match="shut down"):
+        robot.start()
+
+
+@pytest.mark.usefixtures("threads")
+def test_open_robot_leaves_nothing_behind() -> None:
+    with open_robot("cr3a", "sim") as robot:
+        assert robot.engine.ready
+        assert robot.image.servo_on.all()
+    assert robot.engine.state is EngineState.SHUTDOWN
+
+
+@pytest.mark.usefixtures("threads")
+def test_an_exception_in_the_block_shuts_down() -> None:
+    with pytest.raises(ZeroDivisionError), open_robot("cr3a", "sim") as robot:
+        raise ZeroDivisionError
+    assert robot.engine.state is EngineState.SHUTDOWN
+
+
+def test_a_failing_stop_is_logged_and_the_rest_is_done_all_the_same(rig: Rig) -> None:
+    rig.up()
+    driver = rig.robot.axes._driver
+
+    def fail(*arguments: object) -> None:
+        raise OperationError("bus off")
+
+    driver.stop = fail  # type: ignore[method-assign]
+    with capture_logs() as logs:
+        rig.robot.shutdown()
+    failures = [line for line in logs if line["log_level"] == "error"]
+    assert [(line["event"], line["reason"]) for line in failures] == [
+        ("controlled stop failed", "bus off")
+    ]
+    assert not rig.simulation.states.servo_on.any()
+    assert rig.engine.state is EngineState.SHUTDOWN
+
+
+@pytest.mark.usefixtures("threads")
+def test_shutdown_ends_a_start_that_waits_for_the_device() -> None:
+    keys = {"backends": {"sim": {"fail_open": 1000}}}
+    robot = make(**keys, engine={"open_tries": 1000, "open_retry_s": 3600.0})
+    tried = threading.Event()
+    device: Any = unguarded(robot.engine._driver)
+    open_device = device.open
+
+    def opened(path: str = "", name: str = "") -> None:
+        tried.set()
+        open_device(path, name)
+
+    device.open = opened
+    starting = threading.Thread(target=robot.start)
+    starting.start()
+    assert tried.wait(10.0)
+    robot.shutdown()
+    starting.join(10.0)
+    assert not starting.is_alive()
+    assert robot.engine.state is EngineState.SHUTDOWN
+
+
+@pytest.mark.usefixtures("threads")
+def test_shutdown_during_the_start_of_communication_waits_and_closes() -> None:
+    robot = make(backends={"sim": {"communication_delay_s": 0.3}})
+    errors: list[BaseException] = []
+
+    def start() -> None:
+        try:
+            robot.start()
+        except NotReady as error:
+            errors.append(error)
+
+    starting = threading.Thread(target=start)
+    starting.start()
+    device: Any = robot.engine._driver
+    while device.state() is EngineState.IDLE:
+        pass
+    robot.shutdown()
+    starting.join(10.0)
+    assert not starting.is_alive()
+    assert robot.engine.state is EngineState.SHUTDOWN
+    assert unguarded(device).simulation.engine is EngineState.IDLE
+    assert not unguarded(device).simulation.states.servo_on.any()
+
+
+def test_nobody_is_ready_before_the_parameters_are_in_force() -> None:
+    robot = build_robot("cr3a", "sim")
+    device: Any = robot.engine._driver
+    load, ready = device.load_parameters, list[bool]()
+
+    def slow(path: Any) -> None:
+        for _ in range(20):
+            robot.cycle.step(robot.clock.now_ns())
+            ready.append(robot.engine.ready)
+        load(path)
+
+    device.load_parameters = slow
+    robot.engine.start()
+    assert ready == [False] * 20
+    assert robot.engine.ready
+    robot.shutdown()
+
+
+def test_a_goal_in_the_real_cycle_thread() -> None:
+    robot = make()
+    robot.start()
+    try:
+        request = TrajectoryRequest.from_rows(robot.joint_names, [0.3], [[0.1, -0.1, 0.05]])
+        with robot.follower.follow(request) as execution:
+            assert execution.wait(10.0)
+        assert execution.outcome is Outcome.SUCCEEDED
+        assert robot.image.position == pytest.approx([0.1, -0.1, 0.05], abs=1e-3)
+    finally:
+        robot.shutdown()
