@@ -1,12 +1,14 @@
 """All that a backend may import from robotd. Changing it changes ``API_VERSION``."""
 
 from robotd.arrays import FloatArray
-from robotd.clock import Clock, wait_until
+from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.descriptor import (
     RobotDescriptor,
     WmxParameters,
     default_wmx_parameters,
+    load_robot_descriptor,
     read_wmx_parameters,
+    validate_section,
 )
 from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
@@ -61,6 +63,7 @@ __all__ = [
     "FloatArray",
     "InvalidArgument",
     "IoDriver",
+    "MonotonicClock",
     "NetworkState",
     "NodeRegistry",
     "NotReady",
@@ -78,6 +81,8 @@ __all__ = [
     "default_wmx_parameters",
     "get_logger",
     "hookimpl",
+    "load_robot_descriptor",
     "read_wmx_parameters",
+    "validate_section",
     "wait_until",
 ]

@@ -10,6 +10,7 @@ from typing import cast
 from robotd.plugin.api import (
     AxisDriver,
     BackendInfo,
+    Bench,
     Capability,
     DeviceContext,
     DeviceDriver,
@@ -74,3 +75,12 @@ def robotd_fieldbus(device: DeviceDriver) -> FieldbusDriver:
     from robotd_canopen.fieldbus import CanopenFieldbus
 
     return CanopenFieldbus(cast(CanopenDevice, device).master)
+
+
+@hookimpl
+def robotd_bench(device: DeviceDriver) -> Bench:
+    """The world around simulated drives."""
+    from robotd_canopen.bench import CanopenBench
+    from robotd_canopen.device import CanopenDevice
+
+    return CanopenBench(cast(CanopenDevice, device))

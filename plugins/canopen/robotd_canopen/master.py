@@ -109,7 +109,11 @@ class Master:
             self._fail(node.fault)
 
     def read(self, image: ProcessImage) -> None:
-        """Cycle: SYNC, then what the drives said, then the watch over them."""
+        """Cycle: SYNC, then what the drives said, then the watch over them.
+
+        Raises OperationError, with the image filled all the same, while a node or the bus is
+        lost: so the reason, not the age of a value, ends what runs.
+        """
         now_ns = self.clock.now_ns()
         self._cycles += 1
         if self._cycles % self.layout.cycles_per_sync == 0:
@@ -118,11 +122,14 @@ class Master:
             self._sync(now_ns)
         fill(image, self.axes, self.feedback)
         missed = self.feedback.missed()
-        if missed < self.feedback.syncs:
+        lost = self.state is EngineState.UNKNOWN
+        if missed < self.feedback.syncs and not lost:
             image.fresh_ns = now_ns - round(missed * self.layout.sync_period_s * NANOSECONDS)
         self._watch(now_ns)
         if not any(axis.following for axis in self.axes):
             self._transmit()
+        if lost:
+            raise OperationError(self.faults[-1])
 
     def stream(self, position: Sequence[float], velocity: Sequence[float]) -> None:
         """Cycle: setpoints for the axes that follow."""

@@ -59,6 +59,23 @@ class Drive:
         self._blocked_at = 0.0
         self._following_error_s = 0.0
 
+    @property
+    def axis_offset(self) -> int:
+        """Its place in a multi-axis drive."""
+        return self._model.axis_offset
+
+    @property
+    def position(self) -> float:
+        """Where the motor really is, rad or m from its place at power-on."""
+        return self._machine.position(self._model.motor) - self.motion.zero
+
+    def push(self, delta: float) -> None:
+        """Turn the motor by hand; an enabled drive does not let that happen."""
+        if self.state not in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+            position = self._machine.position(self._model.motor) + delta
+            self._machine.servo.place(self._model.motor, position, position, 0.0)
+            self._machine.hold(self._model.motor, position)
+
     def get(self, index: int, sub: int = 0) -> int:
         """A profile object of this axis."""
         return self._values[index + self._offset, sub]

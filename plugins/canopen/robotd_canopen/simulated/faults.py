@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from random import Random
 
 
@@ -28,6 +28,12 @@ class Faults:
     pdo_drop: float = 0.0
     blocked: bool = False
     random: Random = field(default_factory=lambda: Random(1))
+
+    def heal(self) -> None:
+        """Healthy again."""
+        healthy = Faults()
+        for fault in fields(self):
+            setattr(self, fault.name, getattr(healthy, fault.name))
 
     def abort_code(self, index: int, sub: int) -> int | None:
         """The code with which an access is refused; None: it is not."""

@@ -84,6 +84,11 @@ class IoNode(SimulatedNode):
         self.values[_INPUTS, byte + 1] = value
         self._report()
 
+    def set_input_bit(self, byte: int, bit: int, *, value: bool) -> None:
+        """One input of the module changes."""
+        before = self.values[_INPUTS, byte + 1]
+        self.set_input(byte, before & ~(1 << bit) | int(value) << bit)
+
     def on_event(self) -> None:
         if self.loopback:
             for sub in range(1, _MAX_BYTES + 1):

@@ -65,6 +65,11 @@ class Motion:
         """Encoder counts of a motor position (not wrapped)."""
         return round(position * self._scale.position * self._scale.polarity) - self._zero
 
+    @property
+    def zero(self) -> float:
+        """Motor position at which the encoder stands at 0."""
+        return self._to_position(0)
+
     def begin(self) -> None:
         """Operation enabled: stand, with nothing to do."""
         self._target, self._speed = None, None

@@ -7,6 +7,7 @@ and no boot-up after a reset; these are here.
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,10 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
         self.state = PRE_OPERATIONAL
         self._heartbeat_due_ns = now_ns
         self._master_seen_ns = None
+
+    def reboot(self) -> None:
+        """Reset by itself, as after a dip of its supply."""
+        self.boot(time.monotonic_ns())
 
     def on_nmt(self, data: bytes, now_ns: int) -> None:
         """A frame of the NMT master."""

@@ -1,0 +1,43 @@
+"""Robots on simulated CANopen drives, each on a bus of its own."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+from tests.canopen.rig import Rig
+
+from robotd.descriptor import load_robot_descriptor
+from robotd.plugin.manager import load_backend
+from robotd.clock import MonotonicClock
+from robotd.robot import Robot
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+_numbers = itertools.count()
+
+OpenRig = Callable[..., AbstractContextManager[Rig]]
+
+
+@pytest.fixture
+def open_rig(tmp_path: Path) -> OpenRig:
+    """A started robot with its drives in this process; keyword arguments are options."""
+
+    @contextmanager
+    def opened(robot: str = "cr3a", *, enable: bool = True, **options: object) -> Iterator[Rig]:
+        descriptor = load_robot_descriptor(robot, "canopen_simulated")
+        section = dict(descriptor.backends["canopen"])
+        channel = f"{os.getpid()}-{next(_numbers)}"
+        section |= {"bus": {"interface": "virtual", "channel": channel}, **options}
+        descriptor = descriptor.model_copy(update={"backends": {"canopen": section}})
+        rig = Rig(Robot(descriptor, load_backend("canopen"), MonotonicClock()))
+        try:
+            rig.robot.start(enable=enable)
+            yield rig
+        finally:
+            rig.robot.shutdown()
+
+    return opened
