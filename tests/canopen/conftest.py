@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from tests.canopen.rig import Rig
 
+from robotd.clock import MonotonicClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
-from robotd.clock import MonotonicClock
 from robotd.robot import Robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"

@@ -6,10 +6,6 @@ from collections.abc import Callable
 from typing import cast
 
 import numpy as np
-from robotd_canopen.device import CanopenDevice
-from robotd_canopen.inject import inject
-from robotd_canopen.master import Master
-from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
 
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock, wait_until
@@ -17,6 +13,10 @@ from robotd.cycle.execution import Execution
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.guard import unguarded
 from robotd.robot import Robot
+from robotd_canopen.device import CanopenDevice
+from robotd_canopen.inject import inject
+from robotd_canopen.master import Master
+from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
 
 
 class Rig:

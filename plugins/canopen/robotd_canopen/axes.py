@@ -97,6 +97,4 @@ class CanopenAxes(AxisDriver):
     def _off(self, axis: int) -> None:
         drive = self._master.axes[axis]
         if drive.powered:
-            raise NotReady(
-                f"{drive.node.name}: its scale cannot be changed while the servo is on"
-            )
+            raise NotReady(f"{drive.node.name}: its scale cannot be changed while the servo is on")

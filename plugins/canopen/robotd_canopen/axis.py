@@ -13,6 +13,7 @@ import can
 
 from robotd.plugin.api import CommandMode, Operation, ProcessImage
 from robotd_canopen.bus import Bus, frame
+from robotd_canopen.estimate import Estimate
 from robotd_canopen.feedback import (
     DEMAND,
     ERROR_CODE,
@@ -23,7 +24,8 @@ from robotd_canopen.feedback import (
     Feedback,
 )
 from robotd_canopen.layout import AxisLayout
-from robotd_canopen.modes import CYCLIC, VELOCITY as VELOCITY_MODES, OperationMode, rest_mode
+from robotd_canopen.modes import CYCLIC, OperationMode, rest_mode
+from robotd_canopen.modes import VELOCITY as VELOCITY_MODES
 from robotd_canopen.node import Node
 from robotd_canopen.pdo import Pdo
 from robotd_canopen.scaling import Scaling, wrapped
@@ -72,6 +74,7 @@ class Axis:
         self.home_done = self.complete = self.following = self.wanted = self.accepted = False
         self.sent = -1
         self.lost = ""
+        self.estimate = Estimate()
         self.profile_written: dict[int, int] = {}
         self.state = DriveState.UNKNOWN
         self.status = self.displayed_mode = 0
@@ -146,10 +149,21 @@ class Axis:
         self._resting = 0
         self.target_velocity = 0.0
         self.operation = Operation.STOPPING
+        self.estimate.stop(deceleration)
         if self.mode is OperationMode.PROFILE_POSITION:
             self.bits |= Control.HALT
         elif self.mode is OperationMode.HOMING:
             self.control = int(Control.QUICK_STOP)
+
+    @property
+    def syncs(self) -> int:
+        """SYNCs sent so far."""
+        return self._feedback.syncs
+
+    def resume(self) -> None:
+        """The drive answers again and has kept its state: the command is where it stands."""
+        self.position, self.velocity, self.target_velocity = self.demand(), 0.0, 0.0
+        self.hold()
 
     def rebase(self) -> None:
         """The drive has set its position anew."""
@@ -171,6 +185,9 @@ class Axis:
 
     def _advance(self, period_s: float) -> None:
         """The setpoint of the next SYNC, as far as nobody streams it."""
+        self.estimate.advance(period_s)
+        if self.operation is Operation.IDLE:
+            self.estimate.rest(self.position)
         if not self.powered:
             self.position, self.velocity, self.target_velocity = self.measured, 0.0, 0.0
         elif self.mode in CYCLIC and self.operation is Operation.STOPPING:
@@ -240,17 +257,13 @@ class Axis:
         number = self.number
         if not known:
             return
+        ours = self.mode in CYCLIC or self.mode is OperationMode.CYCLIC_VELOCITY
+        idle = self.operation is Operation.IDLE
+        position = self.position if self.mode in CYCLIC or idle else self.estimate.position
         if not self.powered or self.mode in VELOCITY_MODES or self.mode is OperationMode.HOMING:
-            image.position_command[number] = self.measured
-            cyclic = self.mode is OperationMode.CYCLIC_VELOCITY
-            image.velocity_command[number] = self.velocity if cyclic else self.target_velocity
-        elif self.mode is OperationMode.PROFILE_POSITION:
-            idle = self.operation is Operation.IDLE
-            image.position_command[number] = self.position if idle else self.demand()
-            image.velocity_command[number] = 0.0 if idle else math.nan
-        else:
-            image.position_command[number] = self.position
-            image.velocity_command[number] = self.velocity
+            position = self.measured
+        image.position_command[number] = position
+        image.velocity_command[number] = self.velocity if ours else self.estimate.velocity
 
 
 def _towards(value: float, target: float, step: float) -> float:

@@ -16,6 +16,7 @@ import can
 
 from robotd.plugin.api import Clock, ConnectError, get_logger
 from robotd_canopen.options import BusOptions
+from robotd_canopen.simulated.realtime import request_realtime
 
 log = get_logger("canopen")
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # we report its errors ourselves
@@ -44,13 +45,17 @@ class Counters:
 class Bus:
     """One open or closed CAN bus. Any thread may send.
 
+    Args:
+        realtime_priority: SCHED_FIFO priority of the receive thread, where the system grants
+            it; 0: none.
+
     Attributes:
         fault: why the bus cannot be used, None while it can; stays until ``open``.
         last_malformed: the latest frame that made no sense, as text.
         seen: COB-IDs that have been received since ``open``.
     """
 
-    def __init__(self, options: BusOptions, clock: Clock) -> None:
+    def __init__(self, options: BusOptions, clock: Clock, realtime_priority: int = 0) -> None:
         self.name = str(options.channel)
         self.bitrate = options.bitrate
         self.fault: str | None = None
@@ -59,6 +64,7 @@ class Bus:
         self.seen: set[int] = set()
         self._options = options
         self._clock = clock
+        self._priority = realtime_priority
         self._handlers: dict[int, Handler] = {}
         self._can: can.BusABC | None = None
         self._thread: threading.Thread | None = None
@@ -140,6 +146,7 @@ class Bus:
             raise can.CanOperationError(self.fault or f"the bus {self.name} is not open")
 
     def _receive(self, opened: can.BusABC, ending: threading.Event) -> None:
+        request_realtime(self._priority)
         counters, handlers, now_ns = self.counters, self._handlers, self._clock.now_ns
         while not ending.is_set():
             try:

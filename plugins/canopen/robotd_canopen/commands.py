@@ -21,6 +21,7 @@ from robotd_canopen.states import FAULTY, TOWARDS_ENABLED, Control, DriveState, 
 
 _HERE = (35, 37)  # homing methods that take the present position
 _STEP_S = 1.0  # for a change of mode or a handshake
+_FRESH_SYNCS = 5  # after which every value is from after the event
 _NANOSECONDS = 1_000_000_000
 
 
@@ -40,10 +41,8 @@ class Commands:
             axis.mode = rest_mode(axis.layout.options, axis.command_mode)
             while axis.state is not DriveState.OPERATION_ENABLED:
                 self._require_no_alarm()
-                state = axis.state
-                axis.control = int(TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE))
                 left_s = (deadline_ns - self._clock.now_ns()) / _NANOSECONDS
-                if left_s <= 0 or not self._wait(lambda: axis.state is not state, left_s):
+                if left_s <= 0 or not self._next_state(left_s):
                     axis.control = int(Control.DISABLE_VOLTAGE)
                     raise DeviceTimeout(
                         f"{axis.node.name}: the servo did not go on within {timeout_s:g} s,"
@@ -135,7 +134,7 @@ class Commands:
             self._recover()
             axis.accepted = axis.complete = False
             self._write_profile(profile)
-            halted = axis.bits & Control.HALT
+            halted = int(axis.bits & Control.HALT)
             axis.target_counts = axis.scaling.counts(target)
             if axis.mode is not OperationMode.PROFILE_POSITION:
                 axis.bits = halted = 0
@@ -149,6 +148,9 @@ class Commands:
                 raise DeviceTimeout(
                     f"{axis.node.name}: the set-point was not acknowledged, {self._status()}"
                 )
+            axis.estimate.move(
+                target, profile, axis.layout.options.quick_stop_deceleration_rad_s2
+            )
             self._wait(lambda: not axis.status & Status.ACKNOWLEDGE, _STEP_S)
             axis.accepted = True
 
@@ -167,6 +169,7 @@ class Commands:
                 self._enter(mode)
             axis.bits, axis.complete = 0, False
             axis.target_velocity = profile.velocity
+            axis.estimate.run(profile.velocity, profile.acceleration, profile.deceleration)
             if profile.velocity or axis.operation is not Operation.IDLE:
                 axis.operation = Operation.VELOCITY
 
@@ -189,6 +192,8 @@ class Commands:
                 self._run_homing(timeout_s)
             finally:
                 axis.bits = 0
+                seen = axis.syncs
+                self._wait(lambda: axis.syncs > seen + _FRESH_SYNCS, _STEP_S)
                 axis.rebase()
                 axis.position = axis.measured
                 axis.mode = rest_mode(options, axis.command_mode)
@@ -200,9 +205,7 @@ class Commands:
         """Controlled stop; the cycle does the rest."""
         axis = self._axis
         streamed = axis.operation is Operation.STREAM
-        axis.brake(
-            axis.layout.options.stop_deceleration_rad_s2 if streamed else axis.deceleration
-        )
+        axis.brake(axis.layout.options.stop_deceleration_rad_s2 if streamed else axis.deceleration)
 
     def quick_stop(self) -> None:
         """The drive's own quick stop; the axis stays powered."""
@@ -238,6 +241,12 @@ class Commands:
             )
         if axis.status & Status.HOMING_ERROR or axis.operation is not Operation.HOMING:
             raise OperationError(f"{axis.node.name}: homing failed, {self._status()}")
+
+    def _next_state(self, timeout_s: float) -> bool:
+        """One transition towards operation enabled."""
+        axis, state = self._axis, self._axis.state
+        axis.control = int(TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE))
+        return self._wait(lambda: axis.state is not state, timeout_s)
 
     def _enter(self, mode: OperationMode) -> None:
         """Change the mode of a powered axis at rest and wait until the drive shows it."""

@@ -9,8 +9,8 @@ from robotd.plugin.api import (
     EngineState,
     InvalidArgument,
     NotReady,
-    RobotDescriptor,
     RobotdError,
+    RobotDescriptor,
     get_logger,
     wait_until,
 )
@@ -73,9 +73,7 @@ class CanopenDevice(DeviceDriver):
         live = [axis for axis in master.axes if axis.node.online and axis.powered]
         for axis in live:
             axis.brake(axis.layout.options.stop_deceleration_rad_s2)
-        wait_until(
-            lambda: all(axis.operation.value == 0 for axis in live), timeout_s, master.clock
-        )
+        wait_until(lambda: all(axis.operation.value == 0 for axis in live), timeout_s, master.clock)
         for axis in live:
             self._try(axis.node, lambda axis=axis: Commands(axis, master.clock).disable(_IDLE_S))
         for node in master.nodes.values():

@@ -93,6 +93,11 @@ class Feedback:
             return []
         return [(*self.pdos[slot], int(age[slot])) for slot in late.nonzero()[0]]
 
+    def overdue(self, axis: int) -> bool:
+        """Some synchronous TPDO of ``axis`` has not come in its turn."""
+        late = self.syncs - self.seen > self._turns + 1
+        return any(late[slot] for slot, (owner, _) in enumerate(self.pdos) if owner == axis)
+
     def missed(self) -> int:
         """SYNCs for which the most silent drive owes an answer; 0 while all is well."""
         known = self.seen != _NEVER

@@ -204,12 +204,16 @@ def _check_cob_ids(
 def _load(
     axes: list[AxisLayout], modules: list[IoLayout], options: CanopenOptions, period_s: float
 ) -> float:
-    """All PDOs count, those too that are sent in a velocity mode only."""
-    cyclic = [
-        (pdo.layout.size, 1 / pdo.transmission)
-        for axis in axes
-        for pdo in (*axis.rpdos, *axis.tpdos)
-        if pdo.transmission <= 240
-    ]
+    """Of the RPDOs that belong to one kind of mode only the longest counts."""
+    cyclic = []
+    for axis in axes:
+        common = [pdo for pdo in axis.rpdos if pdo.holds(0x6040) or pdo.holds(0x6060)]
+        others = [pdo for pdo in axis.rpdos if pdo not in common]
+        longest = sorted(others, key=lambda pdo: pdo.layout.size)[-1:]
+        cyclic += [
+            (pdo.layout.size, 1 / pdo.transmission)
+            for pdo in (*common, *longest, *axis.tpdos)
+            if pdo.transmission <= 240
+        ]
     nodes = {axis.options.node for axis in axes} | {module.options.node for module in modules}
     return bus_load(cyclic, period_s, len(nodes) + 1, options.heartbeat_s, options.bus.bitrate)

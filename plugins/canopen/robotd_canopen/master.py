@@ -12,8 +12,8 @@ from robotd.plugin.api import (
     EngineState,
     OperationError,
     ProcessImage,
-    RobotDescriptor,
     RobotdError,
+    RobotDescriptor,
     get_logger,
     wait_until,
 )
@@ -50,7 +50,7 @@ class Master:
     def __init__(self, robot: RobotDescriptor, options: CanopenOptions, clock: Clock) -> None:
         self.options, self.clock = options, clock
         self.layout: NetworkLayout = plan_network(robot, options)
-        self.bus = Bus(options.bus, clock)
+        self.bus = Bus(options.bus, clock, max(0, robot.cycle.realtime_priority - 1))
         self.emergencies = EmergencyLog()
         self.feedback = Feedback(
             self.layout.axes, self.layout.sync_period_s, robot.engine.stale_after_s
@@ -78,7 +78,9 @@ class Master:
         """Open the bus, and let every node say who it is. Raises ConnectError."""
         self.bus.open()
         try:
-            self._bring_up(self.nodes.values(), "the nodes do not answer as expected", Node.identify)
+            self._bring_up(
+                self.nodes.values(), "the nodes do not answer as expected", Node.identify
+            )
         except ConnectError:
             self.bus.close()
             raise
@@ -96,6 +98,7 @@ class Master:
             self.bus.open()
             for node in self.nodes.values():
                 node.online = False
+                node.rebooted = True
         waiting = [node for node in self.nodes.values() if not node.online]
         self._bring_up(waiting, "the nodes do not start", self._start_node)
         self.io.start([node.id for node in waiting if node.online], self.nodes)
@@ -182,20 +185,35 @@ class Master:
                 self.lose(node, self.bus.fault)
             return
         for node in self.nodes.values():
-            if node.online:
-                reason = node.missing(now_ns, self._heartbeat_limit_ns)
-                if reason:
-                    self.lose(node, reason)
+            reason = node.missing(now_ns, self._heartbeat_limit_ns)
+            if node.online and reason:
+                self.lose(node, reason)
+            elif node.fault and not reason and not node.rebooted:
+                self._take_back(node)
         self._watch_pdos()
         if now_ns - self._stream_ns > self._stream_timeout_ns:
             for axis in self.axes:
                 if axis.following:
-                    self._fail(f"{axis.node.name}: no setpoint for {self.options.stream_timeout_s} s")
+                    self._fail(
+                        f"{axis.node.name}: no setpoint for {self.options.stream_timeout_s} s"
+                    )
 
     def _watch_pdos(self) -> None:
         for number, pdo, missed in self.feedback.stale():
             age_ms = missed * self.layout.sync_period_s * 1000
             self.lose(self.axes[number].node, f"{pdo.name} has not come for {age_ms:.0f} ms")
+
+    def _take_back(self, node: Node) -> None:
+        """A node that was silent and has kept its configuration; its axes stay where they are."""
+        axes = [axis for axis in self.axes if axis.node is node]
+        if any(self.feedback.overdue(axis.number) for axis in axes):
+            return
+        for axis in axes:
+            axis.resume()
+        node.online, node.fault = True, ""
+        log.info("a node is back", node=node.name)
+        if all(one.online for one in self.nodes.values() if one.fault):
+            self.state = EngineState.COMMUNICATING
 
     def _fail(self, reason: str) -> None:
         self.faults.append(reason)
@@ -208,9 +226,7 @@ class Master:
         ):
             self.state = EngineState.UNKNOWN
 
-    def _bring_up(
-        self, nodes: Iterable[Node], message: str, step: Callable[[Node], None]
-    ) -> None:
+    def _bring_up(self, nodes: Iterable[Node], message: str, step: Callable[[Node], None]) -> None:
         """``step`` for all nodes at once; every failure is reported. Raises ConnectError."""
         work = list(nodes)
         failures: dict[str, str] = {}

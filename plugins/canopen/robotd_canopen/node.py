@@ -29,6 +29,7 @@ class Node:
         online: brought up, and nothing has been missed since.
         fault: why it is not online, "" while it is or before it was asked.
         state: NMT state of its last heartbeat; ``heard_ns`` is when that came, 0: never.
+        rebooted: it has lost its configuration, and must be brought up again.
         identity: what it answered: vendor, product, revision, serial; empty: not asked.
     """
 
@@ -50,6 +51,7 @@ class Node:
         self.state = NmtState.UNKNOWN
         self.heard_ns = 0
         self.lost_heartbeats = 0
+        self.rebooted = False
         self.identity: tuple[int, ...] = ()
         self.startup = list(options.startup)
         self._bus, self._clock, self._common = bus, clock, common
@@ -94,7 +96,7 @@ class Node:
 
     def start(self) -> None:
         """OPERATIONAL, and wait until its heartbeat says so. Raises OperationError."""
-        self.state = NmtState.UNKNOWN
+        self.state, self.rebooted = NmtState.UNKNOWN, False
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self._clock):
             raise OperationError(
@@ -121,7 +123,7 @@ class Node:
         if self.state is not NmtState.OPERATIONAL:
             return f"it went to {self.state.name.lower().replace('_', '-')} by itself"
         if now_ns - self.heard_ns > limit_ns:
-            self.lost_heartbeats += 1
+            self.lost_heartbeats += self.online
             return f"no heartbeat for {(now_ns - self.heard_ns) / 1e6:.0f} ms"
         return ""
 
@@ -139,6 +141,7 @@ class Node:
     def _on_heartbeat(self, data: bytearray, time_ns: int) -> None:
         self.state = heartbeat_state(data)
         self.heard_ns = time_ns
+        self.rebooted |= self.state is not NmtState.OPERATIONAL and self.online
 
     def _on_emergency(self, data: bytearray, time_ns: int) -> None:
         self._emergencies.add(Emergency.decode(self.id, data, time_ns))

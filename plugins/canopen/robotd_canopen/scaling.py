@@ -20,7 +20,7 @@ class Scaling:
 
     @property
     def position(self) -> float:
-        """rad or m for one count."""
+        """Rad or m for one count."""
         return self.polarity / self.counts_per_unit
 
     @property

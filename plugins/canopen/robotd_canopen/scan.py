@@ -39,9 +39,7 @@ class FoundNode:
         )
 
 
-def scan_bus(
-    interface: str, channel: str, bitrate: int, timeout_s: float = 0.5
-) -> list[FoundNode]:
+def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5) -> list[FoundNode]:
     """Ask every node id for its device type, and those that answer who they are."""
     bus = _bus(interface, channel, bitrate)
     states: dict[int, NmtState] = {}

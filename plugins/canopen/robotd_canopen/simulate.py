@@ -46,7 +46,8 @@ def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> Simula
         bitrate=options.bus.bitrate,
         **options.bus.options,
     )
-    return SimulatedNetwork(bus, nodes, machine)
+    priority = max(0, robot.cycle.realtime_priority - 2)  # below those that talk to it
+    return SimulatedNetwork(bus, nodes, machine, realtime_priority=priority)
 
 
 def _model(motor: int, axis: AxisOptions, rated_torque_nm: float | None) -> DriveModel:

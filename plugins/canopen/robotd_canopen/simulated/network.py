@@ -15,6 +15,7 @@ import canopen
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.modules import DriveNode
 from robotd_canopen.simulated.node import NANOSECONDS, SimulatedNode
+from robotd_canopen.simulated.realtime import request_realtime
 
 log = logging.getLogger(__name__)
 
@@ -35,10 +36,16 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
         bus: an open python-can bus; closed by ``stop``.
         nodes: drives and modules, not connected to another network.
         machine: the motors of the drives.
+        realtime_priority: SCHED_FIFO priority of the thread, where it is granted; 0: none.
     """
 
     def __init__(
-        self, bus: can.BusABC, nodes: Sequence[SimulatedNode], machine: Machine | None = None
+        self,
+        bus: can.BusABC,
+        nodes: Sequence[SimulatedNode],
+        machine: Machine | None = None,
+        *,
+        realtime_priority: int = 0,
     ) -> None:
         super().__init__(bus)
         self.members: Mapping[int, SimulatedNode] = {node.id: node for node in nodes}
@@ -46,6 +53,7 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
         self._calls: queue.SimpleQueue[Action] = queue.SimpleQueue()
         self._delayed: list[tuple[int, int, int, bytes]] = []
         self._count = 0
+        self._priority = realtime_priority
         self._sync_ns = 0
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="canopen-simulated", daemon=True)
@@ -102,6 +110,7 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
             node.boot(time.monotonic_ns())
 
     def _run(self) -> None:
+        request_realtime(self._priority)
         due_ns = 0
         while not self._ending.is_set():
             now_ns = time.monotonic_ns()
