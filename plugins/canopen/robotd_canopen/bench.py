@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from robotd.plugin.api import Bench
 from robotd_canopen.device import CanopenDevice
 from robotd_canopen.simulated import Drive, DriveNode, IoNode, SimulatedNetwork
@@ -42,7 +44,7 @@ class CanopenBench(Bench):
             options, node = module.options, network.members[module.options.node]
             offset = byte - options.input_byte
             if isinstance(node, IoNode) and 0 <= offset < options.input_length:
-                network.call(lambda node=node, at=offset: node.set_input_bit(at, bit, value=value))
+                network.call(partial(node.set_input_bit, offset, bit, value=value))
 
     def _network(self, method: str) -> SimulatedNetwork:
         if self._device.simulation is None:

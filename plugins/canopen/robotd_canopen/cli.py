@@ -24,7 +24,7 @@ def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-class _Number(click.ParamType):
+class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 8.2
     """Decimal, or hexadecimal with 0x."""
 
     name = "number"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from robotd.plugin.api import (
     Clock,
@@ -76,7 +77,7 @@ class Commands:
             self._wait(lambda: axis.state is not DriveState.FAULT_REACTION_ACTIVE, timeout_s)
             for word in (Control.DISABLE_VOLTAGE, Control.FAULT_RESET):
                 axis.control = int(word)
-                self._wait(lambda word=word: axis.sent == word, _STEP_S)
+                self._wait(partial(self._was_sent, int(word)), _STEP_S)
             cleared = self._wait(lambda: axis.state not in FAULTY, timeout_s)
             axis.control = int(Control.DISABLE_VOLTAGE)
             if not cleared:
@@ -148,9 +149,7 @@ class Commands:
                 raise DeviceTimeout(
                     f"{axis.node.name}: the set-point was not acknowledged, {self._status()}"
                 )
-            axis.estimate.move(
-                target, profile, axis.layout.options.quick_stop_deceleration_rad_s2
-            )
+            axis.estimate.move(target, profile, axis.layout.options.quick_stop_deceleration_rad_s2)
             self._wait(lambda: not axis.status & Status.ACKNOWLEDGE, _STEP_S)
             axis.accepted = True
 
@@ -241,6 +240,9 @@ class Commands:
             )
         if axis.status & Status.HOMING_ERROR or axis.operation is not Operation.HOMING:
             raise OperationError(f"{axis.node.name}: homing failed, {self._status()}")
+
+    def _was_sent(self, word: int) -> bool:
+        return self._axis.sent == word
 
     def _next_state(self, timeout_s: float) -> bool:
         """One transition towards operation enabled."""

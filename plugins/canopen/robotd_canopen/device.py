@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from robotd.plugin.api import (
     DeviceDriver,
@@ -75,11 +76,11 @@ class CanopenDevice(DeviceDriver):
             axis.brake(axis.layout.options.stop_deceleration_rad_s2)
         wait_until(lambda: all(axis.operation.value == 0 for axis in live), timeout_s, master.clock)
         for axis in live:
-            self._try(axis.node, lambda axis=axis: Commands(axis, master.clock).disable(_IDLE_S))
+            self._try(axis.node, partial(Commands(axis, master.clock).disable, _IDLE_S))
         for node in master.nodes.values():
             if node.online:
-                self._try(node, lambda node=node: node.watch_master(watch=False))
-                self._try(node, lambda node=node: node.command(NmtCommand.PRE_OPERATIONAL))
+                self._try(node, partial(node.watch_master, watch=False))
+                self._try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
             node.online, node.fault = False, ""
         master.state = EngineState.RUNNING
 

@@ -6,7 +6,6 @@ from configparser import Error as ConfigParserError
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import cast
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -30,16 +29,21 @@ def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
 def read_eds(path: Path, node: int) -> ObjectDictionary:
     """The dictionary of ``node``. Raises DescriptorError. Any thread."""
     try:
-        return cast(ObjectDictionary, canopen.import_od(str(path), node))
+        return canopen.import_od(str(path), node)
     except (OSError, ValueError, KeyError, ConfigParserError) as error:
         raise DescriptorError(f"cannot be read as an EDS: {error}", path=path) from error
+
+
+def empty_dictionary() -> ObjectDictionary:
+    """Of a node of which nothing is known."""
+    return ObjectDictionary()  # type: ignore[no-untyped-call]
 
 
 def variable(dictionary: ObjectDictionary, index: int, sub: int) -> ODVariable | None:
     """One object; None when the dictionary does not have it."""
     try:
         found = dictionary[index]
-        return found if isinstance(found, ODVariable) else cast(ODVariable, found[sub])
+        return found if isinstance(found, ODVariable) else found[sub]
     except KeyError:
         return None
 

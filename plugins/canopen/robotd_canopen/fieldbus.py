@@ -66,11 +66,8 @@ class CanopenFieldbus(FieldbusDriver):
         )
 
     def _size(self, direction: Direction) -> int:
-        layouts = (*self._master.layout.axes, *self._master.layout.io)
         return sum(
-            pdo.layout.size
-            for layout in layouts
-            for pdo in (layout.rpdos if direction is Direction.RECEIVE else layout.tpdos)
+            pdo.layout.size for pdo in self._master.layout.pdos() if pdo.direction is direction
         )
 
     def _note(self) -> str:
@@ -78,8 +75,8 @@ class CanopenFieldbus(FieldbusDriver):
         parts = [
             f"CANopen on {network.bus.name}, states are NMT states",
             f"computed bus load {network.layout.bus_load:.0%}",
-            f"{counters.received} frames received, {counters.sent} sent,"
-            f" {counters.malformed} malformed, {counters.error_frames} error frames",
+            f"{counters.received} frames received, {counters.sent} sent",
+            f"{counters.malformed} malformed, {counters.error_frames} error frames",
             f"largest SYNC deviation {network.sync_jitter_ns / 1e6:.2f} ms",
         ]
         parts += [str(emergency) for emergency in network.emergencies.active.values()]

@@ -16,6 +16,7 @@ from robotd_canopen.dictionary import (
     GENERIC_IO,
     describe,
     eds_path,
+    empty_dictionary,
     on_axis,
     read_eds,
     variable,
@@ -70,13 +71,25 @@ class NetworkLayout:
     cycles_per_sync: int
     bus_load: float
 
+    def pdos(self, node: int | None = None) -> list[Pdo]:
+        """The PDOs of one node, or of all."""
+        nodes: list[AxisLayout | IoLayout] = [*self.axes, *self.io]
+        return [
+            pdo
+            for one in nodes
+            if node in (None, one.options.node)
+            for pdo in (*one.rpdos, *one.tpdos)
+        ]
+
 
 def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayout:
     """Raises DescriptorError with every problem."""
     problems: list[DescriptorError] = []
     given = {axis.axis for axis in options.axes}
-    for axis in sorted(set(range(robot.axes)) - given):
-        problems.append(_error(robot, "axes", f"axis {axis} of the robot has no drive"))
+    problems += [
+        _error(robot, "axes", f"axis {axis} of the robot has no drive")
+        for axis in sorted(set(range(robot.axes)) - given)
+    ]
     for axis in sorted(given - set(range(robot.axes))):
         what = f"axis {axis} does not exist, the robot has axes 0 to {robot.axes - 1}"
         problems.append(_error(robot, "axes", what))
@@ -158,7 +171,7 @@ def _dictionary(
         dictionary = read_eds(eds_path(node.eds, folder, generic), node.node)
     except DescriptorError as error:
         problems.append(_error(robot, f"{key}.eds", str(error)))
-        return ObjectDictionary()
+        return empty_dictionary()
     for number, write in enumerate(node.startup):
         index, sub = parse_object(write.object)
         found = variable(dictionary, index, sub)

@@ -28,7 +28,6 @@ from robotd_canopen.modes import needed_modes
 from robotd_canopen.nmt import NmtState
 from robotd_canopen.node import Node
 from robotd_canopen.options import AxisOptions, CanopenOptions
-from robotd_canopen.pdo import Pdo
 from robotd_canopen.scaling import Scaling
 
 log = get_logger("canopen")
@@ -253,7 +252,7 @@ class Master:
         if not node.identity or node.fault:
             node.identify()
         drives = [axis for axis in self.axes if axis.node is node]
-        node.configure(self._pdos(node))
+        node.configure(self.layout.pdos(node.id))
         for axis in drives:
             self._prepare(axis)
         node.start()
@@ -281,11 +280,6 @@ class Master:
             if layout.index(index) in sdo.dictionary:
                 sdo.write(layout.index(index), sub, number)
         axis.forget()
-
-    def _pdos(self, node: Node) -> list[Pdo]:
-        layouts = [layout for layout in (*self.layout.axes, *self.layout.io)
-                   if layout.options.node == node.id]  # fmt: skip
-        return [pdo for layout in layouts for pdo in (*layout.rpdos, *layout.tpdos)]
 
     def _make_axes(self, robot: RobotDescriptor) -> list[Axis]:
         joints = {joint.axis: joint for joint in robot.joints}

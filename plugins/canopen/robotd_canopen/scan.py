@@ -6,11 +6,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-
-from canopen.objectdictionary import ObjectDictionary
+from functools import partial
 
 from robotd.plugin.api import MonotonicClock, RobotdError
 from robotd_canopen.bus import Bus
+from robotd_canopen.dictionary import empty_dictionary
 from robotd_canopen.nmt import NmtState, heartbeat_state
 from robotd_canopen.options import BusOptions
 from robotd_canopen.sdo import Sdo
@@ -44,12 +44,16 @@ def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5)
     bus = _bus(interface, channel, bitrate)
     states: dict[int, NmtState] = {}
     answered: set[int] = set()
+
+    def on_answer(node: int, data: bytearray, time_ns: int) -> None:
+        answered.add(node)
+
+    def on_heartbeat(node: int, data: bytearray, time_ns: int) -> None:
+        states[node] = heartbeat_state(data)
+
     for node in range(1, _LAST_NODE + 1):
-        bus.subscribe(0x580 + node, lambda data, now_ns, node=node: answered.add(node))
-        bus.subscribe(
-            0x700 + node,
-            lambda data, now_ns, node=node: states.__setitem__(node, heartbeat_state(data)),
-        )
+        bus.subscribe(0x580 + node, partial(on_answer, node))
+        bus.subscribe(0x700 + node, partial(on_heartbeat, node))
     bus.open()
     try:
         for node in range(1, _LAST_NODE + 1):
@@ -70,7 +74,7 @@ def sdo_of(interface: str, channel: str, bitrate: int, node: int) -> Iterator[Sd
     bus = _bus(interface, channel, bitrate)
     bus.open()
     try:
-        yield Sdo(bus, node, f"node {node}", ObjectDictionary())
+        yield Sdo(bus, node, f"node {node}", empty_dictionary())
     finally:
         bus.close()
 
@@ -95,7 +99,7 @@ def _bus(interface: str, channel: str, bitrate: int) -> Bus:
 
 
 def _ask(bus: Bus, node: int, timeout_s: float) -> tuple[int, int, tuple[int, ...], str]:
-    sdo = Sdo(bus, node, f"node {node}", ObjectDictionary(), timeout_s, tries=2)
+    sdo = Sdo(bus, node, f"node {node}", empty_dictionary(), timeout_s, tries=2)
 
     def number(index: int, sub: int) -> int:
         try:

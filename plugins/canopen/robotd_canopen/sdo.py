@@ -11,7 +11,8 @@ import threading
 import can
 from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
-from canopen.sdo import SdoAbortedError, SdoClient, SdoCommunicationError
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from robotd.plugin.api import DeviceTimeout, OperationError
 from robotd_canopen.bus import Bus
@@ -51,8 +52,9 @@ class Sdo:
         self._tries = tries
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
-        self._client = SdoClient(_REQUEST + node, _RESPONSE + node, dictionary)
-        self._client.network = bus
+        requests, responses = _REQUEST + node, _RESPONSE + node
+        self._client = SdoClient(requests, responses, dictionary)  # type: ignore[no-untyped-call]
+        self._client.network = bus  # type: ignore[assignment] # all it needs is send_message
         self._client.RESPONSE_TIMEOUT = timeout_s
         bus.subscribe(_RESPONSE + node, self._on_response)
 
@@ -111,4 +113,4 @@ class Sdo:
     def _on_response(self, data: bytearray, time_ns: int) -> None:
         if len(data) != 8:
             raise ValueError(f"an SDO answer has 8 bytes, this one {len(data)}")
-        self._client.on_response(0, data, 0.0)
+        self._client.on_response(0, data, 0.0)  # type: ignore[no-untyped-call]

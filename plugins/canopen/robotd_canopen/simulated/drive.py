@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from robotd_canopen.simulated.faults import Faults
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.motion import Mode, Motion
-from robotd_canopen.simulated.scale import Scale, Switches
+from robotd_canopen.simulated.scale import NO_SWITCHES, Scale, Switches
 from robotd_canopen.simulated.words import TRANSITIONS, State, command, resets_fault
 
 _STEP = 0x800  # from one axis of a drive to the next
@@ -36,7 +36,7 @@ class DriveModel:
     scale: Scale
     axis_offset: int = 0
     rated_torque_nm: float = 100.0
-    switches: Switches = Switches()
+    switches: Switches = NO_SWITCHES
 
 
 class Drive:

@@ -27,7 +27,7 @@ class Faults:
     pdo_delay_s: float = 0.0
     pdo_drop: float = 0.0
     blocked: bool = False
-    random: Random = field(default_factory=lambda: Random(1))
+    random: Random = field(default_factory=lambda: Random(1))  # noqa: S311 - repeatable, no secret
 
     def heal(self) -> None:
         """Healthy again."""
@@ -44,5 +44,5 @@ class Faults:
         return (index, sub) in self.sdo_silent or (index, None) in self.sdo_silent
 
     def drops_pdo(self) -> bool:
-        """This TPDO gets lost."""
+        """Whether the TPDO to be sent now gets lost."""
         return self.pdo_drop > 0 and self.random.random() < self.pdo_drop

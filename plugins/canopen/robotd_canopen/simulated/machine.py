@@ -8,6 +8,7 @@ the clock of the computer.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import ceil, floor
 
 import numpy as np
@@ -132,7 +133,7 @@ class Machine:
             if first == 0:
                 load(segment)
             else:
-                self._world.at(begun + first, lambda segment=segment: load(segment))
+                self._world.at(begun + first, partial(load, segment))
         last = segments[-1]
         if last.velocity or last.acceleration:
             self._world.busy(axis, FOREVER)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import IntEnum
 
+from robotd.plugin.api import Profile
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.scale import Scale, Switches
-from robotd_sim.profile import Profile, Segment, plan_move, plan_stop, plan_velocity
+from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
 
 _SET_POINT, _IMMEDIATE, _RELATIVE, _HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
 _HERE = (35, 37)  # homing methods that take the present position

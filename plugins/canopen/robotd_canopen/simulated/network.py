@@ -8,6 +8,8 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Self
 
 import can
 import canopen
@@ -27,7 +29,7 @@ _SYNC_LOST_NS = 100_000_000  # without SYNC for so long the drives' time goes on
 Action = Callable[[], None]
 
 
-class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
+class SimulatedNetwork(canopen.Network):
     """Nodes that share a bus and a thread. Start it with ``start``, or as a context.
 
     Nodes may be looked at from any thread; ``call`` runs what changes them.
@@ -48,7 +50,8 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
         realtime_priority: int = 0,
     ) -> None:
         super().__init__(bus)
-        self.members: Mapping[int, SimulatedNode] = {node.id: node for node in nodes}
+        self._bus = bus
+        self.members: Mapping[int, SimulatedNode] = {node.number: node for node in nodes}
         self._machine = machine or Machine([], time.monotonic_ns())
         self._calls: queue.SimpleQueue[Action] = queue.SimpleQueue()
         self._delayed: list[tuple[int, int, int, bytes]] = []
@@ -59,7 +62,7 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
         self._thread = threading.Thread(target=self._run, name="canopen-simulated", daemon=True)
         self._drives = [node for node in nodes if isinstance(node, DriveNode)]
         for node in nodes:
-            node.connect(self, lambda cob_id, data, node=node: self._send(node, cob_id, data))
+            node.connect(self, partial(self._send, node))
 
     def start(self) -> None:
         """Power on: all nodes boot."""
@@ -75,7 +78,7 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
             self.bus.shutdown()
             self.bus = None
 
-    def __enter__(self) -> SimulatedNetwork:
+    def __enter__(self) -> Self:
         self.start()
         return self
 
@@ -102,8 +105,7 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """The library's SDO server and EMCY producer send by this."""
-        if self.bus is not None:
-            self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
     def _boot(self) -> None:
         for node in self.members.values():
@@ -120,13 +122,13 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
             if self._delayed:
                 wait_ns = min(wait_ns, self._delayed[0][0] - now_ns)
             try:
-                message = self.bus.recv(max(0.0, wait_ns / NANOSECONDS))
+                message = self._bus.recv(max(0.0, wait_ns / NANOSECONDS))
                 if message is not None:
                     self._receive(message)
                 self._send_delayed()
                 if time.monotonic_ns() >= due_ns:
                     due_ns = self._tick() + _STEP_NS
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001 - nothing that arrives may end the thread
                 if self._ending.wait(0.001):
                     return
                 log.warning("the simulated network: %s: %s", type(error).__name__, error)
@@ -134,7 +136,7 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
     def _receive(self, message: can.Message) -> None:
         if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
             return
-        cob_id, data, now_ns = message.arbitration_id, message.data, time.monotonic_ns()
+        cob_id, data, now_ns = message.arbitration_id, bytes(message.data), time.monotonic_ns()
         if cob_id == _SYNC:
             self._sync(now_ns)
         elif cob_id in _RPDOS:
@@ -148,7 +150,7 @@ class SimulatedNetwork(canopen.Network):  # type: ignore[misc]
                 node.on_heartbeat_of(cob_id & 0x7F, now_ns)
         else:
             for handler in self.subscribers.get(cob_id, ()):
-                handler(cob_id, data, message.timestamp)
+                handler(cob_id, bytearray(data), message.timestamp)
 
     def _sync(self, now_ns: int) -> None:
         period_s = self._period_s()

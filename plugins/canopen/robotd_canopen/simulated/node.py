@@ -10,12 +10,12 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.objectdictionary.datatypes import INTEGER_TYPES, SIGNED_TYPES
-from canopen.sdo import SdoAbortedError
+from canopen.sdo.exceptions import SdoAbortedError
 
 from robotd_canopen.simulated.faults import Faults
 from robotd_canopen.simulated.pdo import PdoSet
@@ -31,10 +31,11 @@ Key = tuple[int, int]
 Send = Callable[[int, bytes], None]
 
 
-class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
+class SimulatedNode(canopen.LocalNode):
     """One node. Everything is called by the network's thread.
 
     Attributes:
+        number: node id.
         values: every integer object, by index and subindex; PDOs and SDO see the same ones.
         state: NMT state, as in the heartbeat.
         faults: what is wrong with it.
@@ -42,6 +43,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
 
     def __init__(self, node_id: int, eds: Path, identity: dict[int, int] | None = None) -> None:
         super().__init__(node_id, canopen.import_od(str(eds), node_id))
+        self.number = node_id
         self._write_callbacks.clear()  # its heartbeat would run in a thread of its own
         self._identity = identity or {}
         self.faults = Faults()
@@ -57,7 +59,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
     def connect(self, network: canopen.Network, send: Send) -> None:
         """Be part of a network; ``send`` takes a COB-ID and data."""
         self.send = send
-        network[self.id] = self
+        network[self.number] = self
         network.unsubscribe(0, self.nmt.on_command)  # ours is called by the network itself
         network.unsubscribe(self.sdo.rx_cobid, self.sdo.on_request)
         network.subscribe(self.sdo.rx_cobid, self._on_sdo)
@@ -65,7 +67,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
     def boot(self, now_ns: int) -> None:
         """Power on or reset: parameters as in the EDS, boot-up message, pre-operational."""
         self._restore()
-        self.send(0x700 + self.id, bytes([BOOT_UP]))
+        self.send(0x700 + self.number, bytes([BOOT_UP]))
         self.state = PRE_OPERATIONAL
         self._heartbeat_due_ns = now_ns
         self._master_seen_ns = None
@@ -77,7 +79,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
     def on_nmt(self, data: bytes, now_ns: int) -> None:
         """A frame of the NMT master."""
         code, node = data[0], data[1]
-        if node not in (0, self.id) or self.faults.silent:
+        if node not in (0, self.number) or self.faults.silent:
             return
         if code in _RESETS:
             self.boot(now_ns)
@@ -97,7 +99,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
         period_ns = self.values.get((0x1017, 0), 0) * 1_000_000
         if period_ns and now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + period_ns
-            self.send(0x700 + self.id, bytes([self.state]))
+            self.send(0x700 + self.number, bytes([self.state]))
         limit_ns = (self.values.get((0x1016, 1), 0) & 0xFFFF) * 1_000_000
         seen_ns = self._master_seen_ns
         if limit_ns and seen_ns is not None and now_ns - seen_ns > limit_ns:
@@ -113,7 +115,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
             for sub in range(count, 1, -1):
                 self.values[0x1003, sub] = self.values[0x1003, sub - 1]
             self.values[0x1003, 1] = code
-        self.send(0x80 + self.id, struct.pack("<HB5s", code, register, vendor))
+        self.send(0x80 + self.number, struct.pack("<HB5s", code, register, vendor))
 
     def before_sync(self, now_ns: int) -> None:
         """A SYNC: synchronous RPDOs that have come since the last one take effect."""
@@ -151,7 +153,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
     def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
         """The library's SDO server reads an object."""
         self._check_fault(index, subindex)
-        found = self._find_object(index, subindex)
+        found: ODVariable = self._find_object(index, subindex)  # type: ignore[no-untyped-call]
         if check_readable and not found.readable:
             raise SdoAbortedError(0x06010001)
         if (index, subindex) in self.values:
@@ -167,8 +169,8 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
             raise SdoAbortedError(0x08000022)
         super().set_data(index, subindex, data, check_writable)
         if (index, subindex) in self.values:
-            found = self._find_object(index, subindex)
-            self.values[index, subindex] = found.decode_raw(bytes(data))
+            found: ODVariable = self._find_object(index, subindex)  # type: ignore[no-untyped-call]
+            self.values[index, subindex] = cast(int, found.decode_raw(bytes(data)))
             self.on_written(index, subindex)
 
     @staticmethod
@@ -186,7 +188,7 @@ class SimulatedNode(canopen.LocalNode):  # type: ignore[misc]
         if len(data) == 8 and data[0] & 0xE0 in (0x20, 0x40):
             self._requested = struct.unpack_from("<HB", data, 1)
         if not self.faults.ignores(*self._requested):
-            self.sdo.on_request(cob_id, data, timestamp)
+            self.sdo.on_request(cob_id, data, timestamp)  # type: ignore[no-untyped-call]
 
     def _restore(self) -> None:
         self.values.clear()

@@ -30,3 +30,6 @@ class Switches:
         bits = 1 if low is not None and position <= low else 0
         bits |= 2 if high is not None and position >= high else 0
         return bits | (4 if home is not None and abs(position - home) < self.home_width / 2 else 0)
+
+
+NO_SWITCHES = Switches()
