@@ -81,7 +81,6 @@ class CanopenAxes(AxisDriver):
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
         self._commands[axis].move(target, profile)
-        self._master.settle()
 
     def jog(self, axis: int, profile: Profile) -> None:
         self._commands[axis].jog(profile)

@@ -11,7 +11,7 @@ import threading
 
 import can
 
-from robotd.plugin.api import CommandMode, Operation, ProcessImage
+from robotd.plugin.api import CommandMode, Operation, ProcessImage, Profile, get_logger
 from robotd_canopen.bus import Bus, frame
 from robotd_canopen.estimate import Estimate
 from robotd_canopen.feedback import (
@@ -23,6 +23,7 @@ from robotd_canopen.feedback import (
     VELOCITY,
     Feedback,
 )
+from robotd_canopen.handshake import Handshake, Phase
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.modes import CYCLIC, OperationMode, rest_mode
 from robotd_canopen.modes import VELOCITY as VELOCITY_MODES
@@ -33,6 +34,8 @@ from robotd_canopen.states import FAULTY, POWERED, Control, DriveState, Status, 
 
 CONTROLWORD, OPERATION_MODE, TARGET_POSITION = 0x6040, 0x6060, 0x607A
 TARGET_VELOCITY, INTERPOLATION = 0x60FF, 0x60C1
+log = get_logger("canopen")
+
 _RESTS_RAD_S = 0.01  # measured speed of a standing axis
 _RESTING = 3  # SYNCs at that speed that make a standstill
 
@@ -71,10 +74,12 @@ class Axis:
         self.target_velocity = 0.0
         self.acceleration = self.deceleration = options.stop_deceleration_rad_s2
         self.operation = Operation.IDLE
-        self.home_done = self.complete = self.following = self.wanted = self.accepted = False
+        self.home_done = self.complete = self.following = self.wanted = False
         self.sent = -1
         self.lost = ""
         self.estimate = Estimate()
+        self.handshake = Handshake()
+        self._planned: tuple[float, Profile] | None = None
         self.profile_written: dict[int, int] = {}
         self.state = DriveState.UNKNOWN
         self.status = self.displayed_mode = 0
@@ -151,7 +156,8 @@ class Axis:
         self.operation = Operation.STOPPING
         self.estimate.stop(deceleration)
         if self.mode is OperationMode.PROFILE_POSITION:
-            self.bits |= Control.HALT
+            self.handshake.cancel()
+            self.bits = self.handshake.bits
         elif self.mode is OperationMode.HOMING:
             self.control = int(Control.QUICK_STOP)
 
@@ -168,6 +174,27 @@ class Axis:
     def rebase(self) -> None:
         """The drive has set its position anew."""
         self._feedback.rebase(self.number)
+
+    def begin_move(self, target: float, profile: Profile) -> None:
+        """A profile position move to ``target``; the cycle hands it over to the drive."""
+        self.deceleration = profile.deceleration
+        self.target_counts = self.scaling.counts(target)
+        halted = self.mode is OperationMode.PROFILE_POSITION and bool(self.bits & Control.HALT)
+        if self.mode is not OperationMode.PROFILE_POSITION:
+            self.estimate.rest(self.position)
+        self._planned = target, profile
+        self.handshake.begin(halted=halted)
+        self.bits = self.handshake.bits
+        self.operation = Operation.POSITION
+        self.mode = OperationMode.PROFILE_POSITION
+
+    def follow(self, position: float, velocity: float) -> None:
+        """Cycle: a streamed setpoint; the position does not count in a velocity mode."""
+        self.velocity = velocity
+        if self.mode in VELOCITY_MODES:
+            self.target_velocity = velocity
+        else:
+            self.position = position
 
     def forget(self) -> None:
         """The drive has been configured anew: nothing is known of it, and it is off."""
@@ -186,6 +213,8 @@ class Axis:
     def _advance(self, period_s: float) -> None:
         """The setpoint of the next SYNC, as far as nobody streams it."""
         self.estimate.advance(period_s)
+        if self.operation is Operation.POSITION:
+            self._shake_hands(period_s)
         if self.operation is Operation.IDLE:
             self.estimate.rest(self.position)
         if not self.powered:
@@ -193,7 +222,7 @@ class Axis:
         elif self.mode in CYCLIC and self.operation is Operation.STOPPING:
             self.velocity = _towards(self.velocity, 0.0, self.deceleration * period_s)
             self.position += self.velocity * period_s
-        elif self.mode is OperationMode.CYCLIC_VELOCITY:
+        elif self.mode is OperationMode.CYCLIC_VELOCITY and not self.following:
             slower = abs(self.target_velocity) < abs(self.velocity)
             ramp = self.deceleration if slower else self.acceleration
             self.velocity = _towards(self.velocity, self.target_velocity, ramp * period_s)
@@ -231,7 +260,7 @@ class Axis:
 
     def _watch_operation(self) -> None:
         match self.operation:
-            case Operation.POSITION if self.accepted and self.status & Status.TARGET_REACHED:
+            case Operation.POSITION if self._is_reached():
                 self.position = self.target_counts * self.scaling.position
                 self.complete = True
                 self.hold()
@@ -242,6 +271,23 @@ class Axis:
                 self.hold()
             case _:
                 pass
+
+    def _is_reached(self) -> bool:
+        taken = self.handshake.phase is Phase.DONE
+        return taken and bool(self.status & Status.TARGET_REACHED)
+
+    def _shake_hands(self, period_s: float) -> None:
+        """One SYNC of the handshake; the estimate begins when the drive is asked."""
+        before = self.handshake.phase
+        in_mode = self.displayed_mode == OperationMode.PROFILE_POSITION
+        self.handshake.advance(self.status, in_mode=in_mode, period_s=period_s)
+        self.bits, phase = self.handshake.bits, self.handshake.phase
+        if phase is Phase.ASKING and before is Phase.ENTERING and self._planned is not None:
+            hardest = self.layout.options.quick_stop_deceleration_rad_s2
+            self.estimate.move(*self._planned, hardest)
+        if phase is Phase.FAILED:
+            log.error("the drive does not take the target", node=self.node.name)
+            self.hold()
 
     def _stands(self) -> bool:
         """The command is at 0 (where it is ours) and the motor has been slow for some SYNCs."""

@@ -105,7 +105,12 @@ class Commands:
             if axis.following:
                 return
             self._recover()
-            self._enter(STREAM_MODES[axis.layout.options.stream_mode])
+            if axis.command_mode is CommandMode.VELOCITY:
+                ramp = axis.layout.options.stop_deceleration_rad_s2
+                self._write_ramps(Profile(0.0, ramp, ramp))
+                self._enter(rest_mode(axis.layout.options, axis.command_mode))
+            else:
+                self._enter(STREAM_MODES[axis.layout.options.stream_mode])
             axis.velocity = 0.0
 
     def begin_stream(self) -> None:
@@ -128,30 +133,14 @@ class Commands:
             axis.complete = True
 
     def move(self, target: float, profile: Profile) -> None:
-        """Profile position: target, new set-point, acknowledge (CiA 402-2, 10.3)."""
+        """Profile position: ramps by SDO where they are new; the cycle does the handshake."""
         axis = self._axis
         with axis.lock:
             self._require_power()
             self._recover()
-            axis.accepted = axis.complete = False
+            axis.complete = False
             self._write_profile(profile)
-            halted = int(axis.bits & Control.HALT)
-            axis.target_counts = axis.scaling.counts(target)
-            if axis.mode is not OperationMode.PROFILE_POSITION:
-                axis.bits = halted = 0
-                self._enter(OperationMode.PROFILE_POSITION)
-            axis.operation = Operation.POSITION
-            axis.bits = int(Control.CHANGE_IMMEDIATELY | Control.NEW_SET_POINT) | halted
-            acknowledged = self._wait(lambda: bool(axis.status & Status.ACKNOWLEDGE), _STEP_S)
-            axis.bits = int(Control.CHANGE_IMMEDIATELY)
-            if not acknowledged:
-                axis.hold()
-                raise DeviceTimeout(
-                    f"{axis.node.name}: the set-point was not acknowledged, {self._status()}"
-                )
-            axis.estimate.move(target, profile, axis.layout.options.quick_stop_deceleration_rad_s2)
-            self._wait(lambda: not axis.status & Status.ACKNOWLEDGE, _STEP_S)
-            axis.accepted = True
+            axis.begin_move(target, profile)
 
     def jog(self, profile: Profile) -> None:
         """Profile or cyclic synchronous velocity."""

@@ -66,6 +66,7 @@ class Master:
         self._transmitted = True
         self._heartbeat_due_ns = 0
         self._stream_ns = 0
+        self._stale_ns = round(2 * robot.engine.stale_after_s * NANOSECONDS)
         self._stream_timeout_ns = round(options.stream_timeout_s * NANOSECONDS)
         self._heartbeat_limit_ns = round(options.heartbeat_timeout_s * NANOSECONDS)
         self._sync_frame = frame(_SYNC, b"")
@@ -117,6 +118,9 @@ class Master:
         lost: so the reason, not the age of a value, ends what runs.
         """
         now_ns = self.clock.now_ns()
+        if self.state not in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
+            image.offline[:] = True
+            return
         self._cycles += 1
         if self._cycles % self.layout.cycles_per_sync == 0:
             if not self._transmitted:
@@ -131,6 +135,8 @@ class Master:
         if not any(axis.following for axis in self.axes):
             self._transmit()
         if lost:
+            # The values of a lost node are too old to be true, whatever their number of SYNCs.
+            image.fresh_ns = min(image.fresh_ns, now_ns - self._stale_ns)
             raise OperationError(self.faults[-1])
 
     def stream(self, position: Sequence[float], velocity: Sequence[float]) -> None:
@@ -138,8 +144,7 @@ class Master:
         self._stream_ns = self.clock.now_ns()
         for axis in self.axes:
             if axis.following:
-                axis.position = float(position[axis.number])
-                axis.velocity = float(velocity[axis.number])
+                axis.follow(position[axis.number], velocity[axis.number])
         self._transmit()
 
     def begin_stream(self) -> None:
