@@ -5,8 +5,9 @@ The one file that sees every step of the path.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property, partial
 from pathlib import Path
 
 from robotd.clock import Clock, MonotonicClock
@@ -16,6 +17,7 @@ from robotd.cycle.mobile_base import MobileBase, wheel_limits
 from robotd.cycle.streamer import Streamer
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Axes, each
+from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.engine import Engine
 from robotd.device.fieldbus import Fieldbus
@@ -23,11 +25,12 @@ from robotd.device.gripper import Gripper
 from robotd.device.image import ProcessImage
 from robotd.device.io import Io
 from robotd.device.state import CommandMode
-from robotd.errors import ConnectError, RobotdError
+from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits
 from robotd.plugin.hookspecs import BackendInfo, DeviceContext
 from robotd.plugin.manager import Backend, load_backend
+from robotd.simulated_clock import PacedClock, SimulatedClock, SteppedClock
 
 log = get_logger("robot")
 
@@ -45,10 +48,13 @@ class Robot:
     """
 
     def __init__(self, descriptor: RobotDescriptor, backend: Backend, clock: Clock) -> None:
+        """Raises Unsupported: ``clock`` is simulated and the backend is not."""
+        name, capabilities = backend.info.name, backend.info.capabilities
+        if isinstance(clock, SimulatedClock) and Capability.SIMULATED not in capabilities:
+            raise Unsupported("simulated time", name)
         context = DeviceContext(descriptor, backend.options(descriptor), clock)
         device = backend.open_device(context)
         driver = backend.axes(device, context)
-        name, capabilities = backend.info.name, backend.info.capabilities
         self.descriptor = descriptor
         self.backend: BackendInfo = backend.info
         self.clock = clock
@@ -90,6 +96,7 @@ class Robot:
         self.base = MobileBase(self.axes, streamer, drive, clock) if drive else None
         self.wheel_axes = drive.axes if drive else ()
         self.engine.before_stop = self._stop_and_disable
+        self._make_bench: Callable[[], Bench | None] = partial(backend.bench, device, context)
 
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: cycle, device, communication, parameters, then the servos.
@@ -110,6 +117,33 @@ class Robot:
         self.engine.start()
         if enable and self.engine.ready:
             self.enable_joints()
+
+    def step(self, periods: int) -> None:
+        """Let ``periods`` of the cycle pass, on a ``SteppedClock`` or a ``PacedClock``.
+
+        Afterwards time stands. The same commands between the same steps lead to the same motion,
+        bit for bit. Raises InvalidArgument on a clock that cannot be stepped.
+        """
+        time_ns = periods * self.cycle.period_ns
+        match self.clock:
+            case SteppedClock():
+                self.clock.sleep_until_ns(self.clock.now_ns() + time_ns)
+            case PacedClock():
+                self.clock.step(time_ns)
+            case _:
+                raise InvalidArgument("only simulated time can be stepped")
+
+    @cached_property
+    def bench(self) -> Bench:
+        """The world around the simulated robot, where faults are made.
+
+        Raises Unsupported on a backend that is not simulated or has no bench.
+        """
+        name = self.backend.name
+        bench = self._make_bench() if Capability.SIMULATED in self.backend.capabilities else None
+        if bench is None:
+            raise Unsupported("faults on request", name)
+        return bench
 
     def enable_joints(self) -> None:
         """Clear alarm, then servo on, axis by axis: the start-up's and the recovery's way.
@@ -132,6 +166,8 @@ class Robot:
 
         Every step is tried whatever the one before it did. Twice is not an error.
         """
+        if isinstance(self.clock, PacedClock):
+            self.clock.resume()
         try:
             self.engine.shutdown()
         except RobotdError as error:
@@ -140,6 +176,8 @@ class Robot:
             if self.base is not None:
                 self.base.close()
             self.cycle.stop()
+            if isinstance(self.clock, PacedClock):
+                self.clock.end()
 
     def _enable(self, axis: int) -> None:
         self.axes.clear_alarm(axis)
@@ -181,6 +219,8 @@ def build_robot(
         name_or_path: a robot's name, or the path of its ``robot.yaml``.
         backend: None takes the descriptor's own.
         variant: None takes the descriptor's default variant.
+        search_path: folders of robots; None: those that come with robotd.
+        clock: None: real time.
 
     Raises:
         DescriptorError, PluginError: with every problem that was found.
@@ -196,9 +236,16 @@ def open_robot(
     variant: str | None = None,
     *,
     enable: bool = True,
+    clock: Clock | None = None,
 ) -> Iterator[Robot]:
-    """A started robot without ROS, shut down at the end of the block whatever happens in it."""
-    robot = build_robot(name_or_path, backend, variant)
+    """A started robot without ROS, shut down at the end of the block whatever happens in it.
+
+    Args:
+        name_or_path, backend, variant: as for ``build_robot``.
+        enable: as for ``Robot.start``.
+        clock: a ``SteppedClock`` for a simulation in one thread; None: real time.
+    """
+    robot = build_robot(name_or_path, backend, variant, clock=clock)
     try:
         robot.start(enable=enable)
         yield robot

@@ -103,6 +103,6 @@ def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
     with open_rig() as rig:
         state = rig.robot.fieldbus.network_state(0)
         assert [slave.id for slave in state.slaves] == [1, 2, 3, 4, 5, 6, 16]
-        assert all(slave.state == 8 and not slave.offline for slave in state.slaves)
+        assert all(slave.state == 16 and not slave.offline for slave in state.slaves)
         assert "CANopen" in state.note
         assert state.slaves[0].product_code == 0x402

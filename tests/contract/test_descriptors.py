@@ -25,13 +25,13 @@ MANIPULATOR_STATE = {
     "gripper_open_value": 0.0,
     "gripper_close_value": 0.045,
     "joint_name": [f"joint{n}" for n in range(1, 7)] + ["picker_1_joint", "picker_2_joint"],
-    "encoder_joint_topic": "/joint_states",
+    "encoder_joint_topic": "joint_states",
     "wmx_param_file_path": "",
 }
 TRAJECTORY_SERVER = {
     "joint_number": 6,
-    "wmx_gripper_topic": "/wmx/set_gripper",
-    "joint_trajectory_action": "/movensys_manipulator_arm_controller/follow_joint_trajectory",
+    "wmx_gripper_topic": "wmx/set_gripper",
+    "joint_trajectory_action": "movensys_manipulator_arm_controller/follow_joint_trajectory",
 }
 
 
@@ -74,10 +74,10 @@ def test_cr3a_parameters_of_both_deployments() -> None:
     orin = load_robot_descriptor("cr3a", "orin")
     assert intel.variant == "intel"
     assert intel.ros_parameters["manipulator_state"] == MANIPULATOR_STATE | {
-        "gazebo_joint_topic": "/gazebo_position_controller/commands"
+        "gazebo_joint_topic": "gazebo_position_controller/commands"
     }
     assert orin.ros_parameters["manipulator_state"] == MANIPULATOR_STATE | {
-        "isaacsim_joint_topic": "/isaacsim/joint_command"
+        "isaacsim_joint_topic": "isaacsim/joint_command"
     }
     for robot in (intel, orin):
         assert robot.ros_parameters["follow_joint_trajectory_server"] == TRAJECTORY_SERVER
@@ -112,10 +112,10 @@ def test_baymax_says_the_same_thing_twice_only_in_agreement() -> None:
             "dec_time": 1.0,
             "wheel_radius": robot.drive.wheel_radius_m,
             "wheel_to_wheel": robot.drive.wheel_separation_m,
-            "cmd_vel_topic": "/cmd_vel",
-            "encoder_vel_topic": "/cmd_vel_check",
-            "encoder_omega_topic": "/velocity_controller/commands",
-            "encoder_odometry_topic": "/odom_enc",
+            "cmd_vel_topic": "cmd_vel",
+            "encoder_vel_topic": "cmd_vel_check",
+            "encoder_omega_topic": "velocity_controller/commands",
+            "encoder_odometry_topic": "odom_enc",
             "wmx_param_file_path": "",
         }
     }

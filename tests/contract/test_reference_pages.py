@@ -106,7 +106,7 @@ def test_every_command_has_a_heading() -> None:
     assert set(headings("cli.md")) == {*commands(), "Exit status"}
 
 
-@pytest.mark.parametrize("command", ["robotd run", "robotd check"])
+@pytest.mark.parametrize("command", ["robotd run", "robotd check", "robotd export"])
 def test_every_option_is_explained_with_its_command(command: str) -> None:
     text = section(command)
     for option in commands()[command].params:

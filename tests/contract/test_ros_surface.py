@@ -64,9 +64,9 @@ def nodes(request: pytest.FixtureRequest) -> Iterator[list[Node]]:
 
 
 def values(nodes: list[Node], names: set[str]) -> dict[str, str]:
-    """Value → name of the parameters in ``names``, those that are not empty."""
+    """Resolved value → name of the parameters in ``names``, those that are not empty."""
     return {
-        str(node.get_parameter(name).value): name
+        node.resolve_topic_name(str(node.get_parameter(name).value)): name
         for node in nodes
         for name in names
         if node.has_parameter(name) and node.get_parameter(name).value

@@ -112,6 +112,7 @@ class Client:
 
     def __init__(self, domain: int) -> None:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        self.domain = domain
         self.host = RosHost(domain_id=domain)
         self.host.start()
         self.node = rclpy.create_node("client", context=self.host.context)
@@ -154,9 +155,11 @@ class Client:
         messages = self.listen(Bool, topic, LATCHED)
         wait_until(lambda: messages and messages[-1].data is ready, f"{topic} is {ready}")
 
-    def send_goal(self, goal: Any, feedback: list[Any] | None = None) -> Goal:
+    def send_goal(
+        self, goal: Any, feedback: list[Any] | None = None, *, action: str = ACTION
+    ) -> Goal:
         """Send a goal and wait until it is accepted."""
-        client = ActionClient(self.node, FollowJointTrajectory, ACTION)
+        client = ActionClient(self.node, FollowJointTrajectory, action)
         assert client.wait_for_server(WAIT_S)
         on_feedback = None if feedback is None else lambda each: feedback.append(each.feedback)
         handle = wait_for(client.send_goal_async(goal, feedback_callback=on_feedback))

@@ -142,9 +142,16 @@ def test_parameters_refuse_to_be_set_at_run_time(
     assert "read-only" in result.reason
 
 
-def test_a_namespace_moves_the_relative_names_only() -> None:
-    arguments = ["--ros-args", "-r", "__ns:=/left", "-r", "/joint_states:=/left/joints"]
-    with RobotProcess(*arguments) as process:
+def test_a_namespace_moves_all_but_what_a_parameter_says_absolutely() -> None:
+    arguments = [
+        "-r",
+        "__ns:=/left",
+        "-r",
+        "joint_states:=joints",
+        "-p",
+        "wmx_gripper_topic:=/grip",
+    ]
+    with RobotProcess("--ros-args", *arguments) as process:
         process.wait_ready()
         client = Client(process.domain)
         try:
@@ -153,7 +160,7 @@ def test_a_namespace_moves_the_relative_names_only() -> None:
             assert (response.success, response.message) == (True, "Communicating")
             wait_until(lambda: client.node.count_publishers("/left/joints"), "remapped topic")
             services = names_of(client.node.get_service_names_and_types())
-            assert "/wmx/set_gripper" in services
-            assert not [name for name in services if name.startswith("/wmx/axis")]
+            assert "/grip" in services
+            assert not [name for name in services if name.startswith("/wmx")]
         finally:
             client.close()

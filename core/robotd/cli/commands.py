@@ -9,6 +9,7 @@ import click
 
 from robotd.cli.author_commands import AUTHOR_COMMANDS
 from robotd.cli.client_commands import CLIENT_COMMANDS
+from robotd.cli.export import TARGETS, namespace
 from robotd.cli.group import RobotdGroup, ros_args
 from robotd.cli.options import (
     as_json,
@@ -17,7 +18,9 @@ from robotd.cli.options import (
     names,
     not_nan,
     robot_options,
+    which_robot,
 )
+from robotd.cli.time_scale import time_scale
 
 # Nothing but click is imported up here: `robotd --help` must not wait for numpy or ROS.
 
@@ -52,6 +55,7 @@ def main() -> None:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Write the timing of the last periods there, as JSON, when stopped.",
 )
+@time_scale
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:
@@ -72,6 +76,34 @@ def check(ctx: click.Context, /, **options: Any) -> None:
 
     configure_logging(ctx)
     ctx.exit(check_robot(**options))
+
+
+@main.command("export")
+@click.argument("target", type=click.Choice(TARGETS))
+@which_robot
+@click.option(
+    "--namespace",
+    metavar="NS",
+    default="/",
+    callback=namespace,
+    help="ROS namespace that the robot runs in; by default none.",
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=click.File("w", encoding="utf-8", lazy=True),
+    default="-",
+    help="Write there instead of to standard output.",
+)
+@log_options
+@click.pass_context
+def export(ctx: click.Context, /, **options: Any) -> None:
+    """Print the configuration of a client of the robot, or its URDF."""
+    from robotd.cli.export import export_robot
+
+    configure_logging(ctx)
+    export_robot(**options)
 
 
 @main.command("robots")

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import robotd
+from robotd.cli.catalogue import load_catalogue
 from robotd.cli.exit_codes import ExitCode
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import PluginError
@@ -33,7 +34,7 @@ def run_conformance(
         raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
     load_backend(backend)
     if robot is not None:
-        load_robot_descriptor(robot)
+        load_robot_descriptor(robot, search_path=load_catalogue().search_path)
     arguments = [
         f"--robotd-backend={backend}",
         *([f"--robotd-robot={robot}"] if robot else []),

@@ -38,15 +38,20 @@ def configure_logging(ctx: click.Context) -> None:
     log.configure_logging(ctx.meta["log_level"], log.LogFormat(ctx.meta["log_format"]))
 
 
-def robot_options(command: Command) -> Command:
-    """Which robot: name or file, variant, backend."""
+def which_robot(command: Command) -> Command:
+    """Which robot: name or file, and variant."""
     for option in (
-        click.option("--backend", metavar="NAME", help="Backend; by default the robot's own."),
         click.option("--variant", metavar="NAME", help="Variant of the robot; see 'robots'."),
         click.option("--robot", metavar="NAME|FILE", required=True, help="The robot."),
     ):
         command = option(command)
     return command
+
+
+def robot_options(command: Command) -> Command:
+    """Which robot, and what drives it."""
+    backend = click.option("--backend", metavar="NAME", help="Backend; by default the robot's own.")
+    return which_robot(backend(command))
 
 
 def log_options(command: Command) -> Command:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
 from importlib import import_module
@@ -47,7 +48,9 @@ def sourced_ros() -> str | None:
     if distro := os.environ.get("ROS_DISTRO"):
         return f"ROS_DISTRO is {distro!r}"
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        if prefix and Path(prefix, "share/rclpy/package.xml").is_file():
+        if not prefix or Path(prefix) == Path(sys.prefix):
+            continue  # the wheels' own prefix is no second ROS
+        if Path(prefix, "share/rclpy/package.xml").is_file():
             return f"AMENT_PREFIX_PATH leads to {prefix}"
     for name in ("LD_LIBRARY_PATH", "PYTHONPATH"):
         for folder in os.environ.get(name, "").split(os.pathsep):

@@ -20,6 +20,7 @@ from robotd.errors import InvalidArgument, OperationError
 from robotd.plugin.manager import PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
+from robotd.simulated_clock import PacedClock
 
 if TYPE_CHECKING:
     from robotd.ros.surface import ServeReport
@@ -33,6 +34,7 @@ class RunOptions:
         robot: a name of the search path, or a file.
         variant, backend, nodes, rate_hz: None leaves the descriptor's own.
         report: where the cycle's timing is written after an orderly stop; None: nowhere.
+        time_scale: simulated seconds per second, infinity for as fast as it goes; None: real time.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -42,6 +44,7 @@ class RunOptions:
     nodes: Sequence[str] | None
     rate_hz: float | None
     report: Path | None
+    time_scale: float | None
     ros_args: Sequence[str]
 
 
@@ -52,7 +55,8 @@ def run_robot(options: RunOptions) -> int:
     descriptor = _descriptor(options, catalogue)
     nodes = _chosen_nodes(descriptor, options.nodes)
     backend = load_backend(options.backend or descriptor.backend)
-    robot = Robot(descriptor, backend, MonotonicClock())
+    scale = options.time_scale
+    robot = Robot(descriptor, backend, MonotonicClock() if scale is None else PacedClock(scale))
     if options.report:
         reserve_report(options.report)
     code = _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args)

@@ -31,6 +31,7 @@ OWNER = "follow_joint_trajectory"
 LEAD_S = 0.03  # planning time granted to a goal that takes over from a running one
 STOP_TIMEOUT_S = 10.0  # the longest controlled stop that is waited for
 MOVED_RAD = 1e-6  # a command that differs by more has moved
+PLANNINGS = 8  # of one goal, each with twice the lead of the one before
 
 
 @dataclass(frozen=True)
@@ -133,9 +134,9 @@ class TrajectoryFollower:
     def _submit(
         self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int
     ) -> Execution:
-        """Plan and hand over, again and again until it fits what runs by then."""
+        """Plan and hand over, again until it fits what runs by then."""
         lead_s = LEAD_S
-        while True:
+        for _ in range(PLANNINGS):
             running = self._streamer.running
             if running is None or running.done:
                 after, planned = None, self._plan_from_rest(request, running, start_ns)
@@ -154,6 +155,7 @@ class TrajectoryFollower:
             )
             if self._streamer.submit(execution, self._joint_axes, after):
                 return execution
+        raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
 
     def _plan_splice(
         self, request: TrajectoryRequest, running: Execution, start_ns: int, lead_s: float

@@ -24,6 +24,7 @@ from robotd.device.image import ProcessImage
 from robotd.device.state import EngineState
 from robotd.errors import RobotdError
 from robotd.log import get_logger
+from robotd.simulated_clock import PacedClock, SteppedClock
 
 log = get_logger("cycle")
 
@@ -39,6 +40,7 @@ class _Periodic:
     task: Task
     name: str
     period_ns: int
+    first: bool
     due_ns: int = 0
     failing: bool = False
 
@@ -51,6 +53,8 @@ class Cycle:
         streamer: advances trajectories.
         rate_hz: periods per second.
         realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
+        clock: what the deadlines are on. On a ``SteppedClock`` there is no thread: the cycle
+            runs in whoever sleeps on the clock.
     """
 
     def __init__(
@@ -72,7 +76,8 @@ class Cycle:
         self._image = image
         self._streamer = streamer
         self._priority = realtime_priority
-        self._clock = clock or MonotonicClock()
+        clock = clock or MonotonicClock()
+        self._clock: Clock = clock.leader if isinstance(clock, PacedClock) else clock
         self._stale_after_ns = round(engine.settings.stale_after_s * NANOSECONDS)
         self._communicating_since_ns = 0
         self._tasks: list[_Periodic] = []
@@ -83,17 +88,29 @@ class Cycle:
         self._began_ns = 0
         self._watchdog = Watchdog(self._age_ns, engine.settings.stale_after_s, self._hang)
 
-    def every(self, rate_hz: float, name: str, task: Task) -> None:
+    def every(self, rate_hz: float, name: str, task: Task, *, first: bool = False) -> None:
         """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.
 
         Only while the engine communicates. A task must not block; what it raises is logged
         once and does not stop the cycle. Any thread may call, also while the cycle runs.
+
+        Args:
+            rate_hz: in periods of the cycle's own clock.
+            name: for the log.
+            task: called with the image.
+            first: before the image is read, and whether or not the engine communicates.
         """
-        self._tasks.append(_Periodic(task, name, round(NANOSECONDS / rate_hz)))
+        self._tasks.append(_Periodic(task, name, round(NANOSECONDS / rate_hz), first))
+
+    def delay(self, seconds: float) -> None:
+        """For a task that plays a fault: the present period takes ``seconds`` longer."""
+        self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NANOSECONDS))
 
     def start(self) -> None:
         """Begin; a cycle that runs already goes on. For one thread; not again after ``stop``."""
-        if self._thread is None:
+        if isinstance(self._clock, SteppedClock):
+            self._clock.attach(self.period_ns, self.period)
+        elif self._thread is None:
             self._thread = threading.Thread(target=self._run, name="robotd-cycle", daemon=True)
             self._thread.start()
             self._watchdog.start()
@@ -102,20 +119,41 @@ class Cycle:
         """End the thread after its period; returns when it is gone. Twice is not an error."""
         self._stop.set()
         self._watchdog.stop()
+        if isinstance(self._clock, SteppedClock):
+            self._clock.detach()
         if self._thread is not None:
             self._thread.join(STOP_S)
             if self._thread.is_alive():
                 log.error("the cycle hangs and was left to itself")
         self._streamer.device_lost(NOT_RUNNING)
 
-    def step(self, time_ns: int) -> None:
-        """One period whose nominal time is ``time_ns``.
+    def period(self, deadline_ns: int) -> int:
+        """The period of a deadline that has come; returns the next deadline.
 
-        The nominal time, not the jittery real one, drives trajectories. Called by the thread,
+        Called by the thread, or by a ``SteppedClock``.
+        """
+        period_ns, stats = self.period_ns, self.stats
+        start_ns = self._clock.now_ns()
+        late_ns = start_ns - deadline_ns
+        if late_ns >= period_ns:
+            skipped = late_ns // period_ns
+            stats.missed += skipped
+            deadline_ns += skipped * period_ns
+        self._began_ns = start_ns
+        self.step(deadline_ns)
+        self._began_ns = 0
+        stats.record(late_ns, start_ns, self._clock.now_ns())
+        return deadline_ns + period_ns
+
+    def step(self, time_ns: int) -> None:
+        """What a period does, at its nominal time ``time_ns``.
+
+        The nominal time, not the jittery real one, drives trajectories. Called by ``period``,
         or by a test that owns the clock. What goes wrong is logged once and ends all motion,
         never the cycle.
         """
         try:
+            self._run_tasks(time_ns, first=True)
             self._live(time_ns)
             self._failing = False
         except Exception as error:
@@ -136,25 +174,14 @@ class Cycle:
         self._read(time_ns)
         if self._is_fresh(time_ns):
             self._streamer.advance(time_ns, self._image)
-        self._run_tasks(time_ns)
+        self._run_tasks(time_ns, first=False)
 
     def _run(self) -> None:
         self._prepare_thread()
-        clock, stats, period_ns = self._clock, self.stats, self.period_ns
-        deadline_ns = clock.now_ns() + period_ns
+        deadline_ns = self._clock.now_ns() + self.period_ns
         while not self._stop.is_set():
-            clock.sleep_until_ns(deadline_ns)
-            start_ns = clock.now_ns()
-            late_ns = start_ns - deadline_ns
-            if late_ns >= period_ns:
-                skipped = late_ns // period_ns
-                stats.missed += skipped
-                deadline_ns += skipped * period_ns
-            self._began_ns = start_ns
-            self.step(deadline_ns)
-            self._began_ns = 0
-            stats.record(late_ns, start_ns, clock.now_ns())
-            deadline_ns += period_ns
+            self._clock.sleep_until_ns(deadline_ns)
+            deadline_ns = self.period(deadline_ns)
 
     def _age_ns(self) -> int:
         began_ns = self._began_ns
@@ -206,10 +233,10 @@ class Cycle:
             )
         return not stale
 
-    def _run_tasks(self, time_ns: int) -> None:
+    def _run_tasks(self, time_ns: int, *, first: bool) -> None:
         slack_ns = self.period_ns // 2
         for periodic in self._tasks:
-            if time_ns + slack_ns < periodic.due_ns:
+            if periodic.first is not first or time_ns + slack_ns < periodic.due_ns:
                 continue
             behind = time_ns - periodic.due_ns > periodic.period_ns
             periodic.due_ns = (time_ns if behind else periodic.due_ns) + periodic.period_ns

@@ -10,6 +10,7 @@ from robotd.log import get_logger
 
 log = get_logger("watchdog")
 
+HANG_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
 CHECKS = 4  # looks within the time that a period may take
 
 
@@ -18,7 +19,7 @@ class Watchdog:
 
     Args:
         age_ns: for how long the present period of the cycle has been under way; 0: none is.
-        limit_s: the longest that a period may take.
+        limit_s: the longest that a period may take; it is granted ``HANG_S`` in any case.
         hang: called when a period takes longer, with the reason; once for each such period.
     """
 
@@ -26,7 +27,7 @@ class Watchdog:
         self, age_ns: Callable[[], int], limit_s: float, hang: Callable[[str], None]
     ) -> None:
         self._age_ns = age_ns
-        self._limit_s = limit_s
+        self._limit_s = max(limit_s, HANG_S)
         self._hang = hang
         self._hanging = False
         self._stop = threading.Event()

@@ -23,6 +23,8 @@ log = get_logger("engine")
 
 ReadyListener = Callable[[bool], None]
 
+ANSWER_S = 1.0  # longest wait for a device that another thread is asking for its state
+
 
 class Engine:
     """Opens, starts, stops and closes a device; the only caller of ``DeviceDriver``.
@@ -223,7 +225,9 @@ class Engine:
         Returns the state. What a listener raises is logged.
         """
         # One thread at a time: else an older answer of the device could overwrite a newer one.
-        with self._ready_lock:
+        if not self._ready_lock.acquire(timeout=ANSWER_S):
+            return EngineState.UNKNOWN  # whoever asks does not get an answer either
+        try:
             state = self.state
             ready = state is EngineState.COMMUNICATING and not self._preparing
             if ready is not self._ready:
@@ -231,6 +235,8 @@ class Engine:
                 for listener in self._listeners:
                     _tell(listener, ready)
             return state
+        finally:
+            self._ready_lock.release()
 
     def _begin_communication(self) -> None:
         if self._driver.state() is not EngineState.COMMUNICATING:

@@ -30,6 +30,11 @@ class Fieldbus:
         self._capabilities = capabilities
         self._backend = backend
 
+    @property
+    def masters(self) -> int:
+        """Number of masters, ids 0 … masters - 1; 0 where the backend has no fieldbus."""
+        return 0 if self._maybe_driver is None else self._maybe_driver.masters
+
     def network_state(self, master: int) -> NetworkState:
         return self._master("network state", None, master).network_state(master)
 

@@ -27,6 +27,11 @@ class Gripper:
         """Close (True) or open the gripper; any worker. Raises NotReady without the engine."""
         self._io.set_output_bit(self._byte, self._bit, closed)
 
+    @property
+    def is_commanded_closed(self) -> bool:
+        """What the output bit asks for; any thread."""
+        return self._commanded()
+
     def closed(self, time_ns: int) -> float:
         """Cycle: how far the fingers are closed at the monotonic ``time_ns``, 0 … 1.
 

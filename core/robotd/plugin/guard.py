@@ -9,12 +9,11 @@ state is in state UNKNOWN.
 from __future__ import annotations
 
 import inspect
-import time
+import threading
 from abc import ABC
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-from robotd.clock import NANOSECONDS
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.state import EngineState
 from robotd.errors import DeviceTimeout, OperationError, RobotdError
@@ -56,21 +55,19 @@ def unguarded(driver: Driver) -> Driver:
 
 
 class _Answer:
-    """``state`` of a device; UNKNOWN while an earlier question has not been answered in time."""
+    """``state`` of a device; UNKNOWN while an earlier question is not answered."""
 
     def __init__(self, ask: Callable[[], EngineState]) -> None:
         self._ask = ask
-        self._asked_ns = 0
+        self._asking = threading.Lock()
 
     def __call__(self) -> EngineState:
-        asked_ns, now_ns = self._asked_ns, time.monotonic_ns()
-        if asked_ns and now_ns - asked_ns > STATE_BUDGET_S * NANOSECONDS:
+        if not self._asking.acquire(timeout=STATE_BUDGET_S):
             return EngineState.UNKNOWN
-        self._asked_ns = now_ns
         try:
             return self._ask()
         finally:
-            self._asked_ns = 0
+            self._asking.release()
 
 
 def _forward(contract: type, name: str) -> Any:

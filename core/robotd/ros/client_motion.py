@@ -22,10 +22,10 @@ from robotd.clock import NANOSECONDS
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError
 from robotd.ros.client import RosClient
 
-JOINT_STATES = "/joint_states"
+JOINT_STATES = "joint_states"
 ACTION_TYPE = "control_msgs/action/FollowJointTrajectory"
 
-_SETTLE_S = 0.3  # a second robot is found within this time after the first one
+_SETTLE_S = 0.6  # a second robotd is found within this time after the first one: discovery.py
 
 Positions = Mapping[str, float]
 OnProgress = Callable[[float, Positions], None]
@@ -61,7 +61,11 @@ def find_arm(client: RosClient, action: str | None = None) -> Arm:
     """
     with client.listen(JointState, JOINT_STATES) as joint_states:
         name, node = _find_action(client, action)
-        names = joint_states.wait().name[: _joint_count(client, node)]
+        settled_s = time.monotonic() + _SETTLE_S
+        count = _joint_count(client, node)
+        names = joint_states.wait().name[:count]
+        if action is None:
+            _check_only_one(client, settled_s)
         return Arm(name, dict(zip(names, joint_states.newest.position, strict=False)))
 
 
@@ -155,32 +159,41 @@ def _goal(positions: Positions, time_s: float) -> Any:
 
 def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:
     """Names of the action and of the node that serves it."""
-    node = client.node
-    if action is not None:
-        name = node.resolve_topic_name(action)
-        return name, client.wait(lambda: _action_servers(node).get(name), f"action {name}")
-    client.wait(lambda: _action_servers(node), "arm (a FollowJointTrajectory action)")
-    settled_s = time.monotonic() + _SETTLE_S
+    name = action and client.node.resolve_topic_name(action)
+
+    def find() -> list[tuple[str, str]]:
+        return [found for found in _action_servers(client.node) if name in (None, found[0])]
+
+    what = f"action {name}" if name else "arm (a FollowJointTrajectory action)"
+    found: tuple[str, str] = client.wait(find, what)[0]
+    return found
+
+
+def _check_only_one(client: RosClient, settled_s: float) -> None:
+    """Refuse to guess, once every arm has had the time to be found."""
     while time.monotonic() < settled_s:
         client.spin()
-    servers = _action_servers(node)
+    servers = _action_servers(client.node)
     if len(servers) > 1:
-        raise OperationError(f"several arms: choose one by --action, of {', '.join(servers)}")
-    return servers.popitem()
+        listing = ", ".join(f"{action} (of {node})" for action, node in servers)
+        raise OperationError(f"several arms: choose one by --action; there is {listing}")
 
 
-def _action_servers(node: Node) -> dict[str, str]:
-    """Every FollowJointTrajectory action that has a server → the server's node."""
-    servers = {}
+def _action_servers(node: Node) -> list[tuple[str, str]]:
+    """FollowJointTrajectory actions in the client's namespace or below, and the servers' nodes."""
+    servers = []
+    own = node.get_namespace().rstrip("/")
     for name, namespace in node.get_node_names_and_namespaces():
+        if not f"{namespace.rstrip('/')}/".startswith(f"{own}/"):
+            continue
         try:
             actions = get_action_server_names_and_types_by_node(node, name, namespace)
         except Exception:  # noqa: BLE001, S112 - the node has gone in between
             continue
         for action, types in actions:
             if ACTION_TYPE in types:
-                servers[action] = f"{namespace.rstrip('/')}/{name}"
-    return dict(sorted(servers.items()))
+                servers.append((action, f"{namespace.rstrip('/')}/{name}"))
+    return sorted(servers)
 
 
 def _joint_count(client: RosClient, node: str) -> int | None:

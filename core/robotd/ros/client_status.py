@@ -13,7 +13,7 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.ros.client import LATCHED, RosClient
 
-GRIPPER = "/wmx/set_gripper"
+GRIPPER = "wmx/set_gripper"
 AXIS_STATE = "wmx/axis/state"
 
 

@@ -16,6 +16,7 @@ from robotd.ros.odometry import OdometryFrames, OdometryTopics
 from robotd.ros.offered_types import OfferedTypes
 from robotd.ros.parameters import Parameters
 from robotd.ros.refusal_log import RefusalLog
+from robotd.ros.robot_description import publish_description
 from robotd.ros.service import add_service, add_subscription
 
 NAME = "diff_drive_controller"
@@ -51,6 +52,7 @@ class DiffDriveController(Node):
             robot.engine.parameters_file = path
         self._take_commands(parameters)
         self._publish_state(parameters, robot)
+        publish_description(self, robot, parameters)
         parameters.done()
         add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
 

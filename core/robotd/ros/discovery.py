@@ -3,7 +3,7 @@
 Fast DDS answers a new process once, and in one case out of three before that process listens. It
 then hears of us with our next periodic announcement, by default after up to 3 s (measured from a
 client's start to its first service: 0.08 s in two cases of three, else up to 2.7 s). Announcing
-every 0.3 s ends that wait for every client.
+every 0.2 s ends that wait for every client.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from control_msgs.action import FollowJointTrajectory
+from rclpy._rclpy_pybind11 import GoalEvent
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
@@ -83,8 +84,9 @@ class FollowJointTrajectoryServer(Node):
             self,
             FollowJointTrajectory,
             action,
-            self._execute,
+            _unused,
             goal_callback=lambda goal: GoalResponse.ACCEPT,
+            handle_accepted_callback=self._accepted,
             cancel_callback=self._cancel,
         )
 
@@ -104,12 +106,27 @@ class FollowJointTrajectoryServer(Node):
             execution.cancel()
         return CancelResponse.ACCEPT
 
-    async def _execute(self, goal: Any) -> Any:
-        """Executor thread. The goal's state changes here only, so after ``_cancel`` is through."""
+    def _accepted(self, goal: Any) -> None:
+        """Executor thread: hand the goal to a worker.
+
+        A coroutine that awaits the worker would be the ordinary way, but the EventsExecutor
+        spins for as long as one waits: half a core while the robot moves.
+        """
+        goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
         try:
-            ending = await self._host.offload(self._run, goal)
+            self._host.submit(self._run, goal)
         except RobotdError as error:
-            ending = Ending(None, _RESULT.INVALID_GOAL, str(error))
+            self._end(goal, Ending(None, _RESULT.INVALID_GOAL, str(error)))
+
+    def _run(self, goal: Any) -> None:
+        """Worker thread: execute the goal, then let the executor thread end it."""
+        self._end(goal, self._ending_of(goal))
+
+    def _end(self, goal: Any, ending: Ending) -> None:
+        self._server.notify_execute(goal, lambda goal: self._finish(goal, ending))
+
+    def _finish(self, goal: Any, ending: Ending) -> Any:
+        """Executor thread. The goal ends here only, so after ``_cancel`` is through."""
         if ending.outcome is Outcome.SUCCEEDED:
             goal.succeed()
         elif ending.outcome is Outcome.CANCELED and goal.is_cancel_requested:
@@ -119,7 +136,7 @@ class FollowJointTrajectoryServer(Node):
         log.info("goal ended", outcome=_word(ending), reason=ending.text)
         return _RESULT(error_code=ending.code, error_string=ending.text)
 
-    def _run(self, goal: Any) -> Ending:
+    def _ending_of(self, goal: Any) -> Ending:
         """Worker thread: from the goal message to standstill."""
         try:
             return self._follow(goal)
@@ -167,6 +184,11 @@ class FollowJointTrajectoryServer(Node):
     def _publish_feedback(self, goal: Any, execution: Execution) -> None:
         now_ns = self.get_clock().now().nanoseconds
         goal.publish_feedback(feedback(execution.trajectory.names, execution.progress(), now_ns))
+
+
+def _unused(goal: Any) -> Any:
+    """The execute callback that rclpy asks for; ``_accepted`` does without."""
+    raise AssertionError("goals are executed by a worker")
 
 
 def _word(ending: Ending) -> str:

@@ -8,6 +8,7 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.joint_state import Fingers, JointStateTopics
 from robotd.ros.parameters import Parameters
+from robotd.ros.robot_description import publish_description
 
 NAME = "manipulator_state"
 
@@ -41,6 +42,7 @@ class ManipulatorState(Node):
             topics.add_positions(topic)
         if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
             robot.engine.parameters_file = path
+        publish_description(self, robot, parameters)
         parameters.done()
         robot.cycle.every(rate_hz, "joint states", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(rate_hz))

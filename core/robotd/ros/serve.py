@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from queue import SimpleQueue
 from types import FrameType
@@ -17,10 +17,13 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
+from robotd.ros.diagnostics import Diagnostics
 from robotd.ros.discovery import announce_often
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import check_names, make_node
+from robotd.ros.simulation_node import SimulationNode
 from robotd.ros.surface import ServeReport, report_of
+from robotd.simulated_clock import PacedClock
 
 log = get_logger("serve")
 
@@ -91,11 +94,14 @@ def serve(
     events: SimpleQueue[Event] = SimpleQueue()
     with _stop_signals(events), RosHost(ros_args) as host:
         nodes = [make_node(name, robot, host, registry) for name in node_names]
+        if isinstance(robot.clock, PacedClock):
+            nodes.append(SimulationNode(robot, host, nodes))
         for node in nodes:
             host.add_node(node)
-        if served is not None:
-            served(report_of(nodes))
-        _run(robot, node_names, events, ready)
+        with Diagnostics(nodes[0], robot) if nodes else nullcontext():
+            if served is not None:
+                served(report_of(nodes))
+            _run(robot, node_names, events, ready)
     return 0
 
 

@@ -8,7 +8,7 @@ from robotd_canopen.nmt import AL_STATES, NmtState
 from robotd_canopen.node import Node
 from robotd_canopen.pdo import Direction
 
-_OPERATIONAL, _INIT, _PREOP = 8, 1, 2
+_OPERATIONAL, _INIT, _PREOP = 16, 1, 2
 
 
 class CanopenFieldbus(FieldbusDriver):

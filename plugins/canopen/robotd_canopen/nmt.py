@@ -27,12 +27,12 @@ class NmtCommand(IntEnum):
 
 AL_STATES = {
     NmtState.BOOT_UP: 1,
-    NmtState.STOPPED: 4,
-    NmtState.OPERATIONAL: 8,
+    NmtState.STOPPED: 8,
+    NmtState.OPERATIONAL: 16,
     NmtState.PRE_OPERATIONAL: 2,
     NmtState.UNKNOWN: 0,
 }
-"""The nearest EtherCAT state (Init 1, Preop 2, Safeop 4, Op 8)."""
+"""The nearest EtherCAT state (Init 1, Preop 2, Safeop 8, Op 16)."""
 
 
 def heartbeat_state(data: bytes | bytearray) -> NmtState:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,14 @@ def test_an_overlay_without_rclpy_is_no_second_ros(
 ) -> None:
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     monkeypatch.setenv("LD_LIBRARY_PATH", "/usr/local/lib")
+    assert preflight.sourced_ros() is None
+
+
+def test_the_prefix_of_the_wheels_is_no_second_ros(
+    monkeypatch: pytest.MonkeyPatch, prefix: Path
+) -> None:
+    monkeypatch.setattr(sys, "prefix", str(prefix))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
     assert preflight.sourced_ros() is None
 
 

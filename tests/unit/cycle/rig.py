@@ -21,7 +21,7 @@ from robotd.motion import Tolerances, TrajectoryRequest
 from robotd.plugin.guard import unguarded
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd.testing.stepping import SteppedClock
+from robotd.simulated_clock import SteppedClock
 from robotd_sim.faults import Faults
 from robotd_sim.simulation import Simulation
 
@@ -92,10 +92,9 @@ class Rig:
     """A robot on the simulation; time passes in ``run``, and in whatever waits by the clock."""
 
     def __init__(self, descriptor: RobotDescriptor | None = None) -> None:
-        self.clock = SteppedClock(RATE_HZ)
-        self.robot = Robot(descriptor or arm(), load_backend("sim"), self.clock)
-        self.clock.step = self.robot.cycle.step
-        self.robot.cycle.start = lambda: None  # type: ignore[method-assign] # no thread
+        descriptor = descriptor or arm()
+        self.clock = SteppedClock()
+        self.robot = Robot(descriptor, load_backend("sim"), self.clock)
         self.image = self.robot.image
         self.engine = self.robot.engine
         self.follower = self.robot.follower
@@ -114,9 +113,9 @@ class Rig:
 
     def stall(self, seconds: float) -> None:
         """The cycle stands, as on an overloaded computer; the device does not."""
-        step, self.clock.step = self.clock.step, lambda time_ns: None
+        self.clock.detach()
         self.run(seconds)
-        self.clock.step = step
+        self.clock.attach(self.robot.cycle.period_ns, self.robot.cycle.period)
 
     def until(self, condition: Callable[[], bool], timeout_s: float = 20.0) -> None:
         end_ns = self.clock.now_ns() + round(timeout_s * NANOSECONDS)

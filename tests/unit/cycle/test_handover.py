@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -138,6 +139,20 @@ def test_axes_that_moved_meanwhile_are_planned_for_again(
     assert rig.setpoints.position[0][0] == pytest.approx(0.1)
     assert execution.outcome is Outcome.SUCCEEDED
     rig.setpoints.assert_smooth(peak(execution))
+
+
+def test_planning_that_is_always_too_late_is_given_up(
+    rig: Rig, while_planning: Callable[..., list[float]]
+) -> None:
+    with rig.goal(FAR, seconds=30.0) as first:
+        rig.run(0.2)
+        delays_s = [follower.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
+        starts = while_planning(*[partial(rig.run, delay_s) for delay_s in delays_s])
+        with pytest.raises(NotReady, match="did not go on as planned for, 8 times"):
+            rig.goal(HOME).__enter__()
+        assert len(starts) == 8
+        assert not first.done
+    rig.setpoints.assert_smooth(ACCELERATION)
 
 
 def test_a_stop_that_takes_too_long_is_not_waited_for(

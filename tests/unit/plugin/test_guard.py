@@ -51,7 +51,7 @@ def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.M
             answered.wait(20.0)
             return super().state()
 
-    monkeypatch.setattr(guard_module, "STATE_BUDGET_S", 0.0)
+    monkeypatch.setattr(guard_module, "STATE_BUDGET_S", 0.02)
     behind = guarded(Silent(), DeviceDriver, PLUGIN)
     first = threading.Thread(target=behind.state)
     first.start()

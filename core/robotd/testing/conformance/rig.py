@@ -28,8 +28,8 @@ from robotd.motion import TrajectoryRequest
 from robotd.plugin.hookspecs import BackendInfo, BackendOptions, DeviceContext
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot
+from robotd.simulated_clock import SteppedClock
 from robotd.testing.conformance.recording import Recorder, Recording
-from robotd.testing.stepping import SteppedClock
 
 TRAVEL_RAD = 0.3  # the farthest that a check moves an axis
 SPEED_RAD_S = 0.8
@@ -49,6 +49,7 @@ class Parts:
         self.driver: AxisDriver
         self.io_driver: IoDriver | None = None
         self.fieldbus_driver: FieldbusDriver | None = None
+        self.made_bench: Bench | None = None
         self._backend = backend
 
     def options(self, robot: RobotDescriptor) -> BackendOptions:
@@ -56,8 +57,11 @@ class Parts:
 
     def open_device(self, context: DeviceContext) -> DeviceDriver:
         self.device = self._backend.open_device(context)
-        self.bench = self._backend.bench(self.device, context)
+        self.made_bench = self._backend.bench(self.device, context)
         return self.device
+
+    def bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
+        return self.made_bench
 
     def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:
         self.driver = self._backend.axes(device, context)
@@ -89,17 +93,11 @@ class Rig:
     def __init__(
         self, backend: Backend, descriptor: RobotDescriptor, *, real_time: bool = False
     ) -> None:
-        stepped = SteppedClock(descriptor.cycle.rate_hz)
         self.parts = Parts(backend)
-        self.clock: Clock = MonotonicClock() if real_time else stepped
+        self.stepped = not real_time and _lives_by_clock(backend, descriptor)
+        self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
         self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
-        self.bench: Bench | None = self.parts.bench
-        self.stepped = not real_time and self.bench is not None and self.bench.lives_by_clock
-        if not self.stepped and not real_time:
-            self.clock = MonotonicClock()
-            self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
-            self.bench = self.parts.bench
-        stepped.step = self.robot.cycle.step
+        self.bench: Bench | None = self.parts.made_bench
         self.period_s = 1.0 / descriptor.cycle.rate_hz
         self.image = self.robot.image
         self.count = len(self.robot.axes)
@@ -112,7 +110,7 @@ class Rig:
 
     def begin(self) -> None:
         """Let the cycle run. Nothing is opened."""
-        if not self._running and not self.stepped:
+        if not self._running:
             self.robot.cycle.start()
         self._running = True
 
@@ -266,3 +264,11 @@ class Rig:
     def may_rescale(self) -> bool:
         """A change of scale or home can be undone: by a parameter file, or it is no real drive."""
         return self.can(Capability.SIMULATED) or self.robot.descriptor.parameters_file is not None
+
+
+def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
+    """The device is simulated and has no time but the clock that it is given."""
+    context = DeviceContext(descriptor, backend.options(descriptor))
+    bench = backend.bench(backend.open_device(context), context)
+    simulated = Capability.SIMULATED in backend.info.capabilities
+    return simulated and bench is not None and bench.lives_by_clock

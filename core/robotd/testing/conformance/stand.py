@@ -8,10 +8,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.descriptor import RobotDescriptor, default_search_path, load_robot_descriptor
 from robotd.device.bench import Bench
 from robotd.errors import Unsupported
-from robotd.plugin.manager import load_backend
+from robotd.plugin.manager import load_backend, load_plugins, register_all
 from robotd.testing.conformance.rig import SETTLED_RAD, Rig
 
 PLAIN_ROBOT = {
@@ -42,9 +42,7 @@ class Stand:
 
     def __init__(self, backend: str, robot: str | None) -> None:
         self.backend = load_backend(backend)
-        self.descriptor = (
-            load_robot_descriptor(robot) if robot else RobotDescriptor.model_validate(PLAIN_ROBOT)
-        )
+        self.descriptor = _find(robot) if robot else RobotDescriptor.model_validate(PLAIN_ROBOT)
         self.backend.options(self.descriptor)
         self._shared: Rig | None = None
 
@@ -73,6 +71,12 @@ class Stand:
         rig, self._shared = self._shared, None
         if rig is not None:
             rig.down()
+
+
+def _find(robot: str) -> RobotDescriptor:
+    """A robot of robotd, of a plugin, or a file."""
+    robots, _ = register_all(load_plugins()[0])
+    return load_robot_descriptor(robot, search_path=(*default_search_path(), *robots.folders))
 
 
 class BenchOrSkip:

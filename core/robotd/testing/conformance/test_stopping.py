@@ -25,6 +25,7 @@ def stop_moving(
         stop(rig.all)
         rig.rest()
     moving = np.abs(recording.velocity) > 0.02 * speed
+    assert moving.any(0).all(), "an axis was not moving when it was stopped"
     last = [np.flatnonzero(moving[:, axis])[-1] for axis in rig.all]
     return speed, recording.time_s[last], np.abs(rig.image.position - start)
 

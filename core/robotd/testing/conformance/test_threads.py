@@ -16,7 +16,8 @@ from robotd.testing.conformance.rig import SETTLED_RAD, Rig
 MakeRig = Callable[..., Rig]
 
 SECONDS = 1.0
-READ_S = 0.02  # 19 of 20 reads; a busy computer delays a few of them
+BLOCKED_S = 0.02  # a read that takes longer was held up
+BLOCKED_SHARE = 0.2  # of the time; a busy computer holds a read up now and then
 
 
 def together(*works: Callable[[], None], seconds: float = SECONDS) -> list[BaseException]:
@@ -80,7 +81,7 @@ def test_commands_to_all_axes_at_once(make_rig: MakeRig) -> None:
     errors = together(*(command(axis) for axis in rig.all[:4]), *observers(rig))
     assert not errors
     assert not failures
-    assert np.percentile(durations_s, 95) < READ_S
+    check_not_blocked(durations_s)
     rig.rest()
     rig.move(rig.all, home)
     rig.rest()
@@ -102,8 +103,9 @@ def test_switching_servos_does_not_disturb_the_cycle(make_rig: MakeRig) -> None:
     errors = together(*(switch(axis) for axis in rig.all[:4]), *observers(rig))
     assert not errors
     assert not failures
-    assert np.percentile(durations_s, 95) < READ_S
-    assert rig.robot.cycle.stats.cycles - cycles > 0.2 * SECONDS / rig.period_s
+    check_not_blocked(durations_s)
+    periods = rig.robot.cycle.stats.cycles - cycles
+    assert periods > 0.2 * SECONDS / rig.period_s, f"commands held up the cycle: {periods} periods"
     rig.until(lambda: bool(rig.image.servo_on.all()), "all servos are on at the end")
 
 
@@ -125,6 +127,11 @@ def test_communication_may_stop_and_start_while_others_ask(make_rig: MakeRig) ->
     assert not errors
     assert not failures
     rig.until(lambda: engine.ready, "the engine is ready at the end")
+
+
+def check_not_blocked(durations_s: list[float]) -> None:
+    blocked_s = sum(duration_s for duration_s in durations_s if duration_s > BLOCKED_S)
+    assert blocked_s < BLOCKED_SHARE * SECONDS, f"commands held up the cycle for {blocked_s:.2f} s"
 
 
 def observers(rig: Rig) -> list[Callable[[], None]]:

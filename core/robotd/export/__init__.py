@@ -1,0 +1,19 @@
+"""Configuration of a robot's clients, made from its descriptor. Imports no ROS."""
+
+from collections.abc import Callable, Mapping
+
+from robotd.export.isaac import topic_map
+from robotd.export.moveit import move_group_parameters
+from robotd.export.nav2 import navigation_parameters
+from robotd.export.subject import Subject
+from robotd.export.urdf import urdf
+
+EXPORTS: Mapping[str, Callable[[Subject], str]] = {
+    "moveit": move_group_parameters,
+    "nav2": navigation_parameters,
+    "isaac": topic_map,
+    "urdf": urdf,
+}
+"""Target → what makes its text. Each raises DescriptorError where it does not apply."""
+
+__all__ = ["EXPORTS", "Subject"]

@@ -1,0 +1,73 @@
+"""Isaac Sim: which node of its ROS 2 bridge meets which topic of the robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robotd.descriptor import DriveSettings
+from robotd.export.subject import Subject
+
+STATE = "manipulator_state"
+BASE = "diff_drive_controller"
+PARAMETER = "isaacsim_joint_topic"
+
+
+def topic_map(subject: Subject) -> str:
+    """YAML: a list of OmniGraph nodes, each with topic, message type, and what is in it.
+
+    Raises DescriptorError for a robot that publishes nothing for Isaac Sim.
+    """
+    drive = subject.descriptor.drive
+    entries = []
+    if STATE in subject.descriptor.nodes and (topic := subject.topic(STATE, PARAMETER)):
+        entries.append(_joints(subject, topic))
+    if drive is not None and BASE in subject.descriptor.nodes:
+        entries.append(_base(subject, drive))
+    if not entries:
+        raise subject.refusal(_nothing(subject))
+    entries.append(
+        {
+            "node": "ROS2 Publish Clock",
+            "topic": "/clock",
+            "type": "rosgraph_msgs/msg/Clock",
+            "needed": "only when the robot runs with use_sim_time:=true",
+        }
+    )
+    remarks = ["Nodes of the action graph in Isaac Sim. Units: rad, m, rad/s, m/s."]
+    return subject.document(remarks, {"action_graph": entries})
+
+
+def _joints(subject: Subject, topic: str) -> dict[str, Any]:
+    return {
+        "node": "ROS2 Subscribe Joint State",
+        "topic": topic,
+        "type": "sensor_msgs/msg/JointState",
+        "rate_hz": subject.parameter(STATE, "joint_feedback_rate", 0),
+        "feeds": "Articulation Controller",
+        "joints": list(subject.parameter(STATE, "joint_name", [])),
+    }
+
+
+def _base(subject: Subject, drive: DriveSettings) -> dict[str, Any]:
+    return {
+        "node": "ROS2 Subscribe Twist",
+        "topic": subject.needed_topic(BASE, "encoder_vel_topic"),
+        "type": "geometry_msgs/msg/Twist",
+        "feeds": "Differential Controller",
+        "wheel_radius_m": float(subject.parameter(BASE, "wheel_radius", drive.wheel_radius_m)),
+        "wheel_distance_m": float(
+            subject.parameter(BASE, "wheel_to_wheel", drive.wheel_separation_m)
+        ),
+    }
+
+
+def _nothing(subject: Subject) -> str:
+    """Why there is no map, and which variant has one."""
+    descriptor = subject.descriptor
+    text = f"{descriptor.name} publishes nothing for Isaac Sim: {STATE}.{PARAMETER} is not given"
+    variants = [
+        name
+        for name, change in descriptor.variants.items()
+        if change.get("ros_parameters", {}).get(STATE, {}).get(PARAMETER)
+    ]
+    return f"{text}; try --variant {' or '.join(variants)}" if variants else text

@@ -1,0 +1,82 @@
+"""MoveIt 2: parameters of move_group for executing on this robot.
+
+The names are those of MoveItSimpleControllerManager, of the trajectory execution manager and of
+``robot_description_planning``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robotd.descriptor import JointSettings
+from robotd.export.subject import Subject
+
+SERVER = "follow_joint_trajectory_server"
+MANAGER = "moveit_simple_controller_manager"
+
+
+def move_group_parameters(subject: Subject) -> str:
+    """A ROS parameter file: controllers, joint limits, and how long an execution may take.
+
+    Raises DescriptorError for a robot without joints or without the trajectory action.
+    """
+    descriptor = subject.descriptor
+    if not descriptor.joints:
+        raise subject.refusal(f"moveit needs joints, which {descriptor.name} has not")
+    action = subject.needed_topic(SERVER, "joint_trajectory_action")
+    limits = {joint.name: _limits(joint) for joint in descriptor.joints}
+    content = {
+        "moveit_controller_manager": f"{MANAGER}/MoveItSimpleControllerManager",
+        MANAGER: _controllers(action, list(descriptor.joint_names)),
+        "trajectory_execution": _execution(subject),
+        "robot_description_planning": {"joint_limits": limits},
+    }
+    return subject.document(_remarks(subject), {"/**": {"ros__parameters": content}})
+
+
+def _controllers(action: str, joints: list[str]) -> dict[str, Any]:
+    """MoveIt joins the controller's name and ``action_ns`` by a slash."""
+    controller, _, action_ns = action.removeprefix("/").rpartition("/")
+    if not controller:
+        controller, action_ns = action_ns, ""
+    return {
+        "controller_names": [controller],
+        controller: {
+            "type": "FollowJointTrajectory",
+            "action_ns": action_ns,
+            "default": True,
+            "joints": joints,
+        },
+    }
+
+
+def _execution(subject: Subject) -> dict[str, Any]:
+    """MoveIt checks the start as the robot does, and waits as long as the robot does."""
+    rules = subject.descriptor.trajectory
+    return {
+        "allowed_start_tolerance": rules.start_tolerance_rad,
+        "allowed_goal_duration_margin": rules.goal_time_s,
+    }
+
+
+def _limits(joint: JointSettings) -> dict[str, Any]:
+    return {
+        "has_position_limits": True,
+        "min_position": joint.lower_rad,
+        "max_position": joint.upper_rad,
+        "has_velocity_limits": True,
+        "max_velocity": joint.velocity_rad_s,
+        "has_acceleration_limits": True,
+        "max_acceleration": joint.acceleration_rad_s2,
+    }
+
+
+def _remarks(subject: Subject) -> list[str]:
+    lines = ["Parameters of move_group (MoveIt 2), beside those of your MoveIt configuration."]
+    if gripper := subject.descriptor.gripper:
+        service = subject.topic(SERVER, "wmx_gripper_topic")
+        lines += [
+            f"The gripper is the service {service} (std_srvs/srv/SetBool), which is no controller",
+            f"of MoveIt. Its joints are passive ones for the SRDF: {', '.join(gripper.joints)}.",
+        ]
+    return lines

@@ -1,0 +1,108 @@
+"""Nav2: topics, frames and limits of a mobile base, for a parameter file of Nav2 (Jazzy)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robotd.export.subject import Subject
+
+NODE = "diff_drive_controller"
+MAP = "map"
+COMMANDING = ("controller_server", "behavior_server", "velocity_smoother", "collision_monitor",
+              "docking_server")  # fmt: skip
+
+
+def navigation_parameters(subject: Subject) -> str:
+    """A ROS parameter file with what Nav2 has to know of the base, to be merged into another.
+
+    Raises DescriptorError for a robot without a drive or without its node.
+    """
+    if subject.descriptor.drive is None:
+        raise subject.refusal(f"nav2 needs a drive, which {subject.descriptor.name} has not")
+    command = subject.needed_topic(NODE, "cmd_vel_topic")
+    nodes = _nodes(subject, command)
+    stamped = bool(subject.parameter(NODE, "use_stamped_vel", False))
+    for name in COMMANDING:
+        nodes.setdefault(name, {})["enable_stamped_cmd_vel"] = stamped
+    content = {name: {"ros__parameters": values} for name, values in nodes.items()}
+    for name in ("local_costmap", "global_costmap"):
+        content[name] = {name: content[name]}
+    return subject.document(_remarks(subject, command, stamped=stamped), content)
+
+
+def _nodes(subject: Subject, command: str) -> dict[str, dict[str, Any]]:
+    odom_topic = subject.needed_topic(NODE, "encoder_odometry_topic")
+    odom = str(subject.parameter(NODE, "odom_frame_id", "odom"))
+    base = str(subject.parameter(NODE, "base_frame_id", "base_link"))
+    limits = twist_limits(subject)
+    return {
+        "bt_navigator": {
+            "global_frame": MAP,
+            "robot_base_frame": base,
+            "odom_topic": odom_topic,
+        },
+        "controller_server": {"odom_topic": odom_topic},
+        "local_costmap": {"global_frame": odom, "robot_base_frame": base},
+        "global_costmap": {"global_frame": MAP, "robot_base_frame": base},
+        "behavior_server": {
+            "local_frame": odom,
+            "global_frame": MAP,
+            "robot_base_frame": base,
+            "max_rotational_vel": limits["max_velocity"][2],
+            "rotational_acc_lim": limits["max_accel"][2],
+        },
+        "velocity_smoother": {"odom_topic": odom_topic, **limits},
+        "collision_monitor": {
+            "base_frame_id": base,
+            "odom_frame_id": odom,
+            "cmd_vel_out_topic": command,
+        },
+        "docking_server": {"base_frame": base, "fixed_frame": odom},
+    }
+
+
+def twist_limits(subject: Subject) -> dict[str, list[float]]:
+    """Limits of [x, y, yaw] in m/s and rad/s, m/s² and rad/s²; decelerations are negative.
+
+    The rule of the node: ``acc_time`` and ``dec_time`` may ask for gentler ramps than the drive's.
+    """
+    drive = subject.descriptor.drive
+    if drive is None:
+        raise subject.refusal(f"{subject.descriptor.name} has no drive")
+
+    def of_node(name: str, default: float) -> float:
+        return float(subject.parameter(NODE, name, default))
+
+    def pair(kind: str, x: float, yaw: float) -> tuple[float, float]:
+        return of_node(f"linear.x.max_{kind}", x), of_node(f"angular.z.max_{kind}", yaw)
+
+    speeds = pair("velocity", drive.velocity_m_s, drive.angular_velocity_rad_s)
+
+    def ramp(kind: str, time: str, x: float, yaw: float) -> tuple[float, ...]:
+        time_s = of_node(time, 1.0)
+        highest = pair(kind, x, yaw)
+        return tuple(min(a, v / time_s) for a, v in zip(highest, speeds, strict=True))
+
+    rise = ramp(
+        "acceleration", "acc_time", drive.acceleration_m_s2, drive.angular_acceleration_rad_s2
+    )
+    fall = ramp(
+        "deceleration", "dec_time", drive.deceleration_m_s2, drive.angular_deceleration_rad_s2
+    )
+    return {
+        "max_velocity": [speeds[0], 0.0, speeds[1]],
+        "min_velocity": [-speeds[0], 0.0, -speeds[1]],
+        "max_accel": [rise[0], 0.0, rise[1]],
+        "max_decel": [-fall[0], 0.0, -fall[1]],
+    }
+
+
+def _remarks(subject: Subject, command: str, *, stamped: bool) -> list[str]:
+    kind = "TwistStamped" if stamped else "Twist"
+    lines = [
+        "Merge it into your parameters of Nav2 (Jazzy). Footprint, sensors and planners are yours.",
+        f"Nav2 commands the base on {command} (geometry_msgs/msg/{kind}).",
+    ]
+    if not subject.parameter(NODE, "publish_tf", False):
+        lines.append("Nav2 needs the transform of the odometry: run the robot with publish_tf.")
+    return lines

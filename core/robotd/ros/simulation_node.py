@@ -1,0 +1,103 @@
+"""robotd_sim: simulated time on /clock, and its services; only in a simulation that has its own.
+
+The nodes of this process get the time from the cycle, not from the topic: their stamps are those
+of the period, exactly, whatever the topic costs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool
+
+from robotd.device.image import ProcessImage
+from robotd.errors import InvalidArgument, RobotdError
+from robotd.robot import Robot
+from robotd.ros.cdr import HotPublisher
+from robotd.ros.host import RosHost
+from robotd.ros.service import add_service
+from robotd.simulated_clock import PacedClock
+
+NAME = "robotd_sim"
+CLOCK_RATE_HZ = 500.0  # in simulated time
+MAX_STEPS = 1_000_000
+STEP_TIMEOUT_S = 60.0  # real time
+
+
+class SimulationNode(Node):
+    """Publishes /clock, and lets time stand and go on in steps.
+
+    Args:
+        robot: on a ``PacedClock``.
+        host: whose workers answer.
+        nodes: whose clocks follow simulated time; this node's own does too.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost, nodes: Sequence[Node]) -> None:
+        super().__init__(NAME, context=host.context)
+        if not isinstance(robot.clock, PacedClock):
+            raise InvalidArgument(f"{NAME} needs a simulated clock")
+        self._robot, self._time = robot, robot.clock
+        self._clocks = [node.get_clock() for node in (*nodes, self)]
+        publisher = self.create_publisher(Clock, "/clock", 10)
+        self._message = HotPublisher(publisher, Clock(), [])
+        self._set_clocks()
+        for clock in self._clocks:
+            clock._set_ros_time_is_active(enabled=True)  # noqa: SLF001 - what use_sim_time does
+        cycle, rate_hz = robot.cycle, robot.descriptor.cycle.rate_hz
+        cycle.every(rate_hz, "clocks of the nodes", self._follow, first=True)
+        cycle.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
+        add_service(self, host, SetBool, "~/pause", self._pause)
+        add_service(self, host, SetParametersAtomically, "~/step", _refusable(self._step))
+
+    def _follow(self, image: ProcessImage) -> None:
+        self._set_clocks()
+
+    def _set_clocks(self) -> None:
+        now = Time(nanoseconds=self._time.now_ns(), clock_type=ClockType.ROS_TIME)
+        for clock in self._clocks:
+            clock.set_ros_time_override(now)
+
+    def _publish(self, image: ProcessImage) -> None:
+        self._message.stamp(self._time.now_ns())
+        self._message.publish()
+
+    def _pause(self, request: Any, response: Any) -> Any:
+        if request.data:
+            self._time.pause()
+        else:
+            self._time.resume()
+        response.success = True
+        response.message = "time stands" if request.data else "time passes"
+        return response
+
+    def _step(self, fields: dict[str, Any]) -> str:
+        periods = fields.get("periods")
+        if list(fields) != ["periods"] or type(periods) is not int:
+            raise InvalidArgument(f"wanted is the whole number 'periods', given is {fields}")
+        if not 1 <= periods <= MAX_STEPS:
+            raise InvalidArgument(f"periods: {periods} is outside 1..{MAX_STEPS}")
+        if not self._time.step(periods * self._robot.cycle.period_ns, STEP_TIMEOUT_S):
+            raise InvalidArgument(f"periods: {periods} take longer than {STEP_TIMEOUT_S:g} s")
+        return f"time stands at {self._time.now_ns() * 1e-9:.6f} s"
+
+
+def _refusable(handle: Any) -> Any:
+    """A handler of a request that is a table of named values, and whose refusal has a reason."""
+
+    def answer(request: Any, response: Any) -> Any:
+        fields = {each.name: parameter_value_to_python(each.value) for each in request.parameters}
+        try:
+            response.result.reason, response.result.successful = handle(fields), True
+        except RobotdError as error:
+            response.result.reason, response.result.successful = str(error), False
+        return response
+
+    return answer

@@ -1,0 +1,135 @@
+"""A robot on a driver that raises or hangs: not ready, told with its name, ended in time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+from tests.conformance.mutants import Mutant
+
+from robotd.clock import MonotonicClock, wait_until
+from robotd.descriptor import RobotDescriptor
+from robotd.device.state import EngineState
+from robotd.errors import ConnectError, DeviceTimeout, NotReady, OperationError
+from robotd.plugin import guard
+from robotd.plugin.api import ProcessImage
+from robotd.plugin.manager import Backend, PluginOrigin
+from robotd.robot import Robot
+from robotd_sim import SimAxes, SimDevice
+
+broken = threading.Event()
+released = threading.Event()
+
+
+class RaisesInRead(Mutant):
+    class Axes(SimAxes):
+        def read(self, image: ProcessImage) -> None:
+            if broken.is_set():
+                raise ZeroDivisionError("no scale")
+            super().read(image)
+
+
+class HangsInRead(Mutant):
+    class Axes(SimAxes):
+        def read(self, image: ProcessImage) -> None:
+            if broken.is_set():
+                released.wait(20.0)
+            super().read(image)
+
+
+class HangsInState(Mutant):
+    class Device(SimDevice):
+        def state(self) -> EngineState:
+            if broken.is_set():
+                released.wait(20.0)
+            return super().state()
+
+
+class HangsInServo(Mutant):
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            released.wait(20.0)
+
+
+class RaisesInServo(Mutant):
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            raise KeyError("controlword")
+
+
+class HangsInClose(Mutant):
+    class Device(SimDevice):
+        def close(self) -> None:
+            released.wait(20.0)
+
+
+@pytest.fixture(autouse=True)
+def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Budgets of tenths of a second, and nothing broken or hanging before and after a test."""
+    for name in ("CALL_BUDGET_S", "GRACE_S", "STATE_BUDGET_S"):
+        monkeypatch.setattr(guard, name, 0.1)
+    monkeypatch.setattr("robotd.cycle.loop.STOP_S", 0.2)
+    monkeypatch.setattr("robotd.cycle.watchdog.HANG_S", 0.1)
+    monkeypatch.setattr("robotd.device.engine.ANSWER_S", 0.2)
+    broken.clear()
+    released.clear()
+    yield
+    released.set()
+
+
+def make(mutant: type[Mutant]) -> Robot:
+    keys = {"schema": 1, "name": "bare", "axes": 2, "engine": {"servo_timeout_s": 0.1}}
+    origin = PluginOrigin(mutant.__name__, "acme", "robotd-acme", "1.0")
+    return Robot(RobotDescriptor.model_validate(keys), Backend(origin, mutant()), MonotonicClock())
+
+
+def waits(condition: object) -> bool:
+    assert callable(condition)
+    return wait_until(condition, 5.0, MonotonicClock())
+
+
+@pytest.mark.parametrize("mutant", [RaisesInRead, HangsInRead, HangsInState])
+def test_a_cycle_that_cannot_read_takes_no_command_and_can_be_ended(mutant: type[Mutant]) -> None:
+    robot = make(mutant)
+    robot.start()
+    assert waits(lambda: robot.engine.ready)
+    broken.set()
+    assert waits(lambda: not robot.engine.ready)
+    with pytest.raises(NotReady, match="engine is not ready"):
+        robot.axes.servo(0, True)
+    began_s = time.monotonic()
+    robot.shutdown()
+    assert time.monotonic() - began_s < 5.0
+    assert robot.engine.state is EngineState.SHUTDOWN
+
+
+def test_a_command_that_hangs_or_raises_names_the_plugin() -> None:
+    for mutant, kind, says in (
+        (HangsInServo, DeviceTimeout, "AxisDriver.servo did not return within 0.2 s"),
+        (RaisesInServo, OperationError, "AxisDriver.servo failed: KeyError: 'controlword'"),
+    ):
+        robot = make(mutant)
+        robot.start()
+        assert waits(lambda robot=robot: robot.engine.ready)
+        with pytest.raises(kind) as caught:
+            robot.axes.servo(0, True)
+        assert f"plugin {mutant.__name__!r} (acme of robotd-acme 1.0): {says}" in str(caught.value)
+        assert robot.engine.ready
+        robot.shutdown()
+
+
+def test_a_device_that_does_not_close_is_left_to_itself() -> None:
+    robot = make(HangsInClose)
+    robot.start()
+    robot.shutdown()
+    assert robot.engine.state is EngineState.SHUTDOWN
+
+
+def test_an_arm_whose_servos_hang_says_which() -> None:
+    robot = make(HangsInServo)
+    robot.joint_axes = (0, 1)
+    with pytest.raises(ConnectError, match=r"AxisDriver\.servo did not return"):
+        robot.start()
+    robot.shutdown()

@@ -1,0 +1,29 @@
+"""The map of the documentation is complete, and no link between pages is dead."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [*DOCS.rglob("*.md"), *ROOT.glob("*.md"), ROOT / "robots" / "README.md"]
+
+
+def links(page: Path) -> list[str]:
+    """The targets of all links to files, without anchors."""
+    found = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    return [target.partition("#")[0] for target in found if not target.startswith(("http", "#"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_to_a_file(page: Path) -> None:
+    for target in links(page):
+        assert (page.parent / target).exists(), target
+
+
+def test_the_map_leads_to_every_page() -> None:
+    linked = {(DOCS / target).resolve() for target in links(DOCS / "README.md")}
+    assert {page.resolve() for page in DOCS.rglob("*.md")} - linked == {DOCS / "README.md"}

@@ -1,0 +1,132 @@
+"""status, move, gripper, servo: what they say and end with, against a robot in another process."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from contextlib import closing
+from typing import Any
+
+import pytest
+from sensor_msgs.msg import JointState
+from tests.ros.robot_process import Client, RobotProcess, new_domain, wait_until
+
+pytestmark = pytest.mark.ros
+
+NOT_ENABLED = ("--nodes", "wmx_engine_node,wmx_core_motion_node")
+
+
+def start(domain: int, *arguments: str) -> subprocess.Popen[str]:
+    environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "robotd", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | environment,
+    )
+
+
+def robotd(domain: int, *arguments: str) -> tuple[int, str, str]:
+    """Exit status, standard output and standard error of a command."""
+    process = start(domain, *arguments)
+    output, error = process.communicate(timeout=30)
+    return process.returncode, output, error
+
+
+def positions(domain: int) -> list[float]:
+    report = json.loads(robotd(domain, "status", "--json")[1])
+    return [axis["position"] for axis in report["axes"]]
+
+
+def test_status_as_json_has_every_axis(cr3a: RobotProcess, client: Client) -> None:
+    status, output, _ = robotd(cr3a.domain, "status", "--json")
+    report = json.loads(output)
+    assert status == 0
+    assert (report["state"], report["ready"]) == ("Communicating", True)
+    assert [axis["axis"] for axis in report["axes"]] == list(range(6))
+    assert all(axis["servo_on"] and not axis["alarm"] for axis in report["axes"])
+
+
+def test_move_moves_the_named_joints_only(cr3a: RobotProcess, client: Client) -> None:
+    status, output, _ = robotd(cr3a.domain, "move", "joint2=10", "joint6=-20", "--deg")
+    assert status == 0
+    assert output.startswith("goal reached")
+    wanted = [0.0, 0.17453, 0.0, 0.0, 0.0, -0.34907]
+    assert positions(cr3a.domain) == pytest.approx(wanted, abs=2e-3)
+    assert robotd(cr3a.domain, "move", "joint2=0", "joint6=0", "--time", "1")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["move", "joint1=3.3"], "position 3.3 rad exceeds 3.14 rad"),
+        (["move", "joint9=0"], "unknown joint 'joint9'; there is joint1, "),
+        (["servo", "on", "7"], "axis 7 is outside 0..5"),
+    ],
+)
+def test_a_refusal_is_status_1_with_the_reason(
+    cr3a: RobotProcess, client: Client, arguments: list[str], reason: str
+) -> None:
+    status, output, error = robotd(cr3a.domain, *arguments)
+    assert (status, output) == (1, "")
+    assert error.startswith("robotd: error: ")
+    assert reason in error
+
+
+def test_one_servo_can_be_switched(cr3a: RobotProcess, client: Client) -> None:
+    assert robotd(cr3a.domain, "servo", "off", "5") == (0, "joint6: ok\n", "")
+    report = json.loads(robotd(cr3a.domain, "status", "--json")[1])
+    assert [axis["servo_on"] for axis in report["axes"]] == [True] * 5 + [False]
+    assert robotd(cr3a.domain, "servo", "on", "5") == (0, "joint6: ok\n", "")
+
+
+def test_the_gripper_closes_and_opens(cr3a: RobotProcess, client: Client) -> None:
+    joints: list[Any] = client.listen(JointState, "/joint_states")
+    assert robotd(cr3a.domain, "gripper", "close")[0] == 0
+    client.next(joints, lambda message: message.position[6] > 0.04)
+    assert robotd(cr3a.domain, "gripper", "open")[0] == 0
+    client.next(joints, lambda message: message.position[6] < 0.001)
+
+
+def test_without_a_robot_status_says_so() -> None:
+    domain = new_domain()
+    status, output, error = robotd(domain, "status", "--timeout", "0.5")
+    assert (status, output) == (5, "")
+    assert "no service /wmx/engine/get_status within 0.5 s" in error
+    assert f"ROS_DOMAIN_ID={domain}" in error
+
+
+def test_a_namespace_is_followed_by_the_same_ros_args() -> None:
+    remap = ("--ros-args", "-r", "__ns:=/left")
+    with RobotProcess(*NOT_ENABLED, *remap) as robot:
+        robot.wait_ready()
+        status, output, _ = robotd(robot.domain, "status", "--json", *remap)
+    assert status == 0
+    assert not any(axis["servo_on"] for axis in json.loads(output)["axes"])
+
+
+def test_of_several_arms_one_must_be_chosen(cr3a: RobotProcess, client: Client) -> None:
+    action = "joint_trajectory_action:=/other/follow"
+    other = ("--ros-args", "-r", "__ns:=/other", "-p", action)
+    with RobotProcess(*other, domain=cr3a.domain) as second:
+        second.wait_ready()
+        status, _, error = robotd(cr3a.domain, "move", "joint1=0")
+    assert status == 1
+    assert "several arms: choose one by --action" in error
+    assert "/other/follow" in error
+
+
+def test_a_robot_that_dies_in_motion_is_noticed() -> None:
+    with RobotProcess() as robot:
+        robot.wait_ready()
+        moving = start(robot.domain, "move", "joint1=1.5", "--time", "20", "--timeout", "2")
+        with closing(Client(robot.domain)) as client:
+            joints: list[Any] = client.listen(JointState, "/joint_states")
+            wait_until(lambda: joints and joints[-1].position[0] > 0.01, "motion")
+        robot.process.kill()
+        _, error = moving.communicate(timeout=20)
+    assert moving.returncode == 5
+    assert "it may be moving" in error

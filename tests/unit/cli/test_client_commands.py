@@ -1,0 +1,65 @@
+"""The commands for a running robot, up to the point where they need one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+
+import pytest
+from click.testing import Result
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.interrupt import Interrupt
+from robotd.cli.progress import Progress
+
+Robotd = Callable[..., Result]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["move"], "Missing argument 'JOINT=POSITION...'"),
+        (["move", "joint1"], "'joint1' is not like joint1=0.5"),
+        (["move", "=1"], "'=1' is not like joint1=0.5"),
+        (["move", "joint1=far"], "joint1: 'far' is not a number"),
+        (["move", "joint1=nan"], "joint1: 'nan' is not a number"),
+        (["move", "joint1=inf"], "joint1: 'inf' is not a number"),
+        (["move", "joint1=0", "joint1=1"], "joint1 is given twice"),
+        (["move", "joint1=0", "--time", "0"], "0.0 is not in the range"),
+        (["move", "joint1=0", "--time", "nan"], "nan is not a number"),
+        (["move", "joint1=0", "--timeout", "nan"], "nan is not a number"),
+        (["gripper", "squeeze"], "'squeeze' is not one of 'open', 'close'"),
+        (["servo", "on", "-1"], "No such option '-1'"),
+        (["servo", "on", "128"], "128 is not in the range 0<=x<=127"),
+    ],
+)
+def test_a_wrong_command_line_is_status_2(robotd: Robotd, words: list[str], text: str) -> None:
+    result = robotd(*words)
+    assert result.exit_code == ExitCode.USAGE
+    assert text in result.stderr
+
+
+def test_the_first_interrupt_is_noted_and_the_second_one_raises() -> None:
+    with Interrupt() as interrupt:
+        assert not interrupt.happened
+        os.kill(os.getpid(), signal.SIGINT)
+        assert interrupt.happened
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_progress_is_one_line_on_a_terminal_and_nothing_elsewhere(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    progress = Progress(["joint1"], 2.0, degrees=True)
+    progress.show(1.0, {"joint1": 0.5, "joint2": 0.0})
+    progress.end()
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    progress.show(1.0, {"joint1": 0.5, "joint2": 0.0})
+    assert "1.0 of 2.0 s  joint1 +28.6°" in capsys.readouterr().err
+    progress.end()
+    assert "joint1" not in capsys.readouterr().err

@@ -1,0 +1,212 @@
+"""What the exports say is what the descriptor says; what does not apply is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import yaml
+
+from robotd.cli.export import TARGETS
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.errors import DescriptorError
+from robotd.export import EXPORTS, Subject
+from robotd.export.nav2 import twist_limits
+
+ACTION = "movensys_manipulator_arm_controller/follow_joint_trajectory"
+
+
+def changed(descriptor: RobotDescriptor, node: str, **parameters: Any) -> Subject:
+    """The robot with other values of the parameters of one node."""
+    values = descriptor.ros_parameters | {
+        node: descriptor.ros_parameters.get(node, {}) | parameters
+    }
+    return Subject(descriptor.model_copy(update={"ros_parameters": values}))
+
+
+@pytest.fixture(scope="module")
+def cr3a() -> RobotDescriptor:
+    return load_robot_descriptor("cr3a")
+
+
+@pytest.fixture(scope="module")
+def baymax() -> RobotDescriptor:
+    return load_robot_descriptor("baymax")
+
+
+def move_group(subject: Subject) -> dict[str, Any]:
+    """The parameters in the export for MoveIt."""
+    content = yaml.safe_load(EXPORTS["moveit"](subject))
+    assert list(content) == ["/**"]
+    parameters: dict[str, Any] = content["/**"]["ros__parameters"]
+    return parameters
+
+
+def action_of(parameters: dict[str, Any]) -> str:
+    """The action's name as MoveIt puts it together."""
+    manager = parameters["moveit_simple_controller_manager"]
+    (name,) = manager["controller_names"]
+    action_ns = manager[name]["action_ns"]
+    return f"/{name}/{action_ns}" if action_ns else f"/{name}"
+
+
+def test_the_command_knows_every_target() -> None:
+    assert tuple(EXPORTS) == TARGETS
+
+
+def test_moveit_gets_the_joints_with_their_limits(cr3a: RobotDescriptor) -> None:
+    parameters = move_group(Subject(cr3a))
+    controller = parameters["moveit_simple_controller_manager"][ACTION.split("/", maxsplit=1)[0]]
+    assert controller["type"] == "FollowJointTrajectory"
+    assert controller["joints"] == list(cr3a.joint_names)
+    limits = parameters["robot_description_planning"]["joint_limits"]
+    assert set(limits) == set(cr3a.joint_names)
+    for joint in cr3a.joints:
+        assert limits[joint.name] == {
+            "has_position_limits": True,
+            "min_position": joint.lower_rad,
+            "max_position": joint.upper_rad,
+            "has_velocity_limits": True,
+            "max_velocity": joint.velocity_rad_s,
+            "has_acceleration_limits": True,
+            "max_acceleration": joint.acceleration_rad_s2,
+        }
+
+
+@pytest.mark.parametrize(
+    ("action", "namespace", "resolved"),
+    [
+        (ACTION, "/", f"/{ACTION}"),
+        (f"/{ACTION}", "/left", f"/{ACTION}"),
+        (ACTION, "/cell/left", f"/cell/left/{ACTION}"),
+        ("follow", "/", "/follow"),
+        ("~/follow", "/left", "/left/follow_joint_trajectory_server/follow"),
+    ],
+)
+def test_moveit_reaches_the_action(
+    cr3a: RobotDescriptor, action: str, namespace: str, resolved: str
+) -> None:
+    subject = changed(cr3a, "follow_joint_trajectory_server", joint_trajectory_action=action)
+    assert action_of(move_group(Subject(subject.descriptor, namespace))) == resolved
+
+
+def test_moveit_is_as_patient_as_the_robot(cr3a: RobotDescriptor) -> None:
+    assert move_group(Subject(cr3a))["trajectory_execution"] == {
+        "allowed_start_tolerance": cr3a.trajectory.start_tolerance_rad,
+        "allowed_goal_duration_margin": cr3a.trajectory.goal_time_s,
+    }
+
+
+def test_moveit_is_told_of_the_gripper_in_a_comment(cr3a: RobotDescriptor) -> None:
+    text = EXPORTS["moveit"](Subject(cr3a, "/left"))
+    assert "/left/wmx/set_gripper (std_srvs/srv/SetBool)" in text
+    assert "picker_1_joint, picker_2_joint" in text
+    assert "(variant intel)" in text
+
+
+def nodes_of_nav2(subject: Subject) -> dict[str, dict[str, Any]]:
+    content = yaml.safe_load(EXPORTS["nav2"](subject))
+    for name in ("local_costmap", "global_costmap"):
+        content[name] = content[name][name]
+    return {name: node["ros__parameters"] for name, node in content.items()}
+
+
+def test_nav2_gets_topics_frames_and_limits(baymax: RobotDescriptor) -> None:
+    subject = changed(baymax, "diff_drive_controller", odom_frame_id="o", base_frame_id="b")
+    nodes = nodes_of_nav2(subject)
+    for name in ("bt_navigator", "controller_server", "velocity_smoother"):
+        assert nodes[name]["odom_topic"] == "/odom_enc"
+    assert nodes["collision_monitor"]["cmd_vel_out_topic"] == "/cmd_vel"
+    assert (nodes["local_costmap"]["global_frame"], nodes["behavior_server"]["local_frame"]) == (
+        "o",
+        "o",
+    )
+    assert {node["robot_base_frame"] for node in nodes.values() if "robot_base_frame" in node} == {
+        "b"
+    }
+    drive = baymax.drive
+    assert drive is not None
+    assert nodes["velocity_smoother"]["max_velocity"] == [
+        drive.velocity_m_s,
+        0.0,
+        drive.angular_velocity_rad_s,
+    ]
+
+
+def test_nav2_stays_within_the_gentler_of_ramp_and_limit(baymax: RobotDescriptor) -> None:
+    subject = changed(
+        baymax,
+        "diff_drive_controller",
+        acc_time=4.0,
+        dec_time=0.1,
+        **{"linear.x.max_velocity": 0.8, "angular.z.max_acceleration": 0.25},
+    )
+    drive = baymax.drive
+    assert drive is not None
+    assert twist_limits(subject) == {
+        "max_velocity": [0.8, 0.0, drive.angular_velocity_rad_s],
+        "min_velocity": [-0.8, 0.0, -drive.angular_velocity_rad_s],
+        "max_accel": [0.2, 0.0, 0.25],
+        "max_decel": [-drive.deceleration_m_s2, 0.0, -drive.angular_deceleration_rad_s2],
+    }
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_nav2_sends_the_type_that_the_robot_takes(baymax: RobotDescriptor, stamped: bool) -> None:
+    subject = changed(baymax, "diff_drive_controller", use_stamped_vel=stamped)
+    nodes = nodes_of_nav2(subject)
+    sending = {name for name, values in nodes.items() if "enable_stamped_cmd_vel" in values}
+    assert {"controller_server", "behavior_server", "velocity_smoother"} < sending
+    assert all(nodes[name]["enable_stamped_cmd_vel"] is stamped for name in sending)
+
+
+def test_nav2_is_warned_of_a_missing_transform(baymax: RobotDescriptor) -> None:
+    assert "publish_tf" in EXPORTS["nav2"](Subject(baymax))
+    subject = changed(baymax, "diff_drive_controller", publish_tf=True)
+    assert "publish_tf" not in EXPORTS["nav2"](subject)
+
+
+def test_isaac_gets_the_joints_of_the_arm() -> None:
+    descriptor = load_robot_descriptor("cr3a", "orin")
+    joints, clock = yaml.safe_load(EXPORTS["isaac"](Subject(descriptor)))["action_graph"]
+    assert joints["topic"] == "/isaacsim/joint_command"
+    assert joints["type"] == "sensor_msgs/msg/JointState"
+    assert joints["joints"] == descriptor.ros_parameters["manipulator_state"]["joint_name"]
+    assert clock["topic"] == "/clock"
+
+
+def test_isaac_gets_the_wheels_of_a_base(baymax: RobotDescriptor) -> None:
+    base, _ = yaml.safe_load(EXPORTS["isaac"](Subject(baymax, "/floor")))["action_graph"]
+    assert base["topic"] == "/floor/cmd_vel_check"
+    assert baymax.drive is not None
+    assert base["wheel_radius_m"] == baymax.drive.wheel_radius_m
+    assert base["wheel_distance_m"] == baymax.drive.wheel_separation_m
+
+
+def test_the_urdf_is_the_file(cr3a: RobotDescriptor) -> None:
+    assert cr3a.urdf is not None
+    assert EXPORTS["urdf"](Subject(cr3a)) == cr3a.urdf.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("target", "robot", "reason"),
+    [
+        ("nav2", "cr3a", "nav2 needs a drive, which cr3a has not"),
+        ("moveit", "baymax", "moveit needs joints, which baymax has not"),
+        ("isaac", "cr3a", "isaacsim_joint_topic is not given; try --variant orin"),
+        ("isaac", "standalone", "publishes nothing for Isaac Sim"),
+        ("urdf", "standalone", "standalone has no urdf"),
+    ],
+)
+def test_what_does_not_apply_is_refused(target: str, robot: str, reason: str) -> None:
+    with pytest.raises(DescriptorError, match=reason):
+        EXPORTS[target](Subject(load_robot_descriptor(robot)))
+
+
+def test_an_arm_without_its_action_is_refused(cr3a: RobotDescriptor) -> None:
+    without = cr3a.model_copy(update={"nodes": ("wmx_io_node",)})
+    with pytest.raises(DescriptorError, match="does not run follow_joint_trajectory_server"):
+        EXPORTS["moveit"](Subject(without))
+    unnamed = changed(cr3a, "follow_joint_trajectory_server", joint_trajectory_action="")
+    with pytest.raises(DescriptorError, match="has no joint_trajectory_action"):
+        EXPORTS["moveit"](unnamed)
