@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 import threading
 
-import can
-
 from robotd.plugin.api import CommandMode, Operation, ProcessImage, Profile, get_logger
 from robotd_canopen.bus import Bus, frame
 from robotd_canopen.estimate import Estimate
@@ -28,7 +26,6 @@ from robotd_canopen.layout import AxisLayout
 from robotd_canopen.modes import CYCLIC, OperationMode, rest_mode
 from robotd_canopen.modes import VELOCITY as VELOCITY_MODES
 from robotd_canopen.node import Node
-from robotd_canopen.pdo import Pdo
 from robotd_canopen.scaling import Scaling, wrapped
 from robotd_canopen.states import FAULTY, POWERED, Control, DriveState, Status, drive_state
 
@@ -85,7 +82,19 @@ class Axis:
         self.status = self.displayed_mode = 0
         self._feedback = feedback
         self._resting = 0
-        self._frames = [(pdo, frame(pdo.cob_id, bytes(pdo.layout.size))) for pdo in layout.rpdos]
+        self._frames = [
+            (
+                pdo,
+                frame(pdo.cob_id, bytes(pdo.layout.size)),
+                [entry.base for entry in pdo.entries],
+                (
+                    pdo.holds(CONTROLWORD) or pdo.holds(OPERATION_MODE),
+                    pdo.holds(TARGET_VELOCITY),
+                    pdo.holds(TARGET_POSITION),
+                ),
+            )
+            for pdo in layout.rpdos
+        ]
 
     @property
     def powered(self) -> bool:
@@ -111,9 +120,10 @@ class Axis:
         word = self.control | self.bits
         if self.mode is OperationMode.INTERPOLATED_POSITION and self.powered:
             word |= Control.ENABLE_INTERPOLATION
-        for pdo, message in self._frames:
-            if self._is_needed(pdo):
-                self._fill(pdo, message, word)
+        for pdo, message, bases, holds in self._frames:
+            if self._is_needed(*holds):
+                values = [self._value(base, word) for base in bases]
+                pdo.layout.pack_into(message.data, 0, *values)
                 bus.send(message)
         self.sent = word
 
@@ -227,26 +237,26 @@ class Axis:
             ramp = self.deceleration if slower else self.acceleration
             self.velocity = _towards(self.velocity, self.target_velocity, ramp * period_s)
 
-    def _is_needed(self, pdo: Pdo) -> bool:
-        if pdo.holds(CONTROLWORD) or pdo.holds(OPERATION_MODE):
-            return True
-        if pdo.holds(TARGET_VELOCITY):
+    def _is_needed(self, common: bool, velocity: bool, target: bool) -> bool:
+        """Whether an RPDO is sent in the present mode, by what it holds."""
+        if velocity and not common:
             return self.mode in VELOCITY_MODES
-        return not pdo.holds(TARGET_POSITION) or self.mode is OperationMode.PROFILE_POSITION
+        return common or not target or self.mode is OperationMode.PROFILE_POSITION
 
-    def _fill(self, pdo: Pdo, message: can.Message, word: int) -> None:
-        values = {CONTROLWORD: word, OPERATION_MODE: int(self.mode)}
-        profile = self.mode is OperationMode.PROFILE_POSITION
-        counts = 0
-        if math.isfinite(self.position):
-            counts = wrapped(self.scaling.counts(self.position))
-        values[TARGET_POSITION] = wrapped(self.target_counts) if profile else counts
-        values[INTERPOLATION] = counts
-        cyclic = self.mode is OperationMode.CYCLIC_VELOCITY
-        speed = self.velocity if cyclic else self.target_velocity
-        values[TARGET_VELOCITY] = self.scaling.velocity_units(speed)
-        fields = [values.get(entry.base, 0) for entry in pdo.entries]
-        pdo.layout.pack_into(message.data, 0, *fields)
+    def _value(self, base: int, word: int) -> int:
+        """What the mapped object ``base`` holds now."""
+        if base == CONTROLWORD:
+            return word
+        if base == OPERATION_MODE:
+            return int(self.mode)
+        if base == TARGET_VELOCITY:
+            cyclic = self.mode is OperationMode.CYCLIC_VELOCITY
+            return self.scaling.velocity_units(self.velocity if cyclic else self.target_velocity)
+        if base == TARGET_POSITION and self.mode is OperationMode.PROFILE_POSITION:
+            return wrapped(self.target_counts)
+        if base in (TARGET_POSITION, INTERPOLATION) and math.isfinite(self.position):
+            return wrapped(self.scaling.counts(self.position))
+        return 0
 
     def _watch_power(self) -> None:
         """A drive that leaves its power stage by itself is not switched on again by us."""

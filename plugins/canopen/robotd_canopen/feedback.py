@@ -61,15 +61,17 @@ class Feedback:
         """Receives one TPDO of one axis: raises ValueError for a frame that is too short."""
         size, unpack = pdo.layout.size, pdo.layout.unpack_from
         columns = [self.columns.get(entry.base, self._unread) for entry in pdo.entries]
-        slot = self.pdos.index((axis, pdo)) if (axis, pdo) in self.pdos else None
+        known = (axis, pdo) in self.pdos
+        slot, seen = (self.pdos.index((axis, pdo)), self.seen) if known else (0, self.seen[:1] * 0)
 
         def receive(data: bytearray, time_ns: int) -> None:
             if len(data) < size:
                 raise ValueError(f"{pdo.name} has {len(data)} bytes, {size} are mapped")
-            for column, value in zip(columns, unpack(data), strict=True):
-                column[axis] = value
-            if slot is not None:
-                self.seen[slot] = self.syncs
+            number = 0
+            for value in unpack(data):
+                columns[number][axis] = value
+                number += 1  # noqa: SIM113 - for each frame of the bus: enumerate costs more
+            seen[slot] = self.syncs
 
         return receive
 
