@@ -45,6 +45,8 @@ class Rig:
         assert wait_until(condition, timeout_s, MonotonicClock())
 
     def idle(self, axis: int) -> None:
+        """Wait for the end of a command; it may take a period to show in the image."""
+        self.master.settle()
         self.until(lambda: not self.image.operation[axis])
 
     def request(self, seconds: float, target: float) -> TrajectoryRequest:

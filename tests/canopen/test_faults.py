@@ -136,9 +136,9 @@ def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:
 def test_the_drives_stop_when_the_daemon_is_gone(open_rig: OpenRig) -> None:
     with open_rig() as rig:
         rig.robot.cycle.stop()
-        rig.until(lambda: all(
-            rig.drive(node).drives[0].get(0x603F) == 0x8130 for node in range(1, 7)
-        ))  # fmt: skip
+        drives = [rig.drive(node).drives[0] for node in range(1, 7)]
+        rig.until(lambda: all(drive.get(0x603F) == 0x8130 for drive in drives))
+        rig.master.state = EngineState.RUNNING  # nobody is left who could stop it in order
 
 
 def test_a_bus_that_goes_away(open_rig: OpenRig) -> None:
