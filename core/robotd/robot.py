@@ -91,7 +91,13 @@ class Robot:
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        self.follower = TrajectoryFollower(self.axes, streamer, descriptor, clock)
+        self.follower = TrajectoryFollower(
+            self.axes,
+            streamer,
+            descriptor,
+            clock,
+            driver if self.axes.trajectories_on_device else None,
+        )
         drive = descriptor.drive
         self.base = MobileBase(self.axes, streamer, drive, clock) if drive else None
         self.wheel_axes = drive.axes if drive else ()

@@ -21,6 +21,7 @@ from std_msgs.msg import Bool
 
 from robotd.ros.host import RosHost
 
+BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the same on all
 WAIT_S = 20.0
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -59,9 +60,10 @@ class RobotProcess:
         environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{self.domain}",  # an engine of its own
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", "sim", *arguments],
+            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", BACKEND, *arguments],
             stdout=self._log,
             stderr=subprocess.STDOUT,
             env=environment,

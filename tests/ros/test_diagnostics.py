@@ -12,9 +12,10 @@ from std_msgs.msg import String
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from wmx_ros2_message.srv import SetAxis
 
+from robotd.clock import FakeClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.robot import build_robot
-from robotd.ros.diagnostics import Diagnostics
+from robotd.ros.diagnostics import LOOK_S, Diagnostics
 from robotd.ros.host import RosHost
 from robotd.ros.part_status import Level
 
@@ -93,6 +94,35 @@ def test_a_description_of_one_s_own_takes_the_place_of_the_robot_s() -> None:
             assert messages[0].data == "<robot name='mine'/>"
         finally:
             client.close()
+
+
+def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    clock = FakeClock()
+    monkeypatch.setattr("robotd.ros.diagnostics.MonotonicClock", clock)
+    robot = build_robot("standalone", "sim")
+    told: list[Any] = []
+    with RosHost(domain_id=97) as host:
+        diagnostics = Diagnostics(Node("any", context=host.context), robot)
+        monkeypatch.setattr(diagnostics, "_publish", told.append)
+
+        def told_within(seconds: float) -> int:
+            before = len(told)
+            for _ in range(round(seconds / LOOK_S)):
+                clock.advance(LOOK_S)
+                diagnostics._look()
+            return len(told) - before
+
+        assert told_within(LOOK_S) == 1
+        while not told_within(LOOK_S):
+            pass
+        assert told_within(5.0) == 5
+        assert told_within(0.3) == 0
+        robot.engine.open()
+        assert told_within(LOOK_S) == 1
+        assert told_within(0.3) == 0
+        assert told_within(5.0) == 5
+        robot.engine.shutdown()
 
 
 def test_in_a_namespace_the_names_tell_whose_it_is_and_the_end_is_told(

@@ -20,6 +20,7 @@ from robotd.cli.options import (
     robot_options,
     which_robot,
 )
+from robotd.cli.sim_commands import sim
 from robotd.cli.time_scale import time_scale
 
 # Nothing but click is imported up here: `robotd --help` must not wait for numpy or ROS.
@@ -56,6 +57,12 @@ def main() -> None:
     help="Write the timing of the last periods there, as JSON, when stopped.",
 )
 @time_scale
+@click.option(
+    "--scenario",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Simulation: let the faults of the file happen.",
+)
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:
@@ -147,5 +154,5 @@ def nodes(ctx: click.Context, *, as_json: bool) -> None:
     list_nodes(as_json=as_json)
 
 
-for command in (*CLIENT_COMMANDS, *AUTHOR_COMMANDS):
+for command in (*CLIENT_COMMANDS, *AUTHOR_COMMANDS, sim):
     main.add_command(command)

@@ -12,7 +12,7 @@ from robotd.errors import RobotdError
 
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
-ROS_COMMANDS = (DEFAULT, "move", "gripper", "servo", "status")
+ROS_COMMANDS = (DEFAULT, "move", "gripper", "servo", "status", "sim")
 
 
 class RobotdGroup(click.Group):

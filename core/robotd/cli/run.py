@@ -17,13 +17,14 @@ from robotd.cli.summary import start_summary
 from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import InvalidArgument, OperationError
-from robotd.plugin.manager import PluginOrigin, load_backend
+from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd.simulated_clock import PacedClock
 
 if TYPE_CHECKING:
     from robotd.ros.surface import ServeReport
+    from robotd.scenario import FaultSchedule
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class RunOptions:
         variant, backend, nodes, rate_hz: None leaves the descriptor's own.
         report: where the cycle's timing is written after an orderly stop; None: nowhere.
         time_scale: simulated seconds per second, infinity for as fast as it goes; None: real time.
+        scenario: whose options and faults are used; None: no faults but those asked for later.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -45,6 +47,7 @@ class RunOptions:
     rate_hz: float | None
     report: Path | None
     time_scale: float | None
+    scenario: Path | None
     ros_args: Sequence[str]
 
 
@@ -55,11 +58,10 @@ def run_robot(options: RunOptions) -> int:
     descriptor = _descriptor(options, catalogue)
     nodes = _chosen_nodes(descriptor, options.nodes)
     backend = load_backend(options.backend or descriptor.backend)
-    scale = options.time_scale
-    robot = Robot(descriptor, backend, MonotonicClock() if scale is None else PacedClock(scale))
+    robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
-    code = _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args)
+    code = _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args, faults)
     if options.report:
         write_report(options.report, robot.cycle)
     return code
@@ -71,6 +73,7 @@ def _serve(
     nodes: Sequence[str],
     registry: NodeRegistry,
     ros_args: Sequence[str],
+    faults: FaultSchedule | None,
 ) -> int:
     server = import_ros("serve")
     is_served = False
@@ -81,16 +84,44 @@ def _serve(
         click.echo(start_summary(robot, origin, report))
 
     def ready() -> None:
+        if faults is not None:
+            faults.begin()
         click.echo(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
 
     try:
-        code = server.serve(robot, nodes, ros_args, registry=registry, served=served, ready=ready)
+        code = server.serve(
+            robot,
+            nodes,
+            ros_args,
+            registry=registry,
+            served=served,
+            ready=ready,
+            faults=faults,
+        )
     except OperationError as error:
         # The device is touched only after the nodes are there: until then it can be but ROS.
         if is_served or isinstance(error, InvalidArgument):
             raise
         raise RosUnavailable(str(error)) from error
     return int(code)
+
+
+def _made(
+    descriptor: RobotDescriptor, backend: Backend, options: RunOptions
+) -> tuple[Robot, FaultSchedule | None]:
+    """The robot on its clock, and what may go wrong with it; None where that is nothing."""
+    scale = options.time_scale
+    clock = MonotonicClock() if scale is None else PacedClock(scale)
+    if scale is None and options.scenario is None:
+        return Robot(descriptor, backend, clock), None
+    from robotd.scenario import FaultSchedule, load_scenario
+
+    if options.scenario is None:
+        robot = Robot(descriptor, backend, clock)
+        return robot, FaultSchedule(robot)
+    scenario = load_scenario(options.scenario)
+    robot = Robot(scenario.lay_over(descriptor), backend, clock)
+    return robot, FaultSchedule(robot, scenario.faults)
 
 
 def _descriptor(options: RunOptions, catalogue: Catalogue) -> RobotDescriptor:

@@ -62,9 +62,12 @@ class Progress:
 class Execution:
     """Made by ``TrajectoryFollower.follow``; advanced by the cycle, watched by one worker.
 
+    This one is streamed: it computes setpoints. ``DeviceExecution`` is the other kind.
+
     Any thread may call ``cancel``, ``wait`` and ``progress``; the rest belongs to the cycle.
 
     Attributes:
+        streams: whether the cycle sends its setpoints.
         trajectory: what is executed, planned and checked.
         start_ns: monotonic time of the trajectory's time 0.
         position, velocity: (m,) the setpoint for the end of the period.
@@ -72,6 +75,8 @@ class Execution:
         outcome, message: None and "" until it has ended.
         max_error: (m,) largest following error seen so far, rad or m.
     """
+
+    streams = True
 
     def __init__(
         self,
@@ -152,6 +157,9 @@ class Execution:
         state = self.trajectory.state_at(time_s)
         return MotionState.at_rest(state.position) if time_s < 0.0 else state
 
+    def begin(self) -> None:
+        """Follower: it was submitted and will run."""
+
     def take_over(self, running: Execution) -> None:
         """Streamer: the setpoint that the joints are reaching now is one of ``running``."""
         self.position[:] = running.position
@@ -168,7 +176,7 @@ class Execution:
             self._judge(time_ns)
         match self._phase:
             case Phase.RUNNING | Phase.STOPPING:
-                self._move_on(time_ns + period_ns, time_ns)
+                self._move_on(time_ns + period_ns, time_ns, image)
             case Phase.ARRIVING:
                 self._arrive(time_ns)
             case Phase.RESTING:
@@ -200,11 +208,8 @@ class Execution:
     def _check_drives(self, image: ProcessImage) -> None:
         """A drive that does not follow is a fault, also while its neighbours are being stopped."""
         axes, joints = self._axes, len(self._axes)
-        following = np.count_nonzero(image.operation[axes] == Operation.STREAM) == joints
-        # Values from before the stream began do not show it yet.
-        self._followed |= following
         if (
-            (following or not self._followed)
+            self._obeyed(image)
             and np.count_nonzero(image.servo_on[axes]) == joints
             and not np.count_nonzero(image.amp_alarm[axes])
             and not np.count_nonzero(image.offline[axes])
@@ -215,6 +220,12 @@ class Execution:
         elif self.ending[0] is not Outcome.FAULT:
             reason = f"{self._fault_text(image)} (while stopping: {self.ending[1]})"
             self.ending = (Outcome.FAULT, reason)
+
+    def _obeyed(self, image: ProcessImage) -> bool:
+        """Nothing but us moves the axes; values from before the stream do not show it yet."""
+        following = bool((image.operation[self._axes] == Operation.STREAM).all())
+        self._followed |= following
+        return following or not self._followed
 
     def _fault_text(self, image: ProcessImage) -> str:
         """Which joint, when, and what. The joint that is worst off names the reason."""
@@ -249,11 +260,14 @@ class Execution:
             if violation is not None:
                 self._end(Outcome.PATH_TOLERANCE, str(violation))
         if self.ending is not None:
-            self._stop = plan_stop(self.trajectory, self._time_s, self._limits)
-            self._stop_ns = time_ns
-            self._enter(Phase.STOPPING, time_ns)
+            self._begin_stop(time_ns)
 
-    def _move_on(self, due_ns: int, time_ns: int) -> None:
+    def _begin_stop(self, time_ns: int) -> None:
+        self._stop = plan_stop(self.trajectory, self._time_s, self._limits)
+        self._stop_ns = time_ns
+        self._enter(Phase.STOPPING, time_ns)
+
+    def _move_on(self, due_ns: int, time_ns: int, image: ProcessImage) -> None:
         """The setpoint for ``due_ns``, on the path at full rate or along the stop."""
         rate = 1.0
         if self._stop is None:

@@ -6,15 +6,18 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.cycle.execution import Execution
+from robotd.cycle.on_device import DeviceExecution
 from robotd.cycle.streamer import Streamer
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
+from robotd.device.drivers import AxisDriver
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady
 from robotd.motion import (
@@ -46,10 +49,19 @@ class TrajectoryFollower:
     """Executes trajectories of a robot's joints, one at a time; a newer one takes over.
 
     Any worker thread may call; concurrent goals are planned one after the other.
+
+    Args:
+        on_device: gets trajectories whole, where ``axes.trajectories_on_device``; None streams
+            them.
     """
 
     def __init__(
-        self, axes: Axes, streamer: Streamer, descriptor: RobotDescriptor, clock: Clock
+        self,
+        axes: Axes,
+        streamer: Streamer,
+        descriptor: RobotDescriptor,
+        clock: Clock,
+        on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
         self.settings = descriptor.trajectory
@@ -63,6 +75,11 @@ class TrajectoryFollower:
         self._axes = axes
         self._streamer = streamer
         self._clock = clock
+        self._execution = (
+            partial(DeviceExecution, on_device, descriptor.trajectory.max_points)
+            if on_device
+            else Execution
+        )
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._claim = ExitStack()
         self._active = 0
@@ -145,7 +162,7 @@ class TrajectoryFollower:
                 lead_s *= 2.0
             if planned is None:
                 continue
-            execution = Execution(
+            execution = self._execution(
                 planned.trajectory,
                 self._joint_axes,
                 self.limits,
@@ -154,6 +171,7 @@ class TrajectoryFollower:
                 self.settings.stopped_velocity_rad_s,
             )
             if self._streamer.submit(execution, self._joint_axes, after):
+                execution.begin()
                 return execution
         raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
 
@@ -165,6 +183,10 @@ class TrajectoryFollower:
         state = running.splice_state(splice_ns)
         if state is not None:
             return _Planned(plan(request, self.limits, self.settings, state), splice_ns)
+        if isinstance(running, DeviceExecution):
+            # It has to stop first; a request that would be refused anyway leaves it alone.
+            plan(request, self.limits, self.settings, MotionState.at_rest(self._command()))
+            running.preempt()
         if not self._await_end(running, STOP_TIMEOUT_S):
             raise NotReady("the joints did not come to rest after the last trajectory")
         return None

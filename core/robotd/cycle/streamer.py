@@ -144,6 +144,8 @@ class Streamer:
             # After a fault the joints are where the device stopped them, not at the setpoint.
             return False
         execution.advance(time_ns, self.period_ns, image)
+        if not execution.streams:
+            return False
         self._position[self._axes] = execution.position
         self._velocity[self._axes] = execution.velocity
         return True

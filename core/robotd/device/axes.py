@@ -81,6 +81,11 @@ class Axes:
         self._commanded_ns = 0
         self._lock = threading.RLock()
 
+    @property
+    def trajectories_on_device(self) -> bool:
+        """True where the device interpolates trajectories itself, see ``AxisDriver.follow``."""
+        return Capability.TRAJECTORIES_ON_DEVICE in self._capabilities
+
     def __len__(self) -> int:
         return len(self.names)
 
@@ -201,14 +206,18 @@ class Axes:
     ) -> Iterator[None]:
         """Reserve idle, enabled ``axes`` for streaming by ``owner`` until the block ends.
 
+        Where trajectories run on the device, axes in position mode are reserved, not streamed.
+
         Raises NotReady, with the reason, when an axis cannot be streamed in ``mode`` or is
         claimed.
         """
+        streams = mode is not CommandMode.POSITION or not self.trajectories_on_device
         with self._lock:
             self._check_command(axes, mode)
             for axis in axes:
                 self._check_idle(axis, owner)
-            self._driver.begin_stream(axes)
+            if streams:
+                self._driver.begin_stream(axes)
             self._owners.update(dict.fromkeys(axes, owner))
         try:
             yield
@@ -216,7 +225,8 @@ class Axes:
             with self._lock:
                 for axis in axes:
                     self._owners.pop(axis, None)
-                self._end_stream(axes)
+                if streams:
+                    self._end_stream(axes)
 
     def refusal(self, axis: int, mode: CommandMode, by: str = "") -> str | None:
         """Why a motion command ``by`` somebody would be refused now; None when it would not."""

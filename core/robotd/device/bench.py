@@ -6,8 +6,9 @@ from robotd.errors import Unsupported
 
 
 class Bench:
-    """Optional handle for tests: the outside world of a device. One worker thread.
+    """Optional handle for tests and scenarios: the outside world of a device.
 
+    Called by one worker thread, or on a simulated backend by the cycle: then it must not block.
     A simulation fills all of it; a test stand may fill what it can. What is not overridden
     answers ``Unsupported``, and the checks that need it are skipped with that reason.
 
@@ -45,6 +46,30 @@ class Bench:
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         """Let a sensor change one bit of the input image."""
         raise self._unsupported("set_input_bit")
+
+    def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
+        """Let one output keep ``value`` whatever is written to it; None: it obeys again."""
+        raise self._unsupported("stick_output_bit")
+
+    def block(self, axis: int, blocked: bool) -> None:
+        """Hold an axis where it is, whatever is commanded, or let it go."""
+        raise self._unsupported("block")
+
+    def jump_encoder(self, axis: int, delta: float) -> None:
+        """Let the measured position jump by ``delta`` rad or m, as a slipping encoder does."""
+        raise self._unsupported("jump_encoder")
+
+    def lose_packets(self, count: int) -> None:
+        """Lose ``count`` frames of the fieldbus in a row."""
+        raise self._unsupported("lose_packets")
+
+    def drop_communication(self) -> None:
+        """Break the cyclic exchange; the engine itself stays."""
+        raise self._unsupported("drop_communication")
+
+    def stop_engine(self) -> None:
+        """Let the engine die."""
+        raise self._unsupported("stop_engine")
 
     def _unsupported(self, method: str) -> Unsupported:
         return Unsupported(f"Bench.{method}", type(self).__module__)

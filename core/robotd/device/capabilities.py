@@ -19,5 +19,6 @@ class Capability(StrEnum):
     REGISTER_READ = "register_read"
     STATISTICS = "statistics"
     HOT_CONNECT = "hot_connect"
+    TRAJECTORIES_ON_DEVICE = "trajectories_on_device"  # it gets the points and joins them itself
     DEVICE_WATCHDOG = "device_watchdog"  # axes stop by themselves when the daemon dies
     SIMULATED = "simulated"  # nothing real moves

@@ -106,6 +106,23 @@ class AxisDriver(ABC):
     def end_stream(self, axes: Sequence[int]) -> None:
         """Hold the last setpoint (velocity mode: slow to rest); the axes take moves again."""
 
+    def follow(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
+        """Start a trajectory that the device interpolates (capability TRAJECTORIES_ON_DEVICE).
+
+        Returns when the device has taken all points and started. The axes, idle before, are in
+        ``Operation.STREAM`` until they have arrived (then ``motion_complete``) or something
+        stops them; ``stop`` slows them down together, along the path. Worker threads only.
+
+        Args:
+            axes: m axes, in position mode.
+            times_s: (k,) increasing, from 0.
+            positions: (k, m); the first is where the command stands.
+
+        Raises:
+            OperationError: the device does not take it, with the reason; nothing moved.
+        """
+        raise Unsupported("trajectories on the device", type(self).__name__)
+
     @abstractmethod
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         """Enable or disable the drive and wait until it says so.

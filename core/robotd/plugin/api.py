@@ -5,10 +5,12 @@ from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.descriptor import (
     RobotDescriptor,
     WmxParameters,
+    axis_text,
     default_wmx_parameters,
     load_robot_descriptor,
     read_wmx_parameters,
     validate_section,
+    write_wmx_parameters,
 )
 from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
@@ -78,6 +80,7 @@ __all__ = [
     "SlaveInfo",
     "Unsupported",
     "WmxParameters",
+    "axis_text",
     "default_wmx_parameters",
     "get_logger",
     "hookimpl",
@@ -85,4 +88,5 @@ __all__ = [
     "read_wmx_parameters",
     "validate_section",
     "wait_until",
+    "write_wmx_parameters",
 ]

@@ -106,5 +106,6 @@ class RobotdHooks:
     def robotd_bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
         """Make the handle by which tests play the outside world; None where there is none.
 
-        Called by ``robotd.testing`` alone, never while a robot is served.
+        Called by ``robotd.testing``, and for scenarios on a backend that is ``SIMULATED``; never
+        while a real robot is served.
         """

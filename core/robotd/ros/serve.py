@@ -11,7 +11,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from queue import SimpleQueue
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from robotd.errors import RobotdError
 from robotd.log import get_logger
@@ -21,9 +21,10 @@ from robotd.ros.diagnostics import Diagnostics
 from robotd.ros.discovery import announce_often
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import check_names, make_node
-from robotd.ros.simulation_node import SimulationNode
 from robotd.ros.surface import ServeReport, report_of
-from robotd.simulated_clock import PacedClock
+
+if TYPE_CHECKING:
+    from robotd.scenario import FaultSchedule
 
 log = get_logger("serve")
 
@@ -67,6 +68,7 @@ def serve(
     registry: NodeRegistry | None = None,
     served: Callable[[ServeReport], None] | None = None,
     ready: Callable[[], None] | None = None,
+    faults: FaultSchedule | None = None,
 ) -> int:
     """Make the nodes, start the robot, and serve until SIGINT or SIGTERM. Main thread only.
 
@@ -80,6 +82,7 @@ def serve(
         registry: nodes that plugins bring.
         served: called when the nodes answer, before the robot starts.
         ready: called when the robot has started.
+        faults: of a simulation; with it there is the node ``robotd_sim``.
 
     Returns:
         0 after an orderly stop.
@@ -94,8 +97,10 @@ def serve(
     events: SimpleQueue[Event] = SimpleQueue()
     with _stop_signals(events), RosHost(ros_args) as host:
         nodes = [make_node(name, robot, host, registry) for name in node_names]
-        if isinstance(robot.clock, PacedClock):
-            nodes.append(SimulationNode(robot, host, nodes))
+        if faults is not None:
+            from robotd.ros.simulation_node import SimulationNode
+
+            nodes.append(SimulationNode(robot, host, nodes, faults))
         for node in nodes:
             host.add_node(node)
         with Diagnostics(nodes[0], robot) if nodes else nullcontext():

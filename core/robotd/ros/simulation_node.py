@@ -1,4 +1,4 @@
-"""robotd_sim: simulated time on /clock, and its services; only in a simulation that has its own.
+"""robotd_sim: simulated time on /clock, faults on request, and the services of both.
 
 The nodes of this process get the time from the cycle, not from the topic: their stamps are those
 of the period, exactly, whatever the topic costs.
@@ -23,6 +23,7 @@ from robotd.robot import Robot
 from robotd.ros.cdr import HotPublisher
 from robotd.ros.host import RosHost
 from robotd.ros.service import add_service
+from robotd.scenario import FaultSchedule, nested, validate_fault
 from robotd.simulated_clock import PacedClock
 
 NAME = "robotd_sim"
@@ -32,30 +33,48 @@ STEP_TIMEOUT_S = 60.0  # real time
 
 
 class SimulationNode(Node):
-    """Publishes /clock, and lets time stand and go on in steps.
+    """Lets faults happen; on a ``PacedClock`` it publishes /clock and lets time stand and step.
 
     Args:
-        robot: on a ``PacedClock``.
+        robot: on a simulated backend.
         host: whose workers answer.
         nodes: whose clocks follow simulated time; this node's own does too.
+        faults: where faults are put.
     """
 
-    def __init__(self, robot: Robot, host: RosHost, nodes: Sequence[Node]) -> None:
+    def __init__(
+        self, robot: Robot, host: RosHost, nodes: Sequence[Node], faults: FaultSchedule
+    ) -> None:
         super().__init__(NAME, context=host.context)
-        if not isinstance(robot.clock, PacedClock):
-            raise InvalidArgument(f"{NAME} needs a simulated clock")
-        self._robot, self._time = robot, robot.clock
-        self._clocks = [node.get_clock() for node in (*nodes, self)]
-        publisher = self.create_publisher(Clock, "/clock", 10)
+        self._faults = faults
+        add_service(self, host, SetParametersAtomically, "~/inject", _refusable(self._inject))
+        if isinstance(robot.clock, PacedClock):
+            self._time = _TimeServices(self, robot, robot.clock, host, nodes)
+
+    def _inject(self, fields: dict[str, Any]) -> str:
+        fault = validate_fault(nested(fields))
+        self._faults.add(fault)
+        return str(fault)
+
+
+class _TimeServices:
+    """/clock, the clocks of the nodes, and the services that let time stand and step."""
+
+    def __init__(
+        self, node: Node, robot: Robot, clock: PacedClock, host: RosHost, nodes: Sequence[Node]
+    ) -> None:
+        self._robot, self._time = robot, clock
+        self._clocks = [each.get_clock() for each in (*nodes, node)]
+        publisher = node.create_publisher(Clock, "/clock", 10)
         self._message = HotPublisher(publisher, Clock(), [])
         self._set_clocks()
-        for clock in self._clocks:
-            clock._set_ros_time_is_active(enabled=True)  # noqa: SLF001 - what use_sim_time does
+        for each in self._clocks:
+            each._set_ros_time_is_active(enabled=True)  # noqa: SLF001 - what use_sim_time does
         cycle, rate_hz = robot.cycle, robot.descriptor.cycle.rate_hz
         cycle.every(rate_hz, "clocks of the nodes", self._follow, first=True)
         cycle.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
-        add_service(self, host, SetBool, "~/pause", self._pause)
-        add_service(self, host, SetParametersAtomically, "~/step", _refusable(self._step))
+        add_service(node, host, SetBool, "~/pause", self._pause)
+        add_service(node, host, SetParametersAtomically, "~/step", _refusable(self._step))
 
     def _follow(self, image: ProcessImage) -> None:
         self._set_clocks()

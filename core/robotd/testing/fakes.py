@@ -131,6 +131,11 @@ class FakeAxes(Recorder, AxisDriver):
         self.record("end_stream", list(axes))
         self.image.operation[list(axes)] = Operation.IDLE
 
+    def follow(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
+        self.record("follow", list(axes), times_s, positions)
+        self.image.operation[list(axes)] = Operation.STREAM
+        self.image.motion_complete[list(axes)] = False
+
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         self.record("servo", axis, on, timeout_s)
         self.image.servo_on[axis] = on

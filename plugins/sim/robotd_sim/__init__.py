@@ -26,12 +26,15 @@ from robotd_sim.io import SimIo
 from robotd_sim.options import SimOptions
 from robotd_sim.simulation import Simulation
 
-CAPABILITIES = frozenset(Capability) - {Capability.TORQUE_MODE}
+CAPABILITIES = frozenset(Capability) - {
+    Capability.TORQUE_MODE,
+    Capability.TRAJECTORIES_ON_DEVICE,
+}
 
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
-    """All capabilities but the torque mode."""
+    """All capabilities but the torque mode; trajectories are streamed."""
     return BackendInfo(
         name="sim",
         summary="simulated servo drives and fieldbus, no hardware needed",

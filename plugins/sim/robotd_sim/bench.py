@@ -1,4 +1,4 @@
-"""The world around the simulated robot, for the conformance checks."""
+"""The world around the simulated robot, for conformance checks and scenarios."""
 
 from __future__ import annotations
 
@@ -38,3 +38,21 @@ class SimBench(Bench):
 
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         self._faults.set_input_bit(byte, bit, value)
+
+    def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
+        self._faults.stick_output_bit(byte, bit, value)
+
+    def block(self, axis: int, blocked: bool) -> None:
+        self._faults.block(axis, blocked)
+
+    def jump_encoder(self, axis: int, delta: float) -> None:
+        self._faults.jump_encoder(axis, delta)
+
+    def lose_packets(self, count: int) -> None:
+        self._faults.lose_packets(count)
+
+    def drop_communication(self) -> None:
+        self._faults.drop_communication()
+
+    def stop_engine(self) -> None:
+        self._faults.stop_engine()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.plugin.api import InvalidArgument, NotReady
+from robotd.plugin.api import EngineState, InvalidArgument, NotReady
 from robotd_sim.simulation import Simulation
 
 
@@ -30,6 +30,48 @@ class Faults:
             self._world.advance()
             self._simulation.network.packet_loss += 1
             self._simulation.silence()
+
+    def stop_engine(self) -> None:
+        """The engine ends at once, as if its process had died."""
+        with self._world.lock:
+            self._world.advance()
+            if self._simulation.engine is not EngineState.IDLE:
+                self._simulation.reset()
+
+    def lose_packets(self, count: int) -> None:
+        """``count`` frames in a row are lost: no values for as many ticks, and they are counted."""
+        with self._world.lock:
+            self._world.advance()
+            network = self._simulation.network
+            network.packet_loss += count
+            network.frozen = True
+            self._world.at(self._world.tick + count, network.thaw)
+
+    def block(self, axis: int, blocked: bool) -> None:
+        """Something holds ``axis`` where it is, or lets it go."""
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.servo.grip(axis, held=blocked)
+            self._world.stir()
+
+    def jump_encoder(self, axis: int, delta: float) -> None:
+        """The measured position of ``axis`` is another by ``delta`` from one tick to the next."""
+        with self._world.lock:
+            self._world.advance()
+            simulation = self._simulation
+            simulation.servo.position[axis] += delta
+            if simulation.states.servo_on[axis]:
+                self._world.stir()
+            else:
+                position = float(simulation.servo.position[axis])
+                simulation.servo.place(axis, position, position, 0.0)
+                simulation.motion.hold(axis, position)
+
+    def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
+        """One output keeps ``value`` whatever is written to it; None: it obeys again."""
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.io.stick(byte, bit, value)
 
     def freeze(self, frozen: bool) -> None:
         """No value arrives any more, and nothing says so; the axes go on with what they do."""

@@ -88,6 +88,10 @@ class Network:
         self._up_since = self._reset_at = 0
         self._slips = 0
 
+    def thaw(self) -> None:
+        """Frames arrive again."""
+        self.frozen = False
+
     def up(self, tick: int) -> None:
         """Communication begins: counters start anew."""
         self.frozen = False

@@ -67,7 +67,7 @@ class SimOptions(BackendOptions):
         2**20, ge=256, le=2**31 - 1, description="Encoder, until a parameter file says better."
     )
     stream_timeout_s: Positive = Field(
-        0.1, description="Without a new setpoint for this long, streaming axes stop by themselves."
+        0.25, description="Without a new setpoint for this long, streaming axes stop by themselves."
     )
     limit_switches: dict[int, LimitSwitches] = Field({}, description="Axis to limit switches.")
     home_switches: dict[int, HomeSwitch] = Field({}, description="Axis to home switch.")

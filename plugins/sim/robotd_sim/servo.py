@@ -72,6 +72,7 @@ class Servo:
         self._torque: FloatArray = np.zeros((4, axes))
         self._products: FloatArray = np.zeros((4, axes))
         self._friction: FloatArray = np.zeros(axes)
+        self._closed, self._free = [False] * axes, np.ones(axes, bool)
         for axis in range(axes):
             self.close_loop(axis, closed=False)
 
@@ -95,7 +96,8 @@ class Servo:
     def rest(self, tick: int) -> None:
         """All axes stand: jump to ``tick`` and let the last remainders of motion vanish."""
         self.origin = tick
-        self.coefficients[0] = self.position[:] = self._before[:] = self.command
+        self.coefficients[0] = self._before[:] = self.command
+        np.copyto(self.position, self.command, where=self._free)
         self.coefficients[1:] = 0.0
         self._state[3:] = 0.0
 
@@ -115,6 +117,11 @@ class Servo:
     def close_loop(self, axis: int, *, closed: bool) -> None:
         """Position loop on, or off: the axis then is its own command (it coasts)."""
         gain, forward = float(self._gain[axis]), float(self._mechanics.feedforward[axis])
+        self._closed[axis] = closed
+        if not self._free[axis]:
+            self._weights[:, axis] = 0.0, 1.0, 0.0
+            self._speed[:, axis] = self._torque[:, axis] = self._friction[axis] = 0.0
+            return
         if not closed:
             self._weights[:, axis] = 0.0, 0.0, 1.0  # rows c₀, y, c
             self._speed[:, axis] = 0.0, 0.0, 1.0, 0.0
@@ -130,6 +137,11 @@ class Servo:
             inertia * change + self._mechanics.viscous_friction_nm_s[axis] * speed
         )
         self._friction[axis] = self._mechanics.coulomb_friction_nm[axis] / _STICTION_RAD_S
+
+    def grip(self, axis: int, *, held: bool) -> None:
+        """Something outside holds the axis where it is, whatever is commanded; or lets it go."""
+        self._free[axis] = not held
+        self.close_loop(axis, closed=self._closed[axis])
 
     def lead(self, axis: int, velocity: float) -> float:
         """How far a steady command of ``velocity`` runs ahead of the closed loop."""

@@ -42,7 +42,7 @@ class World:
         self._agenda: list[tuple[int, int, Action]] = []
         self._entries = 0
         self._busy = [0] * servo.axes
-        self._rest = 0
+        self._stirred = self._rest = 0
 
     @property
     def now_ns(self) -> int:
@@ -57,7 +57,12 @@ class World:
     def busy(self, axis: int, until: int) -> None:
         """The command of ``axis`` moves until the tick ``until`` (FOREVER: no end in sight)."""
         self._busy[axis] = until
-        self._rest = min(FOREVER, max(self._busy) + self.servo.settle_ticks)
+        self._rest = min(FOREVER, max(*self._busy, self._stirred) + self.servo.settle_ticks)
+
+    def stir(self) -> None:
+        """An axis was disturbed: live through the ticks until it has come to rest again."""
+        self._stirred = self.tick
+        self._rest = max(self._rest, self.tick + self.servo.settle_ticks)
 
     def moves(self, axis: int) -> bool:
         """The command of ``axis`` is under way."""

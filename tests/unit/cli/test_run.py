@@ -40,14 +40,23 @@ class Server:
         self.robot: Robot | None = None
         self.nodes: tuple[str, ...] = ()
         self.ros_args: list[str] = []
+        self.faults: Any = None
         self.before: Exception | None = None
         self.after: Exception | None = None
 
     def serve(
-        self, robot: Robot, nodes: Any, ros_args: Any, *, registry: Any, served: Any, ready: Any
+        self,
+        robot: Robot,
+        nodes: Any,
+        ros_args: Any,
+        *,
+        registry: Any,
+        served: Any,
+        ready: Any,
+        faults: Any,
     ) -> int:
         self.robot, self.nodes, self.ros_args = robot, tuple(nodes), list(ros_args)
-        self.registry = registry
+        self.registry, self.faults = registry, faults
         if self.before:
             raise self.before
         served(REPORT)

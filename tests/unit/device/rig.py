@@ -15,7 +15,7 @@ from robotd.device.io import Io
 from robotd.motion.limits import AxisLimits
 from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 
-ALL = frozenset(Capability)
+ALL = frozenset(Capability) - {Capability.TRAJECTORIES_ON_DEVICE}
 JOINT = AxisLimits(-1.0, 2.0, 3.0, 10.0)
 LIMITS = (JOINT, JOINT, AxisLimits.unlimited())
 NAMES = ("joint1", "joint2", "axis 2")

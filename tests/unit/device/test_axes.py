@@ -305,3 +305,10 @@ def test_each_tries_every_axis(rig: Rig) -> None:
     assert [results[axis] is None for axis in (0, 1, 2)] == [True, False, True]
     assert isinstance(results[1], NotReady)
     assert [call[1] for call in rig.driver.calls] == [0, 2]
+
+
+def test_axes_with_trajectories_on_the_device_are_claimed_and_not_streamed() -> None:
+    rig = Rig(capabilities=ALL | {Capability.TRAJECTORIES_ON_DEVICE}).make_ready()
+    with rig.axes.claimed("somebody", [0]):
+        assert rig.axes.refusal(0, CommandMode.POSITION) is not None
+    assert not any("stream" in str(call[0]) for call in rig.driver.calls)

@@ -1,0 +1,144 @@
+"""What a scenario commands and checks, step by step."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from robotd.device.state import EngineState
+from robotd.scenario.faults import AxisNumber, Finite, Part, Seconds
+
+Axes = tuple[AxisNumber, ...]
+
+
+class Expected(StrEnum):
+    """How a command is expected to end."""
+
+    OK = "ok"
+    REFUSED = "refused"
+    PATH_TOLERANCE = "path_tolerance"
+    GOAL_TOLERANCE = "goal_tolerance"
+    FAULT = "fault"
+
+
+class Switch(StrEnum):
+    """A servo."""
+
+    ON = "on"
+    OFF = "off"
+
+
+class Fingers(StrEnum):
+    """A gripper."""
+
+    OPEN = "open"
+    CLOSED = "closed"
+
+
+class Move(Part):
+    """Joints to positions in ``time_s``; joints that are not named stay where they are."""
+
+    to_rad: dict[str, Finite] = Field(min_length=1)
+    time_s: Seconds
+
+
+class Point(Part):
+    """A point of a trajectory."""
+
+    at_s: Seconds
+    positions_rad: tuple[Finite, ...]
+
+
+class Trajectory(Part):
+    """All of a trajectory, as a client sends it."""
+
+    joints: tuple[str, ...] = Field(min_length=1)
+    points: tuple[Point, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        for number, point in enumerate(self.points):
+            if len(point.positions_rad) != len(self.joints):
+                raise ValueError(
+                    f"point {number} has {len(point.positions_rad)} positions for"
+                    f" {len(self.joints)} joints"
+                )
+        return self
+
+
+class Check(Part):
+    """What has to hold, now or within ``within_s``; what is not given is not looked at.
+
+    Attributes:
+        joints_rad: measured positions, to ``tolerance_rad``.
+        servos_on, alarms, offline: exactly these axes, and no others.
+        gripper: the fingers have arrived there.
+        standstill: no axis executes anything, and none moves.
+    """
+
+    within_s: float = Field(0.0, ge=0, le=3600)
+    joints_rad: dict[str, Finite] | None = None
+    tolerance_rad: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1e-3
+    engine: EngineState | None = None
+    servos_on: Axes | None = None
+    alarms: Axes | None = None
+    offline: Axes | None = None
+    gripper: Fingers | None = None
+    standstill: bool | None = None
+
+
+class Repeat(Part):
+    """Steps to do several times."""
+
+    times: int = Field(ge=1, le=100_000)
+    program: tuple[Step, ...] = Field(min_length=1)
+
+
+class Step(Part):
+    """One step: exactly one of the commands, and how it is expected to end.
+
+    Attributes:
+        wait_s: let simulated time pass.
+        servos: all joints and wheels, with alarms cleared first where they go on.
+        engine: the whole start-up, or the stop of communication.
+        expect: how the command ends; ``reason`` is part of the text that says why.
+    """
+
+    move: Move | None = None
+    trajectory: Trajectory | None = None
+    gripper: Fingers | None = None
+    wait_s: Seconds | None = None
+    servos: Switch | None = None
+    engine: Switch | None = None
+    check: Check | None = None
+    repeat: Repeat | None = None
+    expect: Expected = Expected.OK
+    reason: str = ""
+
+    @model_validator(mode="after")
+    def _one_command(self) -> Self:
+        given = [name for name in COMMANDS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"needs exactly one of {', '.join(COMMANDS)}")
+        if given[0] in ("wait_s", "check", "repeat") and (
+            self.expect is not Expected.OK or self.reason
+        ):
+            raise ValueError(f"expect and reason do not go with {given[0]}")
+        return self
+
+    def __str__(self) -> str:
+        if self.move:
+            targets = " ".join(f"{name}={value:g}" for name, value in self.move.to_rad.items())
+            return f"move {targets} in {self.move.time_s:g} s"
+        if self.trajectory:
+            return f"trajectory of {len(self.trajectory.points)} points"
+        if self.check:
+            values = self.check.model_dump(mode="json", exclude_unset=True)
+            return "check " + " ".join(f"{key}={value}" for key, value in values.items())
+        name = next(name for name in COMMANDS if getattr(self, name) is not None)
+        return f"{name.removesuffix('_s')} {getattr(self, name)}"
+
+
+COMMANDS = tuple(name for name in Step.model_fields if name not in ("expect", "reason"))

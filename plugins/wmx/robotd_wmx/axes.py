@@ -1,0 +1,219 @@
+"""The axis driver: commands of the engine, and how their completion is known.
+
+Completion is never taken from ``inPos``: with the usual width of 1000 rad it is always true.
+What counts is the servo's own feedback, ``opState`` and ``motionComplete``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from robotd.plugin.api import (
+    AxisDriver,
+    CommandMode,
+    DeviceTimeout,
+    FloatArray,
+    NotReady,
+    OperationError,
+    ProcessImage,
+    Profile,
+    Unsupported,
+    wait_until,
+)
+from robotd_wmx._native import CallError, Device, Snapshot
+from robotd_wmx.connection import Connection
+from robotd_wmx.errors import translate, translated
+from robotd_wmx.readout import Readout
+from robotd_wmx.splines import Splines
+from robotd_wmx.velocity_stream import VelocityStream
+
+MODE_TIMEOUT_S = 1.0
+BUMPLESS_UNITS = 1e-4  # command and measured position this close make no jump
+POLL_S = 0.002
+
+
+class WmxAxes(AxisDriver):
+    """The axes 0 … n - 1 of the engine."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._scaling = connection.scaling
+        self._stream = VelocityStream(connection)
+        self._readout = Readout(connection, self._stream)
+        self._splines = Splines(connection)
+
+    def read(self, image: ProcessImage) -> None:
+        self._readout.fill(image)
+
+    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+        self._stream.put(velocity)
+
+    def begin_stream(self, axes: Sequence[int]) -> None:
+        """Velocity mode only: positions are not streamed, see ``follow``."""
+        status = self._status()
+        if any(status.mode(axis) != CommandMode.VELOCITY for axis in axes):
+            raise Unsupported("streaming positions", "wmx")
+        self._stream.begin(axes)
+
+    def end_stream(self, axes: Sequence[int]) -> None:
+        self._slow_down(self._stream.end(axes))
+
+    def follow(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
+        self._splines.start(axes, times_s, positions)
+
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        what = f"axis {axis}: servo {'on' if on else 'off'}"
+        with translated(what):
+            if on:
+                self._bring_command_to_position(axis)
+            self._device.set_servo(axis, on)
+        failure = ""
+
+        def settled() -> bool:
+            nonlocal failure
+            status = self._status()
+            failure = _servo_failure(status, axis) if on else ""
+            return status.servo_on(axis) == on or bool(failure)
+
+        if not self._wait(settled, timeout_s):
+            raise DeviceTimeout(f"{what}: the drive did not obey within {timeout_s:g} s")
+        if failure:
+            raise OperationError(f"{what}: {failure}")
+
+    def clear_alarm(self, axis: int, timeout_s: float) -> None:
+        what = f"axis {axis}: clearing the alarm"
+        status = self._status()
+        if status.offline(axis):
+            raise NotReady(f"{what}: the drive is offline")
+        with translated(what):
+            if status.amp_alarm(axis):
+                self._device.clear_amp_alarm(axis)
+            if status.following_error_alarm(axis):
+                self._device.clear_axis_alarm(axis)
+        if not self._wait(lambda: not _alarmed(self._status(), axis), timeout_s):
+            raise DeviceTimeout(f"{what}: it is still there after {timeout_s:g} s")
+
+    def set_command_mode(self, axis: int, mode: CommandMode) -> None:
+        if mode is CommandMode.TORQUE:
+            raise Unsupported("torque mode", "wmx")
+        what = f"axis {axis}: mode {mode.name.lower()}"
+        with translated(what):
+            self._device.set_command_mode(axis, int(mode))
+        if not self._wait(lambda: self._status().mode_feedback(axis) == mode, MODE_TIMEOUT_S):
+            raise DeviceTimeout(f"{what}: the drive did not follow within {MODE_TIMEOUT_S:g} s")
+
+    def set_polarity(self, axis: int, polarity: int) -> None:
+        with translated(f"axis {axis}: polarity {polarity}"):
+            self._device.set_polarity(axis, polarity)
+
+    def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+        with translated(f"axis {axis}: gear ratio {numerator:g}/{denominator:g}"):
+            self._device.set_gear_ratio(axis, numerator, denominator)
+
+    def home(self, axis: int, timeout_s: float) -> None:
+        what = f"axis {axis}: homing"
+        with translated(what):
+            self._device.set_home_type_current(axis)
+            self._device.start_home(axis)
+        if not self._wait(lambda: self._status().idle(axis), timeout_s):
+            raise DeviceTimeout(f"{what}: not done within {timeout_s:g} s")
+        if not self._status().home_done(axis):
+            raise OperationError(f"{what}: it was interrupted")
+
+    def move(self, axis: int, target: float, profile: Profile) -> None:
+        units = target * float(self._scaling.units[axis])
+        with translated(f"axis {axis}: move to {target:g}"):
+            self._device.start_pos(axis, units, *self._scaling.profile(axis, profile))
+
+    def jog(self, axis: int, profile: Profile) -> None:
+        if profile.velocity == 0.0:
+            self.stop([axis])
+            return
+        in_velocity_mode = self._status().mode(axis) == CommandMode.VELOCITY
+        start = self._device.start_vel if in_velocity_mode else self._device.start_jog
+        with translated(f"axis {axis}: velocity {profile.velocity:g}"):
+            start(axis, *self._scaling.profile(axis, profile))
+
+    def stop(self, axes: Sequence[int]) -> None:
+        streamed = self._stream.end(axes)
+        self._slow_down(streamed)
+        others = [axis for axis in axes if axis not in streamed]
+        self._each_mode(others, self._device.stop_motion, self._device.stop_velocity)
+
+    def quick_stop(self, axes: Sequence[int]) -> None:
+        self._stream.end(axes)
+        self._each_mode(axes, self._device.quick_stop_motion, self._device.quick_stop_velocity)
+
+    @property
+    def _device(self) -> Device:
+        return self._connection.command
+
+    def _status(self) -> Snapshot:
+        with translated("status"):
+            return Snapshot(self._device)
+
+    def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        return wait_until(condition, timeout_s, self._connection.clock, POLL_S)
+
+    def _bring_command_to_position(self, axis: int) -> None:
+        """The engine's command follows a free axis by itself; where it does not, it must."""
+
+        def together() -> bool:
+            status = self._status()
+            away = abs(status.position_command(axis) - status.position(axis))
+            return status.servo_on(axis) or away <= BUMPLESS_UNITS
+
+        if together():
+            return
+        self._device.command_to_feedback(axis)
+        if not self._wait(together, MODE_TIMEOUT_S):
+            raise OperationError(
+                f"axis {axis}: the command is not at the measured position, enabling would jump"
+            )
+
+    def _slow_down(self, axes: Sequence[int]) -> None:
+        """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""
+        status = self._status()
+        for axis in axes:
+            speed = abs(status.velocity_command(axis))
+            seconds = speed * float(self._scaling.si[axis] / self._scaling.stop_deceleration[axis])
+            with translated(f"axis {axis}: stop"):
+                self._device.timed_stop_velocity(axis, max(1.0, seconds * 1000.0))
+
+    def _each_mode(
+        self,
+        axes: Sequence[int],
+        position: Callable[[list[int]], None],
+        velocity: Callable[[list[int]], None],
+    ) -> None:
+        """Stop what moves with the calls of its mode; one axis' refusal does not spare others."""
+        status = self._status()
+        moving = [axis for axis in axes if not status.idle(axis)]
+        for call, mode in ((position, False), (velocity, True)):
+            chosen = [a for a in moving if (status.mode(a) == CommandMode.VELOCITY) is mode]
+            try:
+                if chosen:
+                    call(chosen)
+            except CallError as error:
+                self._excuse(error, chosen)
+
+    def _excuse(self, error: CallError, axes: Sequence[int]) -> None:
+        """A stop may be refused for an axis that came to rest meanwhile."""
+        status = self._status()
+        still = [str(axis) for axis in axes if not status.idle(axis) and status.servo_on(axis)]
+        if still:
+            raise translate(error, f"axis {', '.join(still)}: stop") from error
+
+
+def _alarmed(status: Snapshot, axis: int) -> bool:
+    return status.amp_alarm(axis) or status.following_error_alarm(axis)
+
+
+def _servo_failure(status: Snapshot, axis: int) -> str:
+    if status.offline(axis):
+        return "the drive is offline"
+    if status.amp_alarm(axis):
+        return f"the drive is in alarm {status.alarm_code(axis)} (0x{status.alarm_code(axis):X})"
+    if status.following_error_alarm(axis):
+        return "the measured position is too far from the command (ServoOnFollowingError)"
+    return ""

@@ -1,0 +1,179 @@
+"""The devices of one robotd on the engine, and which thread owns which.
+
+The SDK wants one device per thread: calls on a shared one wait for each other. A call that
+takes long must not hold up a stop, so there is one device for each kind of caller:
+
+- ``status``: the cycle, and I/O reads; answers from memory only, never blocks.
+- ``command``: worker threads; every call is short, whoever waits polls the status.
+- ``stream``: the thread that sends streamed velocities.
+- ``diagnostics``: EtherCAT calls, which may take seconds.
+
+Losing the engine is final for a connection: its parameters are gone even if somebody starts the
+engine again, so nothing is commanded through it any more. A new connection starts anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from robotd.plugin.api import (
+    Clock,
+    ConnectError,
+    EngineState,
+    NotReady,
+    RobotDescriptor,
+    get_logger,
+)
+from robotd_wmx import _native
+from robotd_wmx._native import CallError, Device, State
+from robotd_wmx.errors import LOCKED, name_of, text_of
+from robotd_wmx.options import WmxOptions
+from robotd_wmx.scaling import Scaling
+
+log = get_logger("wmx")
+
+ROLES = ("command", "status", "stream", "diagnostics")
+LOCK_RETRY_NS = 200_000_000
+_STATES = {
+    State.IDLE: EngineState.UNKNOWN,  # still initialising, although we have a device
+    State.RUNNING: EngineState.RUNNING,
+    State.COMMUNICATING: EngineState.COMMUNICATING,
+    State.SHUTDOWN: EngineState.SHUTDOWN,
+    State.UNKNOWN: EngineState.UNKNOWN,
+}
+
+
+class Connection:
+    """All devices, opened and closed together. Nothing is opened by the constructor."""
+
+    def __init__(self, robot: RobotDescriptor, options: WmxOptions, clock: Clock) -> None:
+        self.robot = robot
+        self.options = options
+        self.clock = clock
+        self.scaling = Scaling(robot, options)
+        self._devices: dict[str, Device] = {}
+        self._lost: EngineState | None = None
+
+    @property
+    def is_open(self) -> bool:
+        return bool(self._devices)
+
+    @property
+    def command(self) -> Device:
+        """Raises NotReady without an open device, like the three that follow."""
+        return self._device("command")
+
+    @property
+    def status(self) -> Device:
+        return self._device("status")
+
+    @property
+    def stream(self) -> Device:
+        return self._device("stream")
+
+    @property
+    def diagnostics(self) -> Device:
+        return self._device("diagnostics")
+
+    def open(self, path: str, name: str) -> None:
+        """Create all devices, the first of which starts the engine unless it runs.
+
+        Raises ConnectError; nothing stays open then.
+        """
+        path = path or self.options.sdk_path or _native.SDK_PATH
+        path = path if path.endswith("/") else path + "/"
+        opened: dict[str, Device] = {}
+        try:
+            for role in ROLES:
+                opened[role] = self._create(path, name if role == "command" else f"{name}.{role}")
+        except CallError as error:
+            for device in opened.values():
+                _close_quietly(device, keep_engine=False)
+            call, api, code, _, text = error.args
+            reason = f"{text_of(api, code, text)} from {call}"
+            failure = ConnectError(f"the WMX engine does not open on device {path!r}",
+                                   {f"{self.robot.name} → wmx": reason})  # fmt: skip
+            failure.code = code
+            raise failure from error
+        self._lost = None
+        self._devices = opened
+
+    def close(self) -> None:
+        """Close all devices; the engine stops with the last one of all programs."""
+        devices, self._devices = self._devices, {}
+        for role in reversed(ROLES):
+            if role in devices:
+                _close_quietly(devices[role], keep_engine=self.options.shared)
+
+    def state(self) -> EngineState:
+        """Never blocks, never raises; IDLE without devices. A lost engine stays lost."""
+        device = self._devices.get("status")
+        if device is None:
+            return EngineState.IDLE
+        if self._lost is None:
+            try:
+                state = _STATES[device.state()]
+            except CallError as error:
+                log.error("the engine is gone", reason=text_of(*error.args[1:3]))
+                state = self._lost = EngineState.UNKNOWN
+            if state is EngineState.SHUTDOWN:
+                log.error("the engine was stopped by somebody else")
+                self._lost = state
+            return state
+        return self._lost
+
+    def give_up(self) -> None:
+        """The engine is about to be stopped by us: nothing is commanded any more."""
+        self._lost = EngineState.SHUTDOWN
+
+    def others(self) -> list[str]:
+        """Names of other programs' devices; empty when the engine does not tell."""
+        try:
+            mine = {device.id() for device in self._devices.values()}
+            return [
+                name or f"device {number}"
+                for number, name in self.command.devices()
+                if number not in mine
+            ]
+        except CallError:
+            return []
+
+    def _device(self, role: str) -> Device:
+        device = self._devices.get(role)
+        if device is None:
+            raise NotReady("no device of the WMX engine is open")
+        if self._lost is not None:
+            raise NotReady(f"the WMX engine is {self._lost.value}: close the device, open it again")
+        return device
+
+    def _create(self, path: str, name: str) -> Device:
+        for last in self._attempts():
+            device = Device()
+            try:
+                device.create(path, round(self.options.engine_timeout_s * 1000))
+                device.set_name(name)
+                device.set_watchdog(round(self.options.watchdog_s * 1000))
+            except CallError as error:
+                _close_quietly(device, keep_engine=False)
+                if last or name_of(error) not in LOCKED:
+                    raise
+                log.warning("engine locked, trying again", reason=text_of(*error.args[1:3]))
+            else:
+                return device
+        raise AssertionError("the last attempt returns or raises")
+
+    def _attempts(self) -> Iterator[bool]:
+        """False for every attempt, then True for the last one, LOCK_RETRY_NS apart."""
+        end_ns = self.clock.now_ns() + round(self.options.lock_timeout_s * 1e9)
+        while self.clock.now_ns() + LOCK_RETRY_NS < end_ns:
+            yield False
+            self.clock.sleep_until_ns(self.clock.now_ns() + LOCK_RETRY_NS)
+        yield True
+
+
+def _close_quietly(device: Device, *, keep_engine: bool) -> None:
+    """A device that cannot be closed is gone already; that is all that is wanted."""
+    try:
+        device.close(keep_engine)
+    except CallError as error:
+        log.debug("closing a device failed", reason=text_of(*error.args[1:3]))

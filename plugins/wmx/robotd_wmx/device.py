@@ -1,0 +1,164 @@
+"""The life of the engine: open, communicate, parameters, close."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from robotd.plugin.api import (
+    DeviceDriver,
+    DeviceTimeout,
+    EngineState,
+    NotReady,
+    OperationError,
+    axis_text,
+    get_logger,
+    read_wmx_parameters,
+    wait_until,
+    write_wmx_parameters,
+)
+from robotd_wmx._native import CallError, Master, Snapshot
+from robotd_wmx.connection import Connection
+from robotd_wmx.errors import name_of, text_of, translate, translated
+
+log = get_logger("wmx")
+
+LINK_RETRY_NS = 300_000_000  # between two requests while the network link comes up
+LICENCE = "the licence is invalid or has expired"
+
+
+class WmxDevice(DeviceDriver):
+    """Opens, starts and stops the engine. Any worker thread may call."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self._attached = False  # shared engine: whether we use its communication
+
+    def open(self, path: str = "", name: str = "") -> None:
+        self.connection.open(path, name or self.connection.robot.name)
+
+    def close(self) -> None:
+        """Stop the engine, then close the devices, unless other programs use the engine."""
+        connection, self._attached = self.connection, False
+        if not connection.is_open:
+            return
+        if self._engine_lives():
+            if others := connection.others():
+                log.info("the engine goes on for other programs", devices=others)
+            elif not connection.options.shared:
+                self._stop_engine()
+        connection.close()
+
+    def start_communication(self, timeout_s: float) -> None:
+        """Ask again while the network link is not ready; a shared engine is waited for."""
+        if self.connection.options.shared:
+            self._await_communication(timeout_s)
+            self._attached = True
+            return
+        clock = self.connection.clock
+        end_ns = clock.now_ns() + round(timeout_s * 1e9)
+        while True:
+            wait_ms = max(1, (end_ns - clock.now_ns()) // 1_000_000)
+            try:
+                self.connection.command.start_communication(wait_ms)
+            except CallError as error:
+                again = name_of(error) == "StartCommunicationError"
+                if not again or clock.now_ns() + LINK_RETRY_NS >= end_ns:
+                    raise self._not_communicating(error) from error
+                log.warning("link not ready, trying again", reason=text_of(*error.args[1:3]))
+                clock.sleep_until_ns(clock.now_ns() + LINK_RETRY_NS)
+            else:
+                return
+
+    def stop_communication(self, timeout_s: float) -> None:
+        """A shared engine keeps communicating; we no longer take part."""
+        self._attached = False
+        if self.connection.options.shared or not self._engine_lives():
+            return
+        if others := self.connection.others():
+            log.warning("communication ends for other programs too", devices=others)
+        try:
+            self.connection.command.stop_communication(max(1, round(timeout_s * 1000)))
+        except CallError as error:
+            if self._engine_lives():
+                raise translate(error, "communication") from error
+
+    def state(self) -> EngineState:
+        state = self.connection.state()
+        detached = self.connection.options.shared and not self._attached
+        if state is EngineState.COMMUNICATING and detached:
+            return EngineState.RUNNING
+        return state
+
+    def scan_network(self) -> str:
+        """Scan every master; slaves that do not answer are named by their id."""
+        device, lines = self.connection.diagnostics, []
+        for master in range(self.connection.options.masters):
+            with translated(f"scanning master {master}"):
+                if not self.connection.options.shared:
+                    device.scan_network(master)
+                slaves = Master(device, master).slaves
+            drives = sum(slave.axes > 0 for slave in slaves)
+            silent = [str(slave.id) for slave in slaves if slave.offline]
+            missing = f"; no answer from {', '.join(silent)}" if silent else ""
+            lines.append(
+                f"master {master}: {drives} drives, {len(slaves) - drives} others{missing}"
+            )
+        return "; ".join(lines)
+
+    def load_parameters(self, path: Path) -> None:
+        """Check the file with our own reader, fill in what it leaves out, give it to the engine.
+
+        The engine would take a missing element for 0. Raises DescriptorError for a bad file.
+        A shared engine has parameters of its own: they stay.
+        """
+        if self.connection.options.shared:
+            log.info("parameters of the shared engine are left alone", file=str(path))
+            return
+        parameters = read_wmx_parameters(path)
+        if missing := parameters.missing_summary():
+            log.warning("defaults used for missing parameters", file=str(path), missing=missing)
+        with tempfile.TemporaryDirectory(prefix="robotd-wmx-") as folder:
+            complete = Path(folder) / "parameters.xml"
+            write_wmx_parameters(parameters, complete)
+            with translated(f"parameter file {path}"):
+                self.connection.command.import_parameters(str(complete))
+
+    def dump_parameters(self, axis: int) -> str:
+        with tempfile.TemporaryDirectory(prefix="robotd-wmx-") as folder:
+            exported = Path(folder) / "parameters.xml"
+            with translated(f"parameters of axis {axis}"):
+                self.connection.command.export_parameters(str(exported))
+            return axis_text(read_wmx_parameters(exported), axis)
+
+    def _engine_lives(self) -> bool:
+        return self.connection.state() in (EngineState.RUNNING, EngineState.COMMUNICATING)
+
+    def _await_communication(self, timeout_s: float) -> None:
+        def communicating() -> bool:
+            return self.connection.state() is EngineState.COMMUNICATING
+
+        if not wait_until(communicating, timeout_s, self.connection.clock):
+            raise DeviceTimeout(f"the shared engine does not communicate after {timeout_s:g} s")
+
+    def _not_communicating(self, error: CallError) -> Exception:
+        if self._licence_invalid():
+            refused = NotReady(f"communication: {LICENCE}")
+            refused.code = error.args[2]
+            return refused
+        return translate(error, "communication", OperationError)
+
+    def _licence_invalid(self) -> bool:
+        try:
+            return Snapshot(self.connection.command).licence_invalid
+        except CallError:
+            return False
+
+    def _stop_engine(self) -> None:
+        try:
+            wait_ms = round(self.connection.options.engine_timeout_s * 1000)
+            command = self.connection.command
+            self.connection.give_up()
+            command.stop_engine(wait_ms)
+        except CallError as error:
+            log.warning("the engine did not stop in time", reason=text_of(*error.args[1:3]))

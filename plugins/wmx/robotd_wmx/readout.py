@@ -1,0 +1,61 @@
+"""The process image, filled by one call of the engine."""
+
+from __future__ import annotations
+
+from robotd.plugin.api import Operation, ProcessImage
+from robotd_wmx._native import StatusReader
+from robotd_wmx.connection import Connection
+from robotd_wmx.velocity_stream import VelocityStream
+
+
+class Readout:
+    """Cycle thread. The arrays of an image are handed to the binding once and filled in place."""
+
+    def __init__(self, connection: Connection, stream: VelocityStream) -> None:
+        self._connection = connection
+        self._stream = stream
+        self._bound: tuple[object, ProcessImage] | None = None
+        self._reader: StatusReader | None = None
+        self._cycle = -1
+
+    def fill(self, image: ProcessImage) -> None:
+        """Raises NotReady or CallError when the engine is gone."""
+        device = self._connection.status
+        if self._reader is None or self._bound != (device, image):
+            self._reader, self._bound = self._bind(image), (device, image)
+        cycle = self._reader.read()
+        if self._reader.communicating and cycle != self._cycle:
+            image.fresh_ns = self._connection.clock.now_ns()
+        self._cycle = cycle
+        if self._stream.active.any():
+            self._mark_streaming(image)
+
+    def _mark_streaming(self, image: ProcessImage) -> None:
+        """The engine knows streamed axes as idle or as executing a velocity command."""
+        streaming = self._stream.active & image.servo_on
+        streaming &= (image.operation == Operation.IDLE) | (image.operation == Operation.VELOCITY)
+        image.operation[streaming] = Operation.STREAM
+
+    def _bind(self, image: ProcessImage) -> StatusReader:
+        scaling = self._connection.scaling
+        return StatusReader(
+            self._connection.status,
+            scaling.si,
+            scaling.torque,
+            image.position,
+            image.velocity,
+            image.torque,
+            image.position_command,
+            image.velocity_command,
+            image.servo_on,
+            image.amp_alarm,
+            image.offline,
+            image.home_done,
+            image.home_switch,
+            image.negative_limit,
+            image.positive_limit,
+            image.motion_complete,
+            image.alarm_code,
+            image.mode,
+            image.operation,
+        )

@@ -1,0 +1,43 @@
+"""User units and percent ↔ SI. Counts, gear ratios and polarity stay inside the engine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.plugin.api import DescriptorError, FloatArray, Profile, RobotDescriptor
+from robotd_wmx.options import WmxOptions
+
+
+class Scaling:
+    """Scale of n axes.
+
+    Attributes:
+        units: user units per rad or m, (n,).
+        si: its inverse.
+        torque: N·m per percent of the rated torque, (n,); NaN where that is not known.
+        stop_deceleration: of a controlled stop, rad/s² or m/s², (n,).
+    """
+
+    def __init__(self, robot: RobotDescriptor, options: WmxOptions) -> None:
+        units = np.asarray(options.units_per_si, np.float64)
+        if units.ndim and units.shape != (robot.axes,):
+            message = f"has {units.size} figures, the robot has {robot.axes} axes"
+            raise DescriptorError(message, key="backends.wmx.units_per_si")
+        self.units: FloatArray = np.broadcast_to(units, (robot.axes,)).copy()
+        self.si: FloatArray = 1.0 / self.units
+        self.torque: FloatArray = np.full(robot.axes, np.nan)
+        self.stop_deceleration: FloatArray = np.full(robot.axes, options.stop_deceleration_rad_s2)
+        for joint in robot.joints:
+            self.stop_deceleration[joint.axis] = joint.acceleration_rad_s2
+            if joint.rated_torque_nm is not None:
+                self.torque[joint.axis] = joint.rated_torque_nm / 100.0
+        if robot.drive:
+            wheels = list(robot.drive.axes)
+            self.stop_deceleration[wheels] = (
+                robot.drive.deceleration_m_s2 / robot.drive.wheel_radius_m
+            )
+
+    def profile(self, axis: int, profile: Profile) -> tuple[float, float, float]:
+        """Velocity, acceleration and deceleration in user units."""
+        scale = float(self.units[axis])
+        return profile.velocity * scale, profile.acceleration * scale, profile.deceleration * scale

@@ -1,0 +1,100 @@
+"""Trajectories as point-time cubic splines on the engine.
+
+The engine starts where the command stands, at time 0, both implicitly, passes every point and
+ends at rest. It drops points closer than 1e-6 user units to the one before and refuses times
+less than 1e-3 ms apart; both would change or lose the path, so that neither is ever sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotd.plugin.api import FloatArray, OperationError, get_logger
+from robotd_wmx import _native
+from robotd_wmx._native import CallError
+from robotd_wmx.connection import Connection
+from robotd_wmx.errors import name_of, text_of, translate, translated
+
+log = get_logger("wmx")
+
+SHORTEST_MS = 1e-3  # between two points
+CLOSEST_UNITS = 1e-6  # closer points are dropped by the engine
+NUDGE_UNITS = 2e-6  # well below an encoder count of a geared joint, and enough not to be dropped
+
+
+class Splines:
+    """One spline channel of the engine. Worker threads, one at a time.
+
+    A buffer is made for each trajectory and freed by ``free`` or with the next one: the engine
+    keeps it over the death of a process.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._channel = connection.options.spline_channel
+
+    def start(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
+        """See ``AxisDriver.follow``. Raises OperationError naming the figure and the limit."""
+        check(axes, times_s)
+        times_ms, points = engine_points(times_s, positions * self._connection.scaling.units[axes])
+        self._make_buffer(len(times_ms))
+        with translated(f"trajectory of {len(times_ms)} points"):
+            self._connection.command.start_spline(self._channel, list(axes), times_ms, points)
+
+    def free(self) -> None:
+        """Give the engine's memory back; no buffer or one in use: no effect."""
+        try:
+            self._connection.command.free_spline_buffer(self._channel)
+        except CallError as error:
+            log.debug("spline buffer not freed", reason=text_of(*error.args[1:3]))
+
+    def _make_buffer(self, points: int) -> None:
+        device = self._connection.command
+        self.free()
+        try:
+            device.create_spline_buffer(self._channel, points)
+        except CallError as error:
+            what = f"spline buffer of {points} points on channel {self._channel}"
+            if name_of(error) != "ChannelBufferMemoryAlreadyAllocated":
+                raise translate(error, what) from error
+            with translated(what):
+                present = device.spline_buffer_points(self._channel)
+            if present < points:
+                raise OperationError(
+                    f"{what}: another program has one of {present} points there; give this robot"
+                    " a channel of its own (backends.wmx.spline_channel)"
+                ) from error
+
+
+def check(axes: Sequence[int], times_s: FloatArray) -> None:
+    """Raise OperationError for what the engine cannot take."""
+    if len(axes) > _native.MAX_SPLINE_AXES:
+        raise OperationError(
+            f"trajectory of {len(axes)} axes: the engine's splines have at most"
+            f" {_native.MAX_SPLINE_AXES}"
+        )
+    shortest = int(np.argmin(np.diff(times_s)))
+    gap_ms = float(times_s[shortest + 1] - times_s[shortest]) * 1000.0
+    if gap_ms < SHORTEST_MS:
+        raise OperationError(
+            f"trajectory: {gap_ms:.2g} ms between the points at {times_s[shortest]:.6f} s and"
+            f" after it, the engine needs {SHORTEST_MS:g} ms"
+        )
+
+
+def engine_points(times_s: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times in ms and points in user units as the engine wants them, without the start.
+
+    One segment becomes two on the same cubic (the engine wants two points besides the start),
+    and a point on top of the one before is nudged aside so that the pause between them stays.
+    """
+    if len(times_s) == 2:
+        times_s = np.linspace(times_s[0], times_s[1], 3)
+        points = np.vstack([points[0], (points[0] + points[1]) / 2.0, points[1]])
+    points = points.copy()
+    for row in range(1, len(points)):
+        if np.linalg.norm(points[row] - points[row - 1]) < CLOSEST_UNITS:
+            points[row, 0] += NUDGE_UNITS
+    return np.ascontiguousarray(times_s[1:] * 1000.0), np.ascontiguousarray(points[1:])

@@ -1,0 +1,48 @@
+// Differences between editions of the SDK, told apart by what compiles, not by version numbers.
+#pragma once
+
+#include <type_traits>
+#include <utility>
+
+namespace robotd {
+
+template <class Control, class = void>
+struct TakesTwo : std::false_type {};
+template <class Control>
+struct TakesTwo<Control, std::void_t<decltype(std::declval<Control>().SetServoOn(0, 1))>>
+    : std::true_type {};
+
+// Asks for the servo state and does not wait for it.
+template <class Control>
+int request_servo(Control &control, int axis, int on) {
+    if constexpr (TakesTwo<Control>::value) return static_cast<int>(control.SetServoOn(axis, on));
+    else return static_cast<int>(control.SetServoOn(axis, on, 1));  // a time-out in ms
+}
+
+template <class Api, class = void>
+struct HasExitFlag : std::false_type {};
+template <class Api>
+struct HasExitFlag<Api, std::void_t<decltype(std::declval<Api>().CloseDevice(false))>>
+    : std::true_type {};
+
+// Closes the device; the last one ends the engine, unless `keep_engine` can be asked for.
+template <class Api>
+int close_device(Api &api, bool keep_engine) {
+    if constexpr (HasExitFlag<Api>::value) return static_cast<int>(api.CloseDevice(!keep_engine));
+    else return static_cast<int>(api.CloseDevice());
+}
+
+template <class Axis, class = void>
+struct HasModeFeedback : std::false_type {};
+template <class Axis>
+struct HasModeFeedback<Axis, std::void_t<decltype(std::declval<Axis>().axisCommandModeFeedback)>>
+    : std::true_type {};
+
+// The command mode that the drive is really in, where the engine tells.
+template <class Axis>
+auto command_mode(const Axis &axis) {
+    if constexpr (HasModeFeedback<Axis>::value) return axis.axisCommandModeFeedback;
+    else return axis.axisCommandMode;
+}
+
+}  // namespace robotd

@@ -1,0 +1,132 @@
+// EtherCAT diagnostics. States become the numbers of the wire, whatever the SDK's enum has.
+#include <nanobind/stl/vector.h>
+
+#include <vector>
+
+#include "native.hpp"
+
+namespace robotd {
+
+namespace {
+using namespace wmx3Api::ecApi;
+
+// None 0, Init 1, Preop 2, Boot 4, Safeop 8, Op 16.
+int wire_state(EcStateMachine::T state) {
+    switch (state) {
+        case EcStateMachine::Init: return 1;
+        case EcStateMachine::Preop: return 2;
+        case EcStateMachine::Boot: return 4;
+        case EcStateMachine::Safeop: return 8;
+        case EcStateMachine::Op: return 16;
+        default: return 0;
+    }
+}
+
+int wire_mode(EcMasterMode::T mode) {
+    switch (mode) {
+        case EcMasterMode::PPMode: return 1;
+        case EcMasterMode::MonitorMode: return 2;
+        default: return 0;
+    }
+}
+
+// A copy of a master's state; half a megabyte, which is why it lives on the heap.
+class Master {
+public:
+    Master(Device &device, int id) : info(std::make_unique<EcMasterInfo>()) {
+        check("GetMasterInfo", Api::Ecat, device.ecat.GetMasterInfo(id, info.get()));
+    }
+    std::vector<EcSlaveInfo *> slaves() const {
+        std::vector<EcSlaveInfo *> list;
+        for (unsigned int index = 0; index < info->numOfSlaves; index++)
+            list.push_back(&info->slaves[index]);
+        return list;
+    }
+    std::unique_ptr<EcMasterInfo> info;
+};
+
+#define SLAVE(name, expression)                                                      \
+    .def_prop_ro(name, [](const EcSlaveInfo &self) -> long long {                    \
+        return static_cast<long long>(self.expression);                              \
+    })
+#define STATISTIC(name, member)                                                      \
+    .def_prop_ro(name, [](const Master &self) -> long long {                         \
+        return static_cast<long long>(self.info->statisticsInfo.member);             \
+    })
+
+void bind_slave(nb::module_ &module) {
+    nb::class_<EcSlaveInfo>(module, "Slave")
+        .def_prop_ro("state", [](const EcSlaveInfo &self) { return wire_state(self.state); })
+        // clang-format off
+        SLAVE("id", id)
+        SLAVE("al_code", alStatusCode)
+        SLAVE("position", position)
+        SLAVE("address", address)
+        SLAVE("offline", offline)
+        SLAVE("inaccessible", inaccessible)
+        SLAVE("new", newSlave)
+        SLAVE("reverse", reverseSlave)
+        SLAVE("vendor_id", vendorId)
+        SLAVE("product_code", productCode)
+        SLAVE("revision", revisionNo)
+        SLAVE("serial", serialNo)
+        SLAVE("alias", alias)
+        SLAVE("input_address", inputAddr)
+        SLAVE("input_size", inputSize)
+        SLAVE("output_address", outputAddr)
+        SLAVE("output_size", outputSize)
+        SLAVE("axes", numOfAxes);
+    // clang-format on
+}
+
+nb::bytes register_read(Device &device, int master, int slave, int address, int length) {
+    std::vector<unsigned char> data(length > 0 ? length : 0);
+    {
+        nb::gil_scoped_release unlocked;
+        check("RegisterRead", Api::Ecat,
+              device.ecat.RegisterRead(master, slave, address, length, data.data()));
+    }
+    return nb::bytes(reinterpret_cast<char *>(data.data()), data.size());
+}
+}  // namespace
+
+void bind_ecat(nb::class_<Device> &device, nb::module_ &module) {
+    bind_slave(module);
+    nb::class_<Master>(module, "Master")
+        .def(nb::init<Device &, int>(), Unlocked())
+        .def_prop_ro("state", [](const Master &self) { return wire_state(self.info->state); })
+        .def_prop_ro("mode", [](const Master &self) { return wire_mode(self.info->mode); })
+        .def_prop_ro("slaves", &Master::slaves, nb::rv_policy::reference_internal)
+        // clang-format off
+        STATISTIC("comm_period", commPeriod)
+        STATISTIC("total_axes", totalAxesNum)
+        STATISTIC("input_size", totalInputSize)
+        STATISTIC("output_size", totalOutputSize)
+        STATISTIC("rings", ringNum)
+        STATISTIC("rx_pdo_size", totalRxPdoSize)
+        STATISTIC("tx_pdo_size", totalTxPdoSize)
+        STATISTIC("tx_delay", txDelay)
+        STATISTIC("min_tx_delay", minTxDelay)
+        STATISTIC("max_tx_delay", maxTxDelay)
+        STATISTIC("packet_loss", packetLoss)
+        STATISTIC("packet_timeout", packetTimeout)
+        STATISTIC("over_cycle", overCycle);
+    // clang-format on
+    device
+        .def("scan_network", [](Device &self, int master) {
+            check("ScanNetwork", Api::Ecat, self.ecat.ScanNetwork(master));
+        }, Unlocked())
+        .def("register_read", &register_read)
+        .def("reset_reference_clock", [](Device &self, int master) {
+            check("ResetRefClockInfo", Api::Ecat, self.ecat.ResetRefClockInfo(master));
+        }, Unlocked())
+        .def("reset_transmit_statistics", [](Device &self, int master) {
+            check("ResetTransmitStatisticsInfo", Api::Ecat,
+                  self.ecat.ResetTransmitStatisticsInfo(master));
+        }, Unlocked())
+        .def("start_hot_connect", [](Device &self, int master) {
+            check("StartHotconnect", Api::Ecat, self.ecat.StartHotconnect(master));
+        }, Unlocked());
+}
+
+}  // namespace robotd

@@ -1,0 +1,53 @@
+// One device of the engine and what hangs on it. One call of the SDK per function.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <memory>
+#include <string>
+
+// The SDK's headers define names that others use too: they come last.
+#include <AdvancedMotionApi.h>
+#include <CoreMotionApi.h>
+#include <EcApi.h>
+#include <IOApi.h>
+#include <WMX3Api.h>
+
+namespace robotd {
+
+namespace nb = nanobind;
+
+// Who knows the text of an error code; the order of ErrorClass in _native.pyi.
+enum class Api { Engine, CoreMotion, AdvancedMotion, Io, Ecat };
+
+// An SDK call that did not return 0; becomes _native.CallError.
+struct CallFailed {
+    std::string call;
+    Api api;
+    int code;
+};
+
+// Throws CallFailed unless `code` is 0.
+void check(const char *call, Api api, long code);
+
+class Device {
+public:
+    wmx3Api::WMX3Api engine;
+    wmx3Api::CoreMotion core;
+    wmx3Api::AdvancedMotion advanced;
+    wmx3Api::Io io;
+    wmx3Api::ecApi::Ecat ecat;
+
+    Device() : core(&engine), advanced(&engine), io(&engine), ecat(&engine) {}
+};
+
+void bind_errors(nb::module_ &module);
+void bind_device(nb::class_<Device> &device, nb::module_ &module);
+void bind_status(nb::module_ &module);
+void bind_motion(nb::class_<Device> &device);
+void bind_io(nb::class_<Device> &device);
+void bind_ecat(nb::class_<Device> &device, nb::module_ &module);
+
+using Unlocked = nb::call_guard<nb::gil_scoped_release>;
+
+}  // namespace robotd

@@ -1,0 +1,52 @@
+"""What one read of the process image costs, from Python; ``make -C plugins/wmx bench``."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from standin_build import SITE, build_plugin, build_standin
+from standin_port import port
+
+READS = 50_000
+
+
+def main() -> None:
+    os.environ["WMX_STANDIN_SHM"] = f"wmx-bench-{os.getpid()}"
+    build_standin()
+    build_plugin()
+    sys.path.insert(0, str(SITE))
+    from robotd.clock import MonotonicClock
+    from robotd.descriptor import load_robot_descriptor
+    from robotd.device.image import ProcessImage
+    from robotd_wmx.axes import WmxAxes
+    from robotd_wmx.connection import Connection
+    from robotd_wmx.options import WmxOptions
+    from robotd_wmx.plugin import CAPABILITIES
+
+    print(f"capabilities: {', '.join(sorted(CAPABILITIES))}")
+    robot = load_robot_descriptor("cr3a")
+    connection = Connection(robot, WmxOptions(), MonotonicClock())
+    connection.open("", "bench")
+    connection.command.start_communication(5000)
+    axes, image = WmxAxes(connection), ProcessImage(robot.axes)
+    costs_us = np.empty(READS)
+    for index in range(READS):
+        start_ns = time.perf_counter_ns()
+        axes.read(image)
+        costs_us[index] = (time.perf_counter_ns() - start_ns) / 1000.0
+    connection.close()
+    port("reset")
+    Path("/dev/shm", os.environ["WMX_STANDIN_SHM"]).unlink()
+    p50, p99, p999 = np.percentile(costs_us, (50, 99, 99.9))
+    print(f"AxisDriver.read, 6 axes: p50 {p50:.2f} µs, p99 {p99:.2f} µs, p99.9 {p999:.2f} µs")
+    if p50 > 10.0:
+        sys.exit("the read of six axes costs more than 10 µs")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""``robotd conform`` on the stand-in, which also plays the person at the bench."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from standin_build import BUILD, SDK, build_plugin, build_standin
+
+TESTS = Path(__file__).resolve().parent
+BENCH = BUILD / "bench"  # metadata of the backend wmx_standin
+
+
+def environment() -> dict[str, str]:
+    """Where the plugin, the test bench and the engine of the checks are."""
+    info = BENCH / "wmx_standin-0.dist-info"
+    info.mkdir(parents=True, exist_ok=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wmx-standin\nVersion: 0\n")
+    (info / "entry_points.txt").write_text("[robotd.backends]\nwmx_standin = standin_backend\n")
+    path = os.pathsep.join(map(str, (build_plugin(), BENCH, TESTS)))
+    return os.environ | {
+        "PYTHONPATH": path,
+        "PYTHONSAFEPATH": "1",  # the sources in this folder lack the compiled module
+        "WMX_STANDIN_SHM": f"wmx-conform-{os.getpid()}",
+    }
+
+
+def main() -> int:
+    build_standin()
+    variables = environment()
+    port = [str(SDK / "bin" / "standin-port")]
+    try:
+        subprocess.run([*port, "topology", "3", "1"], env=variables, check=True)
+        command = ["-m", "robotd", "conform", "--backend", "wmx_standin"]
+        robot = ["--robot", str(TESTS / "conform.yaml")]
+        return subprocess.call([sys.executable, *command, *robot, *sys.argv[1:]], env=variables)
+    finally:
+        subprocess.run([*port, "reset"], env=variables, check=True)
+        Path("/dev/shm", variables["WMX_STANDIN_SHM"]).unlink(missing_ok=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""Every test gets the stand-in's engine as it is before anybody started it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+os.environ["WMX_STANDIN_SHM"] = f"wmx-test-{os.getpid()}"
+
+from standin_build import SDK, SITE, build_plugin, build_standin
+from standin_port import port
+
+
+def pytest_sessionstart() -> None:
+    build_standin()
+    build_plugin()
+    sys.path.insert(0, str(SITE))
+    os.environ["PYTHONPATH"] = str(SITE)
+
+
+def pytest_sessionfinish() -> None:
+    if (SDK / "bin" / "standin-port").exists():
+        port("reset")
+    Path("/dev/shm", os.environ["WMX_STANDIN_SHM"]).unlink(missing_ok=True)
+
+
+@pytest.fixture(autouse=True)
+def fresh_engine() -> Iterator[None]:
+    port("reset")
+    yield
+    port("reset")

@@ -1,0 +1,441 @@
+// Numbers and names of the enumerations, as far as they are known. Part of the stand-in.
+#pragma once
+
+namespace wmx3Api {
+
+class ErrorCode {
+public:
+    enum {
+        None = 0, StartProcessFailed = 256, StartProcessNull, StartProcessMaxInstance,
+        StartProcessLockError, StartProcessWaitEventFailed, StartProcessWaitTimeout,
+        MemoryAllocFailed, IMLibIsNotRunning, ControlChannelLockFailed,
+        ControlChannelEventFailed, ControlChannelWaitEventFailed,
+        ControlChannelSharedMemoryFailed, ControlChannelLockWaitTimeOut, APIChannelError,
+        APIChannelTimeOut, StatusChannelError, RtssFileNotFoundError, RtssStartError,
+        RequestChannelTimeOut, FreeChannelTimeOut, CloseDeviceTimeOut, RequestChannelFailed,
+        ReachMaxChannelNumber, FreeChannelFailed, InvalidChannelId, CloseDeviceFailed,
+        StatusChannelNull, StatusChannelIdError, StatusSharedMemoryChannelIndexError,
+        StatusChannelGettingInitialData, RequestQueueFailed, InvalidQueueId, InvalidQueueSize,
+        RequestQueueTimeout, InvalidQueue, FreeQueueTimeout, InvalidQueueControlCommand,
+        ControlQueueTimeout, SetQueueOptionsTimeout, FreeQueueFailed,
+        RequestQueueIDAlreadyUsed, CreateDeviceLockError, CloseDeviceLockError,
+        SetDeviceNameTimeout, GetActiveDeviceTimeout, DeviceIsNull, InvalidModuleId,
+        InvalidDeterMode, NoSupportedFunction, CommandInvalidQueueId, CommandQueueAddFailed,
+        CommandQueueIsFull, CommandQueueAddTimeOut, IMVersionMismatch, ModuleVersionMismatch,
+        CommandIdLockError, CommandIdGetError, CallbackMallocFailed, CallbackThreadNull,
+        CallbackThreadError, CallbackThreadTimeOut, IMLibNullParam, IMLibInvalidParam,
+        ConflictingErrorCode, UtilDataChnlSizeTooSmall, UtilBuffAndDataSizeDiff,
+        UtilNoEnoughDataChnlSize, UtilReachMaxDataChnlSize, UtilIndexOutOfRange,
+        UtilInitFailed, UtilLockFailed, UtilQueueFull, UtilQueueEmpty, UtilBufferSizeNotEnough,
+        WaitForDeviceEventTimeOut, DeviceEventProcessFailed, ImCommandNotMatched,
+        ApiLogCreateQueueFailed, ApiLogIsNotSet, ApiLogIsRunning, ApiLogIsNotRunning,
+        ApiLogQueueError, ApiLogOpenFileFailed, ApiLogWriteFileFailed, ApiLogReadFileFailed,
+        ApiLogFolderNotExist, ApiLogGetStatusError, SystemError = 1280, SystemIsNoRunning,
+        SystemInitializationNotDone, EngineNotStartedInSpecifiedTime,
+        EngineNotStoppedInSpecifiedTime, CommNotStartedInSpecifiedTime,
+        CommNotStoppedInSpecifiedTime, ModuleIsNotLoaded, StartCommunicationError,
+        DeviceIsNotInUse, SetDeviceEventFailed, ResetDeviceEventFailed,
+        WaitForDeviceEventFailed, Reserved = 1536, CommNotStarted, CommNotStopped,
+        VersionCheckError, CallbackFuncError, CallbackFuncTimeOut, CallbackFuncInvalidState,
+        CallbackFuncInvalidMode, MissingRequiredRtdll, BusyReceivingAnotherAPICommand,
+        NotIdleState, AxisOutOfRange, AxisCountOutOfRange, DuplicateAxis, IOAddressOutOfRange,
+        IOSizeOutOfRange, ChannelOutOfRange, ChannelUninitialized, ChannelInUse,
+        ArgumentOutOfRange, ArgumentIsNull, PrevSettingsBeingApplied, ParamOutOfRange,
+        IDOutOfRange, IDNotDefined, ResourceInUse, FileOperationFailed,
+        StartingPreviousCommand, StringConversionError, NoMotion, ServoOffline, ServoOff,
+        AxisAmpAlarm, AxisSoftLimit, AxisNearLimit, AxisExternalLimit, AxisHardLimit,
+        UserMemoryAddressOutOfRange, UserMemorySizeOutOfRange, InvalidCommandProcessingMode,
+        InterruptMismatch, ErrorCodeNotDefined, BufferTooSmall, RequestedBufferTooLarge,
+        RequestedBufferTooSmall, ModuleIDOutOfRange, UpdatesListUninitialized,
+        UpdatesListDoesNotMatchInstalledUpdates, UpdatesListTimeout, UnknownError
+    };
+};
+
+class CoreMotionErrorCode : public ErrorCode {
+public:
+    enum {
+        ParameterSettingsInvalid = 0x10000, ServoOnError, SyncAxisSingleTurnMismatch,
+        PositionNotPassed, NotPausedDuringHoming, OpenWaitEventError, ParameterFileParseError,
+        SyncGroupIDOutOfRange, SyncGroupMasterAxisUndefined, ReferenceAxisOfActiveCompensation,
+        CurrentEmergencyStopLevelIsHigher, AcyclicStatusError, AxisExecutingPhaseShift,
+        AxisSettingSyncGearRatio, NotSynchronizedToSpecifiedMasterAxis,
+        OpenWaitSharedMemoryError, WaitEngineError, IsSyncSlave, IsSyncMaster,
+        IsCombineSyncMaster, NotServoOn, NotIdleOrPosState, NotPosState, NotIdleOrJogState,
+        NotIdleOrVelocityState, NotIdleOrIntplState, NotIdleOrPosOrJogState,
+        NotPosOrJogOrVelocityState, NotJogState, NotTorqueState, NotIdleOrTorqueState,
+        NotIdleOrSyncState, NotECAMState, NotDancerControlState, NotIdleOrDancerControlState,
+        NotPosMode, NotVelocityMode, NotTrqMode, NotPosOrVelocityMode, NotSyncSlave,
+        NotHomeState, AxisNotPaused, AxisArgumentOutOfRange, ProfileArgumentOutOfRange,
+        PositionArgumentOutOfRange, VelocityArgumentOutOfRange, AccArgumentOutOfRange,
+        DecArgumentOutOfRange, JerkAccArgumentOutOfRange, JerkDecArgumentOutOfRange,
+        JerkAccRatioArgumentOutOfRange, JerkDecRatioArgumentOutOfRange,
+        StartingVelocityArgumentOutOfRange, EndVelocityArgumentOutOfRange,
+        SecondVelocityArgumentOutOfRange, RunTimeArgumentOutOfRange, TimeArgumentOutOfRange,
+        TriggerTypeArgumentOutOfRange, TriggerAxisArgumentOutOfRange,
+        TriggerValueArgumentOutOfRange, TriggerTypeNotSupported, AccDecCouldNotBeCalculated,
+        NoFreeVirtualAxis, NoFreeVirtualAxisAddlData, AxisNotSingleTurn, AxisIsSingleTurn,
+        ProfileErrorOnTargetPos, ProfileUsageError, ProfileAccelerationIsInvalid,
+        ProfileDecelerationIsInvalid, ProfileJerkIsInvalid, ProfileVelocityIsInvalid,
+        ProfileNullCalculation, ProfileNoMotion, ProfileUserRangeIsInvalid, OtherProfileError,
+        ProfileUnknownError, ProfileSetupFailed, ProfileCancelOvertravel, PointCountOutOfRange,
+        WaitTimeout, ProfileTypeNotSupported, AxisMismatch, NoRotationalMotion, DeviceIDError,
+        InvalidAxis, ChannelExecutingCommands, ChannelIsNotExecutingCommands,
+        ChannelNotEnoughSpace, ChannelIsStopping, ChannelIsNotStopped,
+        ChannelBufferMemoryNotAllocated, ChannelBufferMemoryAlreadyAllocated,
+        ChannelBufferMemoryFailedToAllocate, ProcessingOverride,
+        CircularInterpolationArgumentOutOfRange, EmergencyStopSignalOn,
+        SyncGroupDoesNotContainAxis, SyncGroupParameterOutOfRange,
+        CurrentAxisCommandModeNotSupported, MasterAxisOutOfRange, SlaveAxisOutOfRange,
+        SlaveAxisCountOutOfRange, EnabledArgumentOutOfRange,
+        MovingAverageTimeArgumentOutOfRange, NumEventsOutOfRange, RegisterNumberOutOfRange,
+        SyncGearRatioOutOfRange, PosChangePerCycleOutOfRange, MaxTorqueLimitOutOfRange,
+        TorqueArgumentOutOfRange, MaxMotorSpeedOutOfRange, RampCycleTimeOutOfRange,
+        RampRateOutOfRange, CircularInterpolationTypeOutOfRange,
+        CircularInterpolationCenterPosTooCloseToInitialPos,
+        CircularInterpolationEndPosTooCloseToInitialPos,
+        CircularInterpolationThroughPosTooCloseToInitialPos,
+        CircularInterpolationThroughPosTooCloseToEndPos,
+        CircularInterpolationPathGenerationError, HelicalInterpolationTypeOutOfRange,
+        HelicalInterpolationCenterPosTooCloseToInitialPos,
+        HelicalInterpolationPathGenerationError, AxisCommandModeOutOfRange,
+        ZPulseDetectionUnsupported, TouchProbeDetectionUnsupported,
+        HomeSwitchDetectionUnsupported, LimitSwitchDetectionUnsupported
+    };
+};
+
+class AdvancedMotionErrorCode : public CoreMotionErrorCode {
+public:
+    enum {
+        PositionNotOnPath = 0x17000, SplineModeNotSupported,
+        SplineStartingPositionNotCurrentPosition, PathInterpolationChannelNotCleared,
+        PathInterpolationConfigurationNotSet, PathInterpolationAxesHaveBeenMoved,
+        PathInterpolationAbnormalStop, NotConstLinearVelocitySlave,
+        ConstLinearVelocityMinRTooSmall, ConstLinearVelocityPositiveMaxRTooSmall,
+        ConstLinearVelocityNegativeMaxRTooSmall, InvalidCurrentVelocity,
+        MasterPositionNotAscendingOrder, PositionNotWithinSingleTurnEncoderCount,
+        TimeBetweenPointsTooClose, TotalTimeTooSmall, DimensionOutOfRange,
+        PointCountBelowMinimum, L1ArgumentOutOfRange, L2ArgumentOutOfRange,
+        LdirArgumentOutOfRange, RzeroArgumentOutOfRange, RspanArgumentOutOfRange,
+        L1ArgumentGreaterThanL2, SlaveCurrentPositionNotInRange, OutputCountOutOfRange,
+        OutputPointNotFound, ConfigurationNotSet, SegmentTypeNotSupported,
+        AngleCorrectionProfileArgumentOutOfRange, AxisNotExecutingPathIntpl,
+        AxisNotExecutingPathIntpl3D, VelocityMultiplierOutOfRange, NoCommandsInBuffer,
+        DancerControlDerivativeSamplesOutOfRange, DancerControlIntegralTimeOutOfRange,
+        DancerControlInputMinMaxDifferenceOutOfRange, FirstPointTimeNotZero,
+        PointTimeOutOfRange, PointTimeNotIncreasing, SmoothRatioOutOfRange,
+        TwoLinkMotionTypeOutOfRange, OutputIOAddressOutOfRange, OutputPointOutOfRange,
+        TotalDistanceBelowMinimum, DistanceBetweenPointsTooClose
+    };
+};
+
+class IOErrorCode : public ErrorCode {
+public:
+    enum {
+        SharedMemoryNull = 0x14000, IOCountOutOfRange, ParameterSettingInvalid
+    };
+};
+
+class CyclicBufferErrorCode : public ErrorCode {
+public:
+    enum {
+        CreateBufferFailed = 0x13000, BufferIsNull, OpenBufferError, BufferIsNotOpened,
+        BufferSizeIsNotEnough, LockBufferFailed, BufferAlreadyOpened
+    };
+};
+
+class DeviceType {
+public:
+    enum T {
+        DeviceTypeNormal = 0, DeviceTypeLowPriority, DeviceTypeExitWOCnt,
+        DeviceTypeLowpriorityExitWOCnt
+    };
+};
+
+class EngineState {
+public:
+    enum T {
+        Idle = 0, Running, Communicating, Shutdown, Unknown
+    };
+};
+
+class ModuleId {
+public:
+    enum T {
+        WMX3Engine = 0, SimuPlatform, EcPlatform, RtexPlatform, MIIIPlatform, CCLinkPlatform,
+        M4Platform, CoreMotion = 10, Log, APIBuffer, CyclicBuffer, IO, Compensation, Event,
+        AdvancedMotion, UserMemory, PMMotion, Coordinate = 26, CNC, Kinematics, PLC,
+        UserRtdll0 = 32, UserRtdll1, UserRtdll2, ModuleSize = 64
+    };
+};
+
+class ModuleType {
+public:
+    enum T {
+        Motion = 0, Platform, Unknown
+    };
+};
+
+class OperationState {
+public:
+    enum T {
+        Idle = 0, Pos, Jog, Home, Sync, GantryHome, Stop, Intpl, Velocity, ConstLinearVelocity,
+        Trq, DirectControl, PVT, ECAM, SyncCatchUp, DancerControl
+    };
+};
+
+class DetailOperationState {
+public:
+    enum T {
+        Idle = 0, Pos = 200, Pos_OverrideSetup, Pos_WaitingForTrigger, Jog = 300,
+        Jog_OverrideSetup, Home = 400, Sync = 500, Sync_PhaseShift, Sync_GearShift,
+        GantryHome = 600, Stop = 700, Stop_QStop, Stop_EStop, Intpl = 800, Intpl_Linear,
+        Intpl_Circular, Intpl_Helical, Intpl_Spline, Intpl_Path, Intpl_PathWithRotation,
+        Intpl_PathLookahead, Intpl_OverrideSetup, Intpl_OverrideSmoothing, Velocity = 900,
+        Velocity_OverrideSetup, ConstLinearVelocity = 1100, Trq = 1200, Trq_OverrideSetup,
+        DirectControl = 1300, PVT = 1400, ECAM = 1500, SyncCatchUp = 1600,
+        DancerControl = 1700
+    };
+};
+
+class AxisCommandMode {
+public:
+    enum T {
+        Position = 0, Velocity, Torque
+    };
+};
+
+class ProfileType {
+public:
+    enum T {
+        Trapezoidal = 0, SCurve, JerkRatio, Parabolic, Sin, AdvancedS, TrapezoidalMAT,
+        JerkLimited, JerkLimitedSCurve, JerkLimitedAdvancedS, TwoVelocityTrapezoidal,
+        TwoVelocitySCurve, TwoVelocityJerkRatio, TimeAccTrapezoidal, TimeAccSCurve,
+        TimeAccJerkRatio, TimeAccParabolic, TimeAccSin, TimeAccAdvancedS, ConstantDec,
+        JerkRatioFixedVelocityT, JerkRatioFixedVelocityS, JerkLimitedFixedVelocityT,
+        JerkLimitedFixedVelocityS, ParabolicVelocity
+    };
+};
+
+class EStopLevel {
+public:
+    enum T {
+        Final = 0, Level1
+    };
+};
+
+class IOSourceType {
+public:
+    enum T {
+        Input = 0, Output
+    };
+};
+
+class FormatType {
+public:
+    enum T {
+        Char = 0, Uchar, Short, Ushort, Int, Uint, Long, Ulong, Float, Double
+    };
+};
+
+class SizeUnit {
+public:
+    enum T {
+        Byte = 0, Kilobyte, Megabyte
+    };
+};
+
+class HomeState {
+public:
+    enum T {
+        Idle = 0, ZPulseSearch, ZPulseSearchReverse, ZPulseSearchPauseReverse, HSSearch,
+        HSSearchPause, HSAndZPulseSearch, HSAndZPulseSearchPause, HSOffSearch,
+        HSOffSearchPause, HSOffAndZPulseSearch, HSOffAndZPulseSearchPause, LSSearch,
+        LSSearchPause, HSClearReverse, HSClearReversePause, HSFallingEdgeSearchReverse,
+        HSFallingEdgeSearchReversePause, LSFallingEdgeSearchReverse,
+        LSFallingEdgeSearchReversePause, TouchProbeSearch, TouchProbeSearchPause,
+        SecondHSSearch, SecondHSSearchPause, SecondTouchProbeSearch,
+        SecondTouchProbeSearchPause, MechanicalEndDetection, HomeShift, HomeShiftPause, Cancel
+    };
+};
+
+class HomeError {
+public:
+    enum T {
+        NoError = 0, LSTriggered, MaxLSRevDistanceTraveled, MaxHSOnAtStartRevDistanceTraveled,
+        ZPulseDistanceCheckError
+    };
+};
+
+class AxisSyncMode {
+public:
+    enum T {
+        NoSync = 0, NoOffset, VelocityOffset, SymmetricVelocityOffset
+    };
+};
+
+class TriggerType {
+public:
+    enum T {
+        RemainingTime = 0, RemainingDistance, SameTimeCompletion, CompletedTime,
+        CompletedDistance, StaggeredTimeCompletion, StaggeredDistanceCompletion,
+        DistanceToTarget
+    };
+};
+
+class TriggerEventInputFunction {
+public:
+    enum T {
+        IOBit = 0, NotIOBit, OrIOBit, AndIOBit, XorIOBit, NandIOBit, NorIOBit, XnorIOBit, MBit,
+        NotMBit, OrMBit, AndMBit, XorMBit, NandMBit, NorMBit, XnorMBit, Reg, NotReg, OrReg,
+        AndReg, XorReg, NandReg, NorReg, XnorReg, EqualPos, GreaterPos, LessPos, EqualVelocity,
+        GreaterVelocity, LessVelocity, EqualTrq, GreaterTrq, LessTrq, RemainingTime,
+        RemainingDistance, SameTimeCompletion, CompletedTime, CompletedDistance,
+        StaggeredTimeCompletion, StaggeredDistanceCompletion, DistanceToTarget
+    };
+};
+
+class TriggerEventOutputFunction {
+public:
+    enum T {
+        TriggerMotion = 0, SetReg
+    };
+};
+
+class CyclicBufferCommandType {
+public:
+    enum T {
+        AbsolutePos = 0, RelativePos
+    };
+};
+
+class CyclicBufferState {
+public:
+    enum T {
+        Stopped = 0, ExecutingCommand, WaitingForCommand, MaxAccError
+    };
+};
+
+// Nested in Config, which inherits them.
+class ConfigEnums {
+public:
+    class VelocityMonitorSource {
+    public:
+        enum T {
+            UseVelocityFeedback = 0, CalculateFromPositionFeedback
+        };
+    };
+    class HomeDirection {
+    public:
+        enum T {
+            Positive = 0, Negative
+        };
+    };
+    class HomeType {
+    public:
+        enum T {
+            CurrentPos = 0, ZPulse, HS, HSHS, HSZPulse, HSReverseZPulse, HSOff, HSOffZPulse,
+            HSOffReverseZPulse, LSReverseZPulse, NearLSReverseZPulse, ExternalLSReverseZPulse,
+            TouchProbe, HSTouchProbe, LS, NearLS, ExternalLS, MechanicalEndDetection,
+            MechanicalEndDetectionHS, MechanicalEndDetectionLS,
+            MechanicalEndDetectionReverseZPulse
+        };
+    };
+    class LimitSwitchType {
+    public:
+        enum T {
+            None = 0, ServoOff, DecServoOff, Dec, SlowDecServoOff, SlowDec,
+            SeparatePositiveLSNegativeLS
+        };
+    };
+    class LimitSwitchDirection {
+    public:
+        enum T {
+            Normal = 0, Reverse
+        };
+    };
+    class ProhibitOvertravelType {
+    public:
+        enum T {
+            Disabled = 0, ChangeDeceleration, ChangeInitialVelocity
+        };
+    };
+    class LinearIntplOverrideType {
+    public:
+        enum T {
+            Smoothing = 0, Blending, FastBlending
+        };
+    };
+    class LinearIntplProfileCalcMode {
+    public:
+        enum T {
+            AxisLimit = 0, MatchSlowestAxis, MatchFarthestAxis
+        };
+    };
+    class CircularIntplOverrideType {
+    public:
+        enum T {
+            Blending = 0, FastBlending
+        };
+    };
+    class FollowingErrorAlarmType {
+    public:
+        enum T {
+            NoAction = 0, QuickStop
+        };
+    };
+    class VelocityFollowingErrorAlarmType {
+    public:
+        enum T {
+            NoAction = 0, QuickStop, Warning
+        };
+    };
+    class SyncCompensationMode {
+    public:
+        enum T {
+            None = 0, VelocityOffset, SymmetricVelocityOffset
+        };
+    };
+    class MasterDesyncType {
+    public:
+        enum T {
+            NoAction = 0, ServoOff, DecServoOff, Dec
+        };
+    };
+    class SlaveDesyncType {
+    public:
+        enum T {
+            NoAction = 0, ServoOff, ResolveSync
+        };
+    };
+    class EStopSignalSource {
+    public:
+        enum T {
+            Input = 0, Output, UserMemory
+        };
+    };
+    class EStopStatusSignalDestination {
+    public:
+        enum T {
+            Output = 0, UserMemory
+        };
+    };
+    class EStopLevel1Type {
+    public:
+        enum T {
+            Dec = 0, DecServoOff
+        };
+    };
+};
+
+// Nested in Motion, which inherits them.
+class MotionEnums {
+public:
+    class WaitConditionType {
+    public:
+        enum T {
+            AxisIdle = 0, MotionStarted, MotionStartedOverrideReady, Event
+        };
+    };
+};
+
+}  // namespace wmx3Api

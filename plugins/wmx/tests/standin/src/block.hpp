@@ -1,0 +1,136 @@
+// The one engine: a block of memory that all processes on the machine share.
+#pragma once
+
+#include <pthread.h>
+#include <sys/types.h>
+
+#include <cstdint>
+
+#include "CoreMotionApi.h"
+#include "EcApi.h"
+
+namespace standin {
+
+using namespace wmx3Api;
+
+constexpr int AXES = constants::maxAxes;
+constexpr int SLAVES = 32;
+constexpr int CHANNELS = constants::maxSplineChannel;
+constexpr int DIMENSIONS = constants::maxSplineDimensions;
+constexpr int SPLINE_POINTS = 8192;  // invented: the largest buffer of one channel
+constexpr int REGISTERS = 4096;
+constexpr double CYCLE_S = 0.001;
+
+struct Segment {
+    double start_s, position, velocity, acceleration;
+};
+
+// Constant acceleration piece by piece; the last piece has no end (rest or constant speed).
+struct Path {
+    Segment pieces[6];
+    int count;
+    double duration_s, target;
+    void begin(double position, double velocity);
+    void accelerate(double acceleration, double seconds);
+    void at(double time_s, double &position, double &velocity) const;
+};
+
+struct Axis {
+    double counts, sent_counts;  // the encoder; the counts that the drive will have next cycle
+    double home_counts;          // counts at position 0
+    double command, velocity, torque_percent;
+    Path path;
+    double time_s;     // on the path
+    double acc, dec;   // of the running command
+    bool completes;    // the running command sets motionComplete when it ends
+    bool stuck;        // fault: the motor does not follow
+    int channel;       // spline channel that moves the axis, -1: none
+    int servo_request, servo_delay;
+    int mode_delay;
+    int home_delay;
+    bool clear_alarm;
+    double torque_override;  // NaN: none
+    AxisCommandMode::T mode;
+};
+
+struct Channel {
+    unsigned int points;  // of the buffer; 0: none
+    bool running, stopping;
+    int dimensions, axes[DIMENSIONS], knots;
+    double time_s, rate, rate_slope;  // path time, its speed, and how that falls while stopping
+    double acceleration;              // largest composite acceleration of the path
+    double times_s[SPLINE_POINTS + 1];
+    double position[DIMENSIONS][SPLINE_POINTS + 1];
+    double curvature[DIMENSIONS][SPLINE_POINTS + 1];
+};
+
+struct Device {
+    bool used;
+    pid_t pid;
+    DeviceType::T type;
+    unsigned int watchdog_ms;
+    std::int64_t fed_ns;
+    char name[constants::maxDeviceName];
+};
+
+struct Slave {
+    int axis;  // -1: an I/O module
+    bool lost;
+    unsigned char registers[REGISTERS];
+};
+
+struct Faults {  // survive a restart of the engine, so that they can be set before it starts
+    int device_locked, process_locked, communication_refused, name_refused;
+    int idle_ms, communication_ms, drives, io_modules;
+    bool licence_expired, loop_back, frozen;
+};
+
+struct Block {
+    std::uint64_t magic;
+    pthread_mutex_t mutex;
+    Faults faults;
+    Device devices[constants::maxDevices];
+    pid_t engine_pid;
+    bool stopped, auto_quit, quit;
+    std::int64_t starting_ns, heartbeat_ns, running_ns, communicate_ns;
+    EngineState::T state;
+    long long cycle;
+    double absolute_counts[AXES];  // what absolute encoders remember without the engine
+    // From here on everything is lost when the engine stops.
+    CoreMotionStatus status;
+    Axis axes[AXES];
+    Config::SystemParam system;
+    Config::AxisParam axis;
+    unsigned char inputs[constants::maxIoInSize], outputs[constants::maxIoOutSize];
+    ModuleSuspend suspend;
+    Slave slaves[SLAVES];
+    int slave_count;
+    unsigned int packet_loss, over_cycle, max_delay;
+    Channel channels[CHANNELS];
+};
+
+std::int64_t now_ns();
+void sleep_ms(double milliseconds);
+
+// The block, mapped and set up by whoever comes first. Aborts when there is no shared memory.
+Block &block();
+bool engine_alive(const Block &block);
+bool communicating(const Block &block);
+void reset_engine(Block &block);  // what a start of the engine finds
+double counts_per_unit(const Block &block, int axis);
+
+// Holds the block's mutex; the death of a holder is survived.
+class Lock {
+public:
+    Lock();
+    ~Lock();
+    Lock(const Lock &) = delete;
+    Lock &operator=(const Lock &) = delete;
+    Block *operator->() { return &shared; }
+    Block &operator*() { return shared; }
+
+private:
+    Block &shared;
+};
+
+}  // namespace standin

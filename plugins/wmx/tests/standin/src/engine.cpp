@@ -1,0 +1,125 @@
+// The engine process: starts communication when asked, ticks once a millisecond, ends when told.
+#include <signal.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "sim.hpp"
+
+using namespace standin;
+
+namespace {
+constexpr std::int64_t TICK_NS = 1'000'000;
+constexpr std::int64_t CATCH_UP_NS = 200 * TICK_NS;   // beyond it time is lost, as cycles are
+constexpr std::int64_t ORPHAN_NS = 10'000'000'000;    // invented: nobody alive needs the engine
+
+void start_communication(Block &block) {
+    block.state = block.status.engineState = EngineState::Communicating;
+    block.communicate_ns = 0;
+    block.cycle = 0;
+    block.slave_count = block.faults.drives + block.faults.io_modules;
+    for (int index = 0; index < block.slave_count; index++) {
+        Slave &slave = block.slaves[index];
+        slave.axis = index < block.faults.drives ? index : -1;
+        std::memset(slave.registers, 0, sizeof slave.registers);
+        slave.registers[0] = 0x11;               // ESC type
+        slave.registers[0x130] = 0x08;           // AL status: operational
+        slave.registers[0x110] = index + 1 < block.slave_count ? 0x3B : 0x13;  // DL status
+    }
+    for (int axis = 0; axis < block.faults.drives; axis++) {
+        Axis &mine = block.axes[axis];
+        mine.home_counts = block.axis.absoluteEncoderMode[axis]
+                               ? block.axis.absoluteEncoderHomeOffset[axis] : mine.counts;
+        mine.mode = block.axis.axisCommandMode[axis];
+        mine.sent_counts = mine.counts;
+        rescale(block, axis);
+    }
+    block.status.numOfInterrupts = 1;
+    block.status.cycleTimeMilliseconds[0] = CYCLE_S * 1000;
+}
+
+void stop_communication(Block &block) {
+    block.state = block.status.engineState = EngineState::Running;
+    block.communicate_ns = 0;
+    for (int axis = 0; axis < AXES; axis++) {
+        CoreMotionAxisStatus &status = block.status.axesStatus[axis];
+        status.servoOn = false;
+        block.axes[axis].channel = block.axes[axis].servo_request = -1;
+        interrupt(block, axis);
+        status.servoOffline = true;
+        if (block.system.homeParam[axis].clearHomeDoneOnCommStop) status.homeDone = false;
+    }
+    for (Channel &channel : block.channels) channel.running = false;
+}
+
+// Closes devices whose process no longer feeds them; true while somebody needs the engine.
+bool watch(Block &block, std::int64_t now, std::int64_t &needed_ns) {
+    bool any = false, died = false;
+    for (Device &device : block.devices) {
+        if (!device.used) continue;
+        const std::int64_t age_ns = now - device.fed_ns;
+        if (device.watchdog_ms && age_ns > device.watchdog_ms * 1'000'000ll) device.used = !(died = true);
+        else any = true;
+        if (device.used && kill(device.pid, 0) == 0) needed_ns = now;
+    }
+    if (died && !any && block.auto_quit) return false;
+    return now - needed_ns < ORPHAN_NS;
+}
+
+void step(Block &block, std::int64_t now) {
+    if (block.state == EngineState::Idle && now >= block.running_ns)
+        block.state = block.status.engineState = EngineState::Running;
+    block.status.invalidLicenseError = block.faults.licence_expired;
+    if (communicating(block) && (block.faults.licence_expired || block.communicate_ns < 0))
+        stop_communication(block);
+    if (block.state == EngineState::Running && block.communicate_ns > 0 &&
+        now >= block.communicate_ns)
+        start_communication(block);
+    if (communicating(block) && !block.faults.frozen) tick(block);
+}
+}  // namespace
+
+int main() {
+    setsid();
+    signal(SIGHUP, SIG_IGN);
+    std::int64_t due = now_ns(), needed_ns = due;
+    {
+        Lock block;
+        if (engine_alive(*block)) return 1;
+        reset_engine(*block);
+        block->engine_pid = getpid();
+        block->quit = block->stopped = false;
+        block->heartbeat_ns = due;
+        block->running_ns = due + block->faults.idle_ms * TICK_NS;
+        block->state = block->status.engineState = EngineState::Idle;
+        if (block->faults.idle_ms == 0) step(*block, due);
+        block->starting_ns = 0;
+    }
+    for (bool needed = true; needed;) {
+        due += TICK_NS;
+        // Late cycles are made up for at double speed, so that no axis seems to jump.
+        const std::int64_t at = std::max(due, now_ns() + TICK_NS / 2);
+        timespec wake{static_cast<time_t>(at / 1'000'000'000),
+                      static_cast<long>(at % 1'000'000'000)};
+        while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr) == EINTR) {}
+        Lock block;
+        const std::int64_t now = now_ns();
+        if (now - due > CATCH_UP_NS) {
+            block->over_cycle++;
+            due = now;
+        }
+        block->heartbeat_ns = now;
+        step(*block, now);
+        needed = !block->quit && watch(*block, now, needed_ns);
+    }
+    Lock block;
+    stop_communication(*block);
+    block->state = block->status.engineState = EngineState::Shutdown;
+    block->engine_pid = 0;
+    block->stopped = true;
+    block->quit = false;
+    return 0;
+}

@@ -1,0 +1,124 @@
+// The fault port: a command that reaches into the engine, for tests. `standin-port` lists all.
+#include <signal.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "block.hpp"
+
+using namespace standin;
+
+namespace {
+using Command = void (*)(Block &, const long *);
+
+struct Entry {
+    const char *name, *arguments;
+    int count;
+    Command run;
+};
+
+CoreMotionAxisStatus &status(Block &block, long axis) { return block.status.axesStatus[axis]; }
+
+const Entry COMMANDS[] = {
+    {"device_locked", "TIMES", 1, [](Block &b, const long *a) { b.faults.device_locked = a[0]; }},
+    {"process_locked", "TIMES", 1, [](Block &b, const long *a) { b.faults.process_locked = a[0]; }},
+    {"communication_refused", "TIMES", 1,
+     [](Block &b, const long *a) { b.faults.communication_refused = a[0]; }},
+    {"communication_ms", "MS", 1, [](Block &b, const long *a) { b.faults.communication_ms = a[0]; }},
+    {"name_refused", "TIMES", 1, [](Block &b, const long *a) { b.faults.name_refused = a[0]; }},
+    {"idle_ms", "MS", 1, [](Block &b, const long *a) { b.faults.idle_ms = a[0]; }},
+    {"topology", "DRIVES IO_MODULES", 2,
+     [](Block &b, const long *a) { b.faults.drives = a[0], b.faults.io_modules = a[1]; }},
+    {"licence_expired", "0|1", 1, [](Block &b, const long *a) { b.faults.licence_expired = a[0]; }},
+    {"loop_back", "0|1", 1, [](Block &b, const long *a) { b.faults.loop_back = a[0]; }},
+    {"slave_lost", "SLAVE", 1,
+     [](Block &b, const long *a) { b.slaves[a[0]].lost = true, b.packet_loss += 10; }},
+    {"slave_back", "SLAVE", 1, [](Block &b, const long *a) { b.slaves[a[0]].lost = false; }},
+    {"amp_alarm", "AXIS CODE", 2,
+     [](Block &b, const long *a) {
+         status(b, a[0]).ampAlarm = a[1] != 0;
+         status(b, a[0]).ampAlarmCode = static_cast<int>(a[1]);
+     }},
+    {"stuck", "AXIS 0|1", 2, [](Block &b, const long *a) { b.axes[a[0]].stuck = a[1]; }},
+    {"push", "AXIS COUNTS", 2, [](Block &b, const long *a) {
+         b.axes[a[0]].counts += a[1], b.axes[a[0]].sent_counts += a[1];
+     }},
+    {"turn", "AXIS MICRO_UNITS", 2, [](Block &b, const long *a) {
+         const double delta = a[1] * 1e-6 * counts_per_unit(b, static_cast<int>(a[0]));
+         b.axes[a[0]].counts += delta, b.axes[a[0]].sent_counts += delta;
+     }},
+    {"freeze", "0|1", 1, [](Block &b, const long *a) { b.faults.frozen = a[0]; }},
+    {"input_bit", "BYTE BIT", 2,
+     [](Block &b, const long *a) { b.inputs[a[0]] |= 1 << a[1]; }},
+    {"no_input_bit", "BYTE BIT", 2,
+     [](Block &b, const long *a) { b.inputs[a[0]] &= ~(1 << a[1]); }},
+    {"torque", "AXIS PERCENT", 2,
+     [](Block &b, const long *a) { b.axes[a[0]].torque_override = a[1]; }},
+    {"positive_limit", "AXIS 0|1", 2,
+     [](Block &b, const long *a) { status(b, a[0]).positiveLS = a[1]; }},
+    {"negative_limit", "AXIS 0|1", 2,
+     [](Block &b, const long *a) { status(b, a[0]).negativeLS = a[1]; }},
+    {"home_switch", "AXIS 0|1", 2,
+     [](Block &b, const long *a) { status(b, a[0]).homeSwitch = a[1]; }},
+    {"input", "BYTE VALUE", 2, [](Block &b, const long *a) { b.inputs[a[0]] = a[1]; }},
+    {"stop_engine", "", 0, [](Block &b, const long *) { b.quit = true; }},
+    {"kill_engine", "", 0, [](Block &b, const long *) {
+         if (b.engine_pid) kill(b.engine_pid, SIGKILL);
+     }},
+    {"show", "", 0, [](Block &b, const long *) {
+         std::printf("engine %d state %d cycle %lld\n", b.engine_pid, b.state, b.cycle);
+         for (int axis = 0; axis < b.faults.drives; axis++)
+             std::printf("axis %d servo %d state %d position %.9f command %.9f\n", axis,
+                         status(b, axis).servoOn, status(b, axis).opState,
+                         status(b, axis).actualPos, status(b, axis).posCmd);
+     }},
+};
+}  // namespace
+
+// Ends the engine and forgets everything, faults and devices included.
+int reset() {
+    {
+        Lock block;
+        block->quit = true;
+    }
+    for (int tries = 0; tries < 3000; tries++) {
+        sleep_ms(1);
+        Lock block;
+        if (block->engine_pid == 0 || now_ns() - block->heartbeat_ns > 1'500'000'000) break;
+    }
+    Lock block;
+    block->faults = Faults{};
+    block->faults.drives = 6;
+    block->faults.io_modules = 1;
+    block->faults.communication_ms = 20;
+    block->auto_quit = true;
+    block->quit = block->stopped = false;
+    block->engine_pid = 0;
+    block->starting_ns = 0;
+    for (Device &device : block->devices) device.used = false;
+    for (double &counts : block->absolute_counts) counts = 0;
+    for (Slave &slave : block->slaves) slave.lost = false;
+    reset_engine(*block);
+    return 0;
+}
+
+int main(int count, char **words) {
+    if (count == 2 && std::strcmp(words[1], "reset") == 0) return reset();
+    for (const Entry &entry : COMMANDS) {
+        if (count < 2 || std::strcmp(entry.name, words[1]) != 0) continue;
+        if (count != entry.count + 2) break;
+        long arguments[2] = {};
+        for (int index = 0; index < entry.count; index++)
+            arguments[index] = std::strtol(words[index + 2], nullptr, 0);
+        Lock block;
+        entry.run(*block, arguments);
+        return 0;
+    }
+    std::fprintf(stderr, "usage: standin-port COMMAND ARGUMENTS\n");
+    for (const Entry &entry : COMMANDS)
+        std::fprintf(stderr, "  %s %s\n", entry.name, entry.arguments);
+    return 2;
+}

@@ -1,0 +1,52 @@
+"""The WMX backend with the stand-in as its test bench: backend ``wmx_standin`` of the tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from robotd.plugin.api import BackendInfo, Bench, Capability, hookimpl
+from robotd_wmx import plugin
+from robotd_wmx.plugin import robotd_axes, robotd_fieldbus, robotd_io, robotd_open_device
+from standin_port import port
+
+__all__ = ["robotd_axes", "robotd_fieldbus", "robotd_io", "robotd_open_device"]
+
+
+class StandinBench(Bench):
+    """The outside world of the stand-in's engine, by its fault port."""
+
+    def position(self, axis: int) -> float:
+        line = next(line for line in port("show").splitlines() if line.startswith(f"axis {axis} "))
+        words = line.split()
+        return float(words[words.index("position") + 1])
+
+    def move_by_hand(self, axis: int, delta: float) -> None:
+        port("turn", axis, round(delta * 1e6))
+
+    def trip(self, axis: int, code: int) -> None:
+        port("amp_alarm", axis, code)
+
+    def disconnect(self, axis: int) -> None:
+        port("slave_lost", axis)
+
+    def reconnect(self, axis: int) -> None:
+        port("slave_back", axis)
+
+    def freeze(self, frozen: bool) -> None:
+        port("freeze", int(frozen))
+
+    def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
+        port("input_bit" if value else "no_input_bit", byte, bit)
+
+
+@hookimpl
+def robotd_backend() -> BackendInfo:
+    info = plugin.robotd_backend()
+    return replace(
+        info, name="wmx_standin", capabilities=info.capabilities | {Capability.SIMULATED}
+    )
+
+
+@hookimpl
+def robotd_bench() -> Bench:
+    return StandinBench()

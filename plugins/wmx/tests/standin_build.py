@@ -1,0 +1,67 @@
+"""Builds the stand-in for the SDK and, against it, the plugin as pip would install it.
+
+Everything goes into ``build/`` beside the sources and is built again only where sources changed.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+PLUGIN = Path(__file__).resolve().parent.parent
+BUILD = PLUGIN / "build"
+SDK = BUILD / "standin" / "sdk"
+SITE = BUILD / "site"
+# Tools of the environment that runs the tests come before the system's.
+ENVIRONMENT = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+
+
+def run(*command: str | Path, **variables: str) -> str:
+    """Standard output of a command; its whole output is in the error when it fails."""
+    result = subprocess.run(
+        [str(word) for word in command],
+        env=ENVIRONMENT | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if result.returncode:
+        raise RuntimeError(f"{command[0]} failed\n{result.stdout}\n{result.stderr}")
+    return result.stdout
+
+
+def build_standin(where: Path = BUILD / "standin", **variant: object) -> Path:
+    """Configure and build an edition of the SDK; returns its root."""
+    options = [f"-DSTANDIN_{name.upper()}={value}" for name, value in variant.items()]
+    run("cmake", "-S", PLUGIN / "tests" / "standin", "-B", where, "-G", "Ninja", *options)
+    run("cmake", "--build", where, "--parallel", "2")
+    return where / "sdk"
+
+
+def build_plugin() -> Path:
+    """Install the plugin into a folder of its own; returns it."""
+    run(
+        sys.executable, "-m", "pip", "install", "--quiet", "--no-build-isolation", "--no-deps",
+        "--upgrade", "--target", SITE, "-C", f"build-dir={BUILD / 'native'}", PLUGIN,
+        WMX3_SDK_PATH=str(SDK), CMAKE_BUILD_PARALLEL_LEVEL="2",
+    )  # fmt: skip
+    return SITE
+
+
+def build_program(source: Path, sdk: Path = SDK) -> Path:
+    """Compile a C++ program as a customer of the SDK would; returns it."""
+    program = BUILD / "programs" / source.stem
+    program.parent.mkdir(parents=True, exist_ok=True)
+    run(
+        "g++", "-std=c++17", "-fsigned-char", "-I", sdk / "include", source, "-o", program,
+        "-L", sdk / "lib", f"-Wl,-rpath,{sdk / 'lib'}",
+        "-lcoremotionapi", "-ladvancedmotionapi", "-lioapi", "-lwmx3api", "-limdll",
+    )  # fmt: skip
+    return program
+
+
+if __name__ == "__main__":
+    build_standin()
+    print(build_plugin())

@@ -1,0 +1,78 @@
+"""Error codes: one table, every code has a text, every failure says its thing."""
+
+from __future__ import annotations
+
+import pytest
+
+from robotd.errors import ConnectError, DeviceTimeout, InvalidArgument, NotReady, OperationError
+from robotd_wmx._native import CallError
+from robotd_wmx.errors import (
+    INVALID,
+    LOCKED,
+    NOT_READY,
+    TIMEOUTS,
+    names,
+    table,
+    text_of,
+    translated,
+)
+
+
+def test_every_code_has_a_text() -> None:
+    assert len(table()) == 377
+    assert all(row.text for row in table().values())
+
+
+def test_numbers_of_the_table_are_those_of_the_sdk() -> None:
+    for (api, code), name in names().items():
+        assert table()[api, name].code == code
+
+
+def test_groups_name_codes_that_exist() -> None:
+    known = {name for _, name in table()}
+    assert known >= NOT_READY | TIMEOUTS | INVALID | LOCKED
+
+
+@pytest.mark.parametrize(
+    ("api", "code", "text"),
+    [
+        ("engine", 297, "wmx 297 (device locked by another process)"),
+        ("core motion", 65556, "wmx 65556 (the servo is off)"),
+        ("advanced motion", 65556, "wmx 65556 (the servo is off)"),
+        ("advanced motion", 1547, "wmx 1547 (no such axis)"),
+        ("io", 81920, "wmx 81920 (the I/O image is not mapped)"),
+        ("ecat", 8195, "wmx 8195 (no master: the EtherCAT platform is not loaded)"),
+        ("io", 65556, "wmx 65556 (unknown io error 0x10014)"),
+        ("engine", 4711, "wmx 4711 (unknown engine error 0x1267)"),
+    ],
+)
+def test_texts(api: str, code: int, text: str) -> None:
+    assert text_of(api, code) == text
+
+
+def test_an_unknown_code_keeps_what_the_sdk_says() -> None:
+    assert text_of("engine", 4711, "flux low") == (
+        "wmx 4711 (unknown engine error 0x1267, the SDK says: flux low)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("NotServoOn", NotReady),
+        ("WaitTimeout", DeviceTimeout),
+        ("AxisOutOfRange", InvalidArgument),
+        ("ParameterSettingsInvalid", OperationError),
+        ("", OperationError),
+    ],
+)
+def test_errors_are_of_their_phase_and_keep_the_code(name: str, kind: type[Exception]) -> None:
+    with pytest.raises(kind, match=r"^axis 3: wmx 1 .* from Call$") as raised, translated("axis 3"):
+        raise CallError("Call", "engine", 1, name, "")
+    assert type(raised.value) is kind
+    assert raised.value.code == 1  # type: ignore[attr-defined]
+
+
+def test_opening_fails_with_a_connect_error_whatever_the_code() -> None:
+    with pytest.raises(ConnectError), translated("device", ConnectError):
+        raise CallError("CreateDevice", "engine", 269, "APIChannelError", "")

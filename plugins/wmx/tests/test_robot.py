@@ -1,0 +1,272 @@
+"""Whole robots on the engine: what a user sees, in good and in bad times."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotd.cycle.execution import Outcome
+from robotd.device.axes import Jog, Move
+from robotd.device.drivers import Profile
+from robotd.device.state import EngineState, Operation
+from robotd.errors import ConnectError, NotReady, OperationError
+from robotd.motion import JointTolerance
+from robotd.robot import Robot, build_robot
+from robots import descriptor, eventually, goal, running
+from standin_build import PLUGIN, SDK, build_program, run
+from standin_port import port
+
+PROFILE = Profile(1.0, 10.0, 10.0)
+
+
+def settled(robot: Robot) -> bool:
+    return bool((robot.image.operation == Operation.IDLE).all())
+
+
+def test_cr3a_comes_up_moves_and_goes_down(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        assert robot.engine.state is EngineState.COMMUNICATING
+        assert robot.image.copy().servo_on.all()
+        robot.axes.move([Move(0, 0.3, PROFILE), Move(5, -0.2, PROFILE)])
+        eventually(lambda: robot.image.motion_complete[0] and robot.image.motion_complete[5])
+        eventually(lambda: np.allclose(robot.image.position[[0, 5]], [0.3, -0.2], atol=1e-6))
+    assert robot.engine.state is EngineState.SHUTDOWN
+    assert "engine 0" in port("show")
+
+
+def test_a_trajectory_runs_as_a_spline_on_the_engine(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        with robot.follower.follow(goal([0.25, 0.5], 0.1, 0.2)) as execution:
+            eventually(lambda: bool((robot.image.operation == Operation.STREAM).all()))
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+        np.testing.assert_allclose(robot.image.position, 0.2, atol=1e-6)
+
+
+def test_the_engine_follows_the_planned_path(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        samples: list[tuple[float, float]] = []
+        clock = robot.clock
+        robot.cycle.every(
+            500, "test", lambda image: samples.append((clock.now_ns(), image.position_command[2]))
+        )
+        with robot.follower.follow(goal([0.3, 0.5, 0.8], 0.2, 0.1, 0.3)) as execution:
+            assert execution.wait(5.0)
+        times_s, positions = np.array(samples).T
+        start = int(np.flatnonzero(positions > 1e-6)[0])
+        planned = execution.trajectory.evaluate((times_s - times_s[start - 1]) * 1e-9)[0][:, 2]
+        # A millisecond or two of latency at no more than 1.5 rad/s.
+        late = np.abs(positions[start:] - planned[start:])
+        assert np.median(late) < 0.01
+
+
+def test_a_new_goal_takes_over_at_rest_and_a_refused_one_does_not(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        with robot.follower.follow(goal([2.0], 1.0)) as first:
+            eventually(lambda: robot.image.position[0] > 0.05)
+            with pytest.raises(OperationError, match="joint1"):
+                robot.follower.follow(goal([0.5], 9.0)).__enter__()
+            assert not first.ending
+            with robot.follower.follow(goal([0.5], 0.0)) as second:
+                assert second.wait(5.0)
+        assert first.outcome is Outcome.PREEMPTED
+        assert second.outcome is Outcome.SUCCEEDED, second.message
+
+
+def test_cancel_stops_along_the_path(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        with robot.follower.follow(goal([2.0], 1.0)) as execution:
+            eventually(lambda: robot.image.position[0] > 0.1)
+            execution.cancel()
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.CANCELED
+        assert settled(robot)
+        np.testing.assert_allclose(robot.image.position, robot.image.position[0], atol=1e-4)
+        assert robot.image.position[0] < 0.9
+
+
+def test_amp_alarm_during_a_trajectory_stops_all_and_is_recovered_from(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        with robot.follower.follow(goal([2.0], 1.0)) as execution:
+            eventually(lambda: robot.image.position[0] > 0.05)
+            port("amp_alarm", 1, 0x7500)
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.FAULT
+        assert "joint2" in execution.message
+        assert str(0x7500) in execution.message
+        eventually(lambda: settled(robot))
+        with pytest.raises(OperationError, match="amplifier alarm 29952"):
+            robot.axes.servo(1, True)
+        robot.enable_joints()
+        with robot.follower.follow(goal([0.5], 0.0)) as execution:
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+
+
+def test_a_lost_slave_stops_motion_and_hot_connect_brings_it_back(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        with robot.follower.follow(goal([2.0], 1.0)) as execution:
+            eventually(lambda: robot.image.position[0] > 0.05)
+            port("slave_lost", 2)
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.FAULT
+        assert "joint3" in execution.message
+        network = robot.fieldbus.network_state(0)
+        assert [slave.id for slave in network.slaves if slave.offline] == [2]
+        assert network.packet_loss > 0
+        with pytest.raises(ConnectError, match="joint3"):
+            robot.enable_joints()
+        robot.fieldbus.start_hot_connect(0)
+        eventually(lambda: not robot.image.offline[2])
+        robot.enable_joints()
+        assert robot.image.servo_on.all()
+
+
+def test_an_engine_stopped_by_somebody_else_is_opened_again(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        with robot.follower.follow(goal([2.0], 1.0)) as execution:
+            eventually(lambda: robot.image.position[0] > 0.05)
+            port("stop_engine")
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.FAULT
+        assert "Shutdown" in execution.message
+        assert not robot.engine.ready
+        with pytest.raises(NotReady, match="not ready"):
+            robot.axes.move([Move(0, 0.1, PROFILE)])
+        robot.engine.close()
+        robot.engine.start()
+        robot.enable_joints()
+        robot.axes.move([Move(0, 0.1, PROFILE)])
+
+
+def test_a_killed_engine_is_noticed_and_opened_again(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        port("kill_engine")
+        eventually(lambda: not robot.engine.ready)
+        assert robot.engine.state is EngineState.UNKNOWN
+        robot.engine.close()
+        robot.engine.start()
+        robot.enable_joints()
+        assert robot.engine.ready
+
+
+def test_an_expired_licence_ends_motion_and_is_named(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        with robot.follower.follow(goal([2.0], 1.0)) as execution:
+            eventually(lambda: robot.image.position[0] > 0.05)
+            port("licence_expired", 1)
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.FAULT
+        assert robot.engine.state is EngineState.RUNNING
+        robot.engine.settings = robot.engine.settings.model_copy(
+            update={"communication_timeout_s": 0.5}
+        )
+        with pytest.raises(NotReady, match="licence"):
+            robot.engine.start_communication()
+        port("licence_expired", 0)
+        robot.engine.start_communication()
+        robot.enable_joints()
+        assert robot.engine.ready
+
+
+def test_a_joint_that_is_held_is_a_following_error(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        port("stuck", 3, 1)
+        tolerances = robot.follower.tolerances([JointTolerance("joint4", 0.05)])
+        with robot.follower.follow(goal([1.0], 1.0), tolerances) as execution:
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.PATH_TOLERANCE
+        assert "joint4" in execution.message
+
+
+def test_baymax_drives_by_streamed_velocities(tmp_path: Path) -> None:
+    port("topology", 2, 0)
+    with running(tmp_path, "baymax") as robot:
+        assert robot.base is not None
+
+        def fast() -> bool:
+            robot.base.command(0.3, 0.0)
+            return bool((np.abs(robot.image.velocity) > 3.0).all())
+
+        eventually(fast)
+        assert (robot.image.operation == Operation.STREAM).all()
+        eventually(lambda: settled(robot) and bool((np.abs(robot.image.velocity) < 1e-3).all()))
+        assert abs(robot.image.position[0] - robot.image.position[1]) < 0.05
+
+
+def test_a_limit_switch_stops_a_move(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        robot.axes.move([Move(0, 1.0, PROFILE)])
+        eventually(lambda: robot.image.position[0] > 0.05)
+        port("positive_limit", 0, 1)
+        eventually(lambda: settled(robot))
+        assert robot.image.positive_limit[0]
+        assert not robot.image.motion_complete[0]
+        assert robot.image.position[0] < 0.9
+
+
+def test_jog_in_velocity_mode_and_stop(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        robot.axes.set_command_mode(1, 1)
+        robot.axes.jog([Jog(1, Profile(-0.5, 5.0, 5.0))])
+        eventually(lambda: abs(robot.image.velocity[1] + 0.5) < 0.01)
+        robot.axes.jog([Jog(1, Profile(0.0, 5.0, 5.0))])
+        eventually(lambda: settled(robot))
+
+
+def test_a_program_on_the_same_engine_moves_our_axis_and_we_see_it(tmp_path: Path) -> None:
+    program = build_program(PLUGIN / "tests" / "programs" / "mover.cpp")
+    with running(tmp_path) as robot:
+        where = float(run(program, f"{SDK}/", "4", "0.25"))
+        assert where == pytest.approx(0.25)
+        eventually(lambda: abs(robot.image.position[4] - 0.25) < 1e-5)
+        assert robot.io.output_bit(3, 2)
+        assert robot.engine.ready
+
+
+def test_two_robots_share_an_engine(tmp_path: Path) -> None:
+    with running(tmp_path) as owner:
+        with running(tmp_path, enable=False, shared=True, spline_channel=1) as guest:
+            owner.axes.move([Move(0, 0.2, PROFILE)])
+            eventually(lambda: abs(guest.image.position[0] - 0.2) < 1e-5)
+            with guest.follower.follow(goal([0.5], 0.3)) as execution:
+                assert execution.wait(5.0)
+            assert execution.outcome is Outcome.SUCCEEDED, execution.message
+            np.testing.assert_allclose(owner.image.position, 0.3, atol=1e-5)
+        # The guest has switched the axes off at its end, and left the engine alone.
+        assert owner.engine.ready
+        owner.enable_joints()
+        owner.axes.move([Move(0, 0.1, PROFILE)])
+
+
+def test_the_engine_stops_the_axes_when_the_daemon_dies(tmp_path: Path) -> None:
+    script = (
+        "import sys\n"
+        "from robotd.robot import open_robot\n"
+        "from robotd.device.axes import Jog\n"
+        "from robotd.device.drivers import Profile\n"
+        "with open_robot(sys.argv[1], 'wmx') as robot:\n"
+        "    robot.axes.set_command_mode(0, 1)\n"
+        "    robot.axes.jog([Jog(0, Profile(0.5, 5.0, 5.0))])\n"
+        "    print('moving', flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-P", "-c", script, str(descriptor(tmp_path, watchdog_s=0.2))]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as daemon:  # type: ignore[call-overload]
+        assert "moving" in iter(lambda: daemon.stdout.readline().strip(), "")
+        assert "axis 0 servo 1 state 8" in port("show")  # OperationState::Velocity
+        daemon.kill()
+    eventually(lambda: "engine 0" in port("show"))
+
+
+def test_what_a_start_up_cannot_do_is_said(tmp_path: Path) -> None:
+    port("device_locked", 1000)
+    robot = build_robot(descriptor(tmp_path, lock_timeout_s=0.3), "wmx")
+    with pytest.raises(ConnectError, match=r"wmx 297 \(device locked by another process\)"):
+        robot.start()
+    robot.shutdown()

@@ -1,0 +1,195 @@
+"""Simulated time and faults over ROS: /clock, stamps, steps, and what is injected."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+from tests.ros.robot_process import Client, RobotProcess, wait_until
+from trajectory_msgs.msg import JointTrajectoryPoint
+from wmx_ros2_message.msg import AxisState
+
+pytestmark = pytest.mark.ros
+
+PERIOD_S = 0.002
+DEEP = 2000
+
+
+def seconds(stamp: Any) -> float:
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def ask(client: Client, service: str, **fields: Any) -> Any:
+    """The result of one of the services that take named values; ``__`` stands for the dot."""
+    parameters = [
+        Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+        for name, value in fields.items()
+    ]
+    name = f"/robotd_sim/{service}"
+    return client.call(SetParametersAtomically, name, parameters=parameters).result
+
+
+def goal(position: float, time_s: float) -> Any:
+    message = FollowJointTrajectory.Goal()
+    message.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
+    duration = Duration(sec=int(time_s), nanosec=round(time_s % 1 * 1e9))
+    message.trajectory.points = [
+        JointTrajectoryPoint(positions=[position] * 6, time_from_start=duration)
+    ]
+    return message
+
+
+@pytest.fixture(scope="module")
+def fast() -> Iterator[RobotProcess]:
+    with RobotProcess("--time-scale", "max") as process:
+        process.wait_ready()
+        yield process
+
+
+@pytest.fixture
+def client(fast: RobotProcess) -> Iterator[Client]:
+    client = Client(fast.domain)
+    client.call(SetBool, "/robotd_sim/pause", data=False)
+    yield client
+    client.call(SetBool, "/robotd_sim/pause", data=False)
+    client.close()
+
+
+def test_a_goal_takes_a_fraction_of_its_time(client: Client) -> None:
+    clocks = client.listen(Clock, "/clock")
+    wait_until(lambda: clocks, "no clock")
+    begin_s, first_s = time.monotonic(), seconds(clocks[-1].clock)
+    assert client.send_goal(goal(0.5, 10.0)).result()[1].error_code == 0
+    assert seconds(clocks[-1].clock) - first_s >= 9.5
+    assert time.monotonic() - begin_s < 9.0
+    assert client.send_goal(goal(0.0, 10.0)).result()[1].error_code == 0
+
+
+def test_time_stands_when_paused_and_steps_whole_periods(client: Client) -> None:
+    clocks, states = client.listen(Clock, "/clock", DEEP), client.listen(
+        JointState, "/joint_states", DEEP)  # fmt: skip
+    wait_until(lambda: clocks and states, "no time")
+    client.call(SetBool, "/robotd_sim/pause", data=True)
+    assert ask(client, "step", periods=1).successful
+    begin = float(ask(client, "step", periods=1).reason.split()[-2])
+    clocks.clear()
+    states.clear()
+    answer = ask(client, "step", periods=50)
+    assert float(answer.reason.split()[-2]) == pytest.approx(begin + 50 * PERIOD_S)
+    for messages in (clocks, states):
+        wait_until(lambda messages=messages: len(messages) >= 50, "50 messages")
+    times = [seconds(message.clock) for message in clocks[-50:]]
+    assert times[-1] == pytest.approx(begin + 50 * PERIOD_S)
+    assert all(b - a == pytest.approx(PERIOD_S) for a, b in pairwise(times))
+    assert [seconds(state.header.stamp) for state in states[-50:]] == times
+
+
+def test_the_same_steps_give_the_same_joint_states(client: Client) -> None:
+    """Two goals from the same place, each under way for 300 periods, bit for bit."""
+    states = client.listen(JointState, "/joint_states", DEEP)
+
+    def run() -> list[bytes]:
+        client.call(SetBool, "/robotd_sim/pause", data=True)
+        ask(client, "step", periods=1)
+        handle = client.send_goal(goal(0.4, 0.5))
+        rows: list[bytes] = []
+        moving = 0
+        while moving < 300:
+            states.clear()
+            assert ask(client, "step", periods=1).successful
+            wait_until(lambda: states, "no joint state")
+            if moving or any(states[-1].velocity):
+                moving += 1
+                rows.append(states[-1].position.tobytes() + states[-1].velocity.tobytes())
+        client.call(SetBool, "/robotd_sim/pause", data=False)
+        assert handle.result()[1].error_code == 0
+        assert client.send_goal(goal(0.0, 1.0)).result()[1].error_code == 0
+        return rows
+
+    assert run()[:1] != []
+    assert run() == run()
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({}, "wanted is the whole number 'periods'"),
+        ({"periods": 0}, "outside 1..1000000"),
+        ({"periods": 1.5}, "whole number"),
+        ({"periods": 1, "more": 2}, "whole number"),
+    ],
+)
+def test_steps_that_make_no_sense_are_refused(client: Client, fields: Any, reason: str) -> None:
+    answer = ask(client, "step", **fields)
+    assert not answer.successful
+    assert reason in answer.reason
+
+
+def test_a_fault_is_injected_and_a_wrong_one_refused(client: Client) -> None:
+    states = client.listen(AxisState, "/wmx/axis/state")
+    assert "did you mean 'axis'?" in ask(client, "inject", amp_alarm__axs=1).reason
+    assert "axis 9 is outside 0..5" in ask(client, "inject", amp_alarm__axis=9).reason
+    answer = ask(client, "inject", amp_alarm__axis=1, amp_alarm__code=77, at_s=0.5)
+    assert answer.successful
+    assert answer.reason == "amp_alarm axis=1 code=77"
+    wait_until(lambda: states and states[-1].amp_alarm[1], "no alarm")
+    assert robotd(client, "servo", "on").returncode == 0
+    wait_until(lambda: not states[-1].amp_alarm[1], "alarm not cleared")
+
+
+def robotd(client: Client, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"ROS_DOMAIN_ID": str(client.domain)}
+    command = [sys.executable, "-m", "robotd", *arguments]
+    return subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=False, timeout=30
+    )
+
+
+def test_the_commands_reach_the_simulation(client: Client) -> None:
+    for arguments, text in (
+        (["pause"], "time stands"),
+        (["step", "10"], "time stands at"),
+        (["resume"], "time passes"),
+        (["inject", "packet_loss", "count=1"], "packet_loss count=1"),
+    ):
+        result = robotd(client, "sim", *arguments)
+        assert result.returncode == 0, result.stderr
+        assert text in result.stdout
+    result = robotd(client, "sim", "inject", "amp_alarm", "axis=7")
+    assert result.returncode == 5
+    assert "axis 7 is outside 0..5" in result.stderr
+
+
+def test_it_stops_in_order_while_time_stands() -> None:
+    with RobotProcess("--time-scale", "max") as process:
+        process.wait_ready()
+        client = Client(process.domain)
+        client.call(SetBool, "/robotd_sim/pause", data=True)
+        client.close()
+        assert process.end() == 0
+        assert "device closed" in process.output
+
+
+def test_a_scenario_happens_to_a_robot_in_real_time(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("schema: 1\nfaults:\n  - {at_s: 0.3, communication_drop: {}}\n", "utf-8")
+    with RobotProcess("--scenario", str(path)) as process:
+        process.wait_output("communication_drop")
+        client = Client(process.domain)
+        client.wait_engine(ready=False)
+        assert not client.node.get_publishers_info_by_topic("/clock")
+        client.close()

@@ -1,0 +1,103 @@
+"""``robotd sim run`` and what ``inject`` makes of its words; the rest needs ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+from robotd.cli.exit_codes import ExitCode
+
+Robotd = Callable[..., Result]
+
+MOVE = """
+schema: 1
+robot: cr3a
+faults:
+  - {at_s: 0.2, packet_loss: {count: 3}}
+program:
+  - move: {to_rad: {joint1: 0.2}, time_s: 0.5}
+"""
+
+
+def scenario(folder: Path, text: str) -> str:
+    path = folder / "scenario.yaml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def test_a_scenario_that_passes_tells_every_step(robotd: Robotd, tmp_path: Path) -> None:
+    result = robotd("sim", "run", scenario(tmp_path, MOVE), "--log-level", "warning")
+    assert result.exit_code == ExitCode.OK, result.output
+    for text in ("ok    move joint1=0.2 in 0.5 s", "fault  packet_loss count=3", "passed"):
+        assert text in result.stdout
+
+
+def test_a_scenario_that_fails_says_why(robotd: Robotd, tmp_path: Path) -> None:
+    text = MOVE + "  - check: {joints_rad: {joint1: 0.3}}\n"
+    result = robotd("sim", "run", scenario(tmp_path, text))
+    assert result.exit_code == ExitCode.FAILED
+    assert "joint1 is at" in result.stdout
+    assert "passed" not in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        (MOVE + "nonsense: 1\n", "nonsense: unknown key"),
+        (MOVE.replace("robot: cr3a", ""), "names no robot, and none is given by --robot"),
+        (MOVE.replace("packet_loss: {count: 3}", "amp_alarm: {axis: 9}"), "axis 9 is outside 0..5"),
+        (MOVE.replace("joint1: 0.2", "joint1: 99"), ""),
+    ],
+)
+def test_a_wrong_file_is_told_before_anything_moves(
+    robotd: Robotd, tmp_path: Path, text: str, error: str
+) -> None:
+    result = robotd("sim", "run", scenario(tmp_path, text))
+    assert result.exit_code == (ExitCode.CONFIGURATION if error else ExitCode.FAILED)
+    assert error in result.stderr
+
+
+@pytest.mark.parametrize("scale", ["0", "-1", "nan", "inf", "1001", "fast"])
+def test_a_scale_that_makes_no_sense_is_a_usage_error(
+    robotd: Robotd, tmp_path: Path, scale: str
+) -> None:
+    result = robotd("sim", "run", scenario(tmp_path, MOVE), "--time-scale", scale)
+    assert result.exit_code == ExitCode.USAGE
+    assert "neither max nor a number from 0.01 to 1000" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "fields"),
+    [
+        (["amp_alarm", "axis=2", "code=0x2310", "at_s=1.5"],
+         {"amp_alarm.axis": 2, "amp_alarm.code": 0x2310, "at_s": 1.5}),
+        (["engine_stopped", "when.joint=joint1", "when.above_rad=0.5"],
+         {"engine_stopped": True, "when.joint": "joint1", "when.above_rad": 0.5}),
+        (["stuck_gripper", "closed=true"], {"stuck_gripper.closed": True}),
+    ],
+)  # fmt: skip
+def test_words_become_fields(
+    robotd: Robotd, monkeypatch: pytest.MonkeyPatch, words: list[str], fields: dict[str, Any]
+) -> None:
+    asked: list[Any] = []
+
+    def inject(ros_args: Any, timeout_s: float, fields: Any) -> str:
+        asked.append(fields)
+        return "done"
+
+    client = SimpleNamespace(inject=inject)
+    monkeypatch.setattr("robotd.cli.sim.import_ros", lambda name: client)
+    result = robotd("sim", "inject", *words)
+    assert result.exit_code == 0, result.output
+    assert result.stdout == "done\n"
+    assert asked == [fields]
+
+
+@pytest.mark.parametrize("words", [["nonsense"], ["amp_alarm", "axis"], ["amp_alarm", "=2"]])
+def test_words_that_say_nothing_are_usage_errors(robotd: Robotd, words: list[str]) -> None:
+    assert robotd("sim", "inject", *words).exit_code == ExitCode.USAGE
