@@ -20,12 +20,18 @@ from robotd.plugin.api import (
 )
 from robotd_canopen.options import CanopenOptions
 
-CAPABILITIES = frozenset(Capability) - {
-    Capability.TORQUE_MODE,
-    Capability.PARAMETERS_FILE,
-    Capability.REGISTER_READ,
-    Capability.HOT_CONNECT,
-}
+CAPABILITIES = frozenset(
+    {
+        Capability.AXES,
+        Capability.IO,
+        Capability.FIELDBUS,
+        Capability.VELOCITY_MODE,
+        Capability.HOMING,
+        Capability.SCALING,
+        Capability.STATISTICS,
+        Capability.DEVICE_WATCHDOG,
+    }
+)
 
 
 @hookimpl
