@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import sys
 from enum import StrEnum
-from typing import cast
+from typing import TextIO, cast
 
 import structlog
 from structlog.typing import FilteringBoundLogger, Processor
@@ -24,8 +24,14 @@ class LogFormat(StrEnum):
 LEVELS = ("debug", "info", "warning", "error")
 
 
-def configure_logging(level: str = "info", log_format: LogFormat = LogFormat.CONSOLE) -> None:
-    """Set level (one of ``LEVELS``) and format for the whole process."""
+def configure_logging(
+    level: str = "info", log_format: LogFormat = LogFormat.CONSOLE, stream: TextIO | None = None
+) -> None:
+    """Set level (one of ``LEVELS``), format and stream for the whole process.
+
+    ``stream`` None is the standard error of now.
+    """
+    stream = sys.stderr if stream is None else stream
     shared: list[Processor] = [
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
@@ -40,12 +46,12 @@ def configure_logging(level: str = "info", log_format: LogFormat = LogFormat.CON
     else:
         tail = [
             structlog.processors.TimeStamper(fmt="%H:%M:%S.%f", utc=False),
-            structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), pad_event_to=0),
+            structlog.dev.ConsoleRenderer(colors=stream.isatty(), pad_event_to=0),
         ]
     structlog.configure(
         processors=[*shared, *tail],
         wrapper_class=structlog.make_filtering_bound_logger(logging.getLevelName(level.upper())),
-        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+        logger_factory=structlog.PrintLoggerFactory(stream),
         cache_logger_on_first_use=False,
     )
 

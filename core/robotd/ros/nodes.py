@@ -57,6 +57,10 @@ BUILT_IN = {
 }
 
 
+# The ones whose presence switches the servos on.
+ENABLING_NODES = frozenset({"manipulator_state", "diff_drive_controller"})
+
+
 def known_nodes(registry: NodeRegistry | None = None) -> dict[str, NodeInfo]:
     """Built-in nodes and those of plugins, by name.
 

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from queue import SimpleQueue
 from types import FrameType
@@ -17,10 +17,10 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
-from robotd.ros.diagnostics import Diagnostics
 from robotd.ros.discovery import announce_often
 from robotd.ros.host import RosHost
-from robotd.ros.nodes import check_names, make_node
+from robotd.ros.nodes import ENABLING_NODES, check_names
+from robotd.ros.served import nodes_of
 from robotd.ros.surface import ServeReport, report_of
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 log = get_logger("serve")
 
-# The ones whose presence switches the servos on.
-ENABLING_NODES = frozenset({"manipulator_state", "diff_drive_controller"})
 MANUAL_NODE = "wmx_engine_node"  # with it, a failed start can be repeated by hand
 START_ABORT_S = 10.0  # the longest that a start-up under way is waited for
 EMERGENCY_S = 0.5  # for the quick stop of a second signal
@@ -95,18 +93,14 @@ def serve(
     check_names(node_names, registry)
     announce_often()
     events: SimpleQueue[Event] = SimpleQueue()
-    with _stop_signals(events), RosHost(ros_args) as host:
-        nodes = [make_node(name, robot, host, registry) for name in node_names]
-        if faults is not None:
-            from robotd.ros.simulation_node import SimulationNode
-
-            nodes.append(SimulationNode(robot, host, nodes, faults))
-        for node in nodes:
-            host.add_node(node)
-        with Diagnostics(nodes[0], robot) if nodes else nullcontext():
-            if served is not None:
-                served(report_of(nodes))
-            _run(robot, node_names, events, ready)
+    with (
+        _stop_signals(events),
+        RosHost(ros_args) as host,
+        nodes_of(robot, node_names, host, registry, faults) as nodes,
+    ):
+        if served is not None:
+            served(report_of(nodes))
+        _run(robot, node_names, events, ready)
     return 0
 
 
