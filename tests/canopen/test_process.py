@@ -12,12 +12,12 @@ import pytest
 from click.testing import CliRunner
 from tests.canopen.rig import Rig
 
+from robotd.cli import main
 from robotd.clock import MonotonicClock
 from robotd.cycle.execution import Outcome
 from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_canopen.cli import canopen
 
 GROUP = "239.74.163.9"
 PORT = 20000 + os.getpid() % 20000
@@ -25,7 +25,7 @@ PORT = 20000 + os.getpid() % 20000
 
 @pytest.fixture
 def drives() -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "robotd_canopen", "simulate", "--robot", "cr3a"]
+    command = [sys.executable, "-m", "robotd", "canopen", "simulate", "--robot", "cr3a"]
     command += ["--channel", GROUP, "--port", str(PORT)]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
@@ -76,11 +76,11 @@ def test_trajectory_fault_and_recovery(drives: subprocess.Popen[str]) -> None:
 def test_scan_and_sdo(drives: subprocess.Popen[str]) -> None:
     bus = ["--interface", "udp_multicast", "--channel", f"{GROUP}#{PORT}"]
     runner = CliRunner()
-    found = runner.invoke(canopen, ["scan", *bus])
+    found = runner.invoke(main, ["canopen", "scan", *bus])
     assert found.exit_code == 0, found.output
     assert "7 nodes" in found.output
     assert "node   3: CiA 402" in found.output
-    read = runner.invoke(canopen, ["sdo", "read", *bus, "3", "0x1008"])
+    read = runner.invoke(main, ["canopen", "sdo", "read", *bus, "3", "0x1008"])
     assert "'CiA 402 servo drive'" in read.output
-    written = runner.invoke(canopen, ["sdo", "write", *bus, "3", "0x6081", "0", "1234"])
+    written = runner.invoke(main, ["canopen", "sdo", "write", *bus, "3", "0x6081", "0", "1234"])
     assert "1234" in written.output

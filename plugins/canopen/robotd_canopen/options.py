@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from robotd.plugin.api import BackendOptions
+from robotd.plugin.api import BackendOptions, RobotDescriptor
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NodeId = Annotated[int, Field(ge=1, le=127)]
@@ -191,6 +191,12 @@ class CanopenOptions(BackendOptions):
         if problems:
             raise ValueError("; ".join(dict.fromkeys(problems)))
         return self
+
+    def check_robot(self, robot: RobotDescriptor) -> None:
+        """What takes the robot and the EDS files to know. Raises DescriptorError."""
+        from robotd_canopen.layout import plan_network
+
+        plan_network(robot, self)
 
 
 def _twice(values: Any) -> list[Any]:
