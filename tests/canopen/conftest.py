@@ -16,7 +16,7 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 
-ROBOTS = Path(__file__).parents[2] / "robots"
+SMALL = str(Path(__file__).parent / "three_drives.yaml")  # where six axes prove nothing more
 _numbers = itertools.count()
 
 OpenRig = Callable[..., AbstractContextManager[Rig]]
@@ -24,15 +24,23 @@ OpenRig = Callable[..., AbstractContextManager[Rig]]
 
 @pytest.fixture
 def open_rig(tmp_path: Path) -> OpenRig:
-    """A started robot with its drives in this process; keyword arguments are options."""
+    """A started robot with its drives in this process; further arguments are options."""
 
     @contextmanager
-    def opened(robot: str = "cr3a", *, enable: bool = True, **options: object) -> Iterator[Rig]:
-        descriptor = load_robot_descriptor(robot, "canopen_simulated")
+    def opened(
+        robot: str = "cr3a",
+        *,
+        enable: bool = True,
+        engine: dict[str, float] | None = None,
+        **options: object,
+    ) -> Iterator[Rig]:
+        descriptor = load_robot_descriptor(robot, None if robot == SMALL else "canopen_simulated")
         section = dict(descriptor.backends["canopen"])
         channel = f"{os.getpid()}-{next(_numbers)}"
         section |= {"bus": {"interface": "virtual", "channel": channel}, **options}
-        descriptor = descriptor.model_copy(update={"backends": {"canopen": section}})
+        settings = descriptor.engine.model_copy(update=engine or {})
+        changed = {"backends": {"canopen": section}, "engine": settings}
+        descriptor = descriptor.model_copy(update=changed)
         rig = Rig(Robot(descriptor, load_backend("canopen"), MonotonicClock()))
         try:
             rig.robot.start(enable=enable)

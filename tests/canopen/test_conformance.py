@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
-from tests.canopen.conftest import ROBOTS
+from tests.canopen.conftest import SMALL
 from tests.conformance.kit import run_kit
 
 CHECKS = (
@@ -17,14 +14,7 @@ CHECKS = (
 )
 
 
-@pytest.mark.timeout(200)
-def test_the_simulated_drives_pass(tmp_path: Path) -> None:
-    robot = tmp_path / "robot.yaml"
-    base = ROBOTS / "cr3a" / "robot.yaml"
-    robot.write_text(
-        f"extends: {base}\nname: cr3a_canopen\ndefault_variant: canopen_simulated\n",
-        encoding="utf-8",
-    )
-    outcome = run_kit("canopen", *CHECKS, robot=str(robot))
+def test_the_simulated_drives_pass() -> None:
+    outcome = run_kit("canopen", *CHECKS, robot=SMALL)
     assert not outcome.failed
     assert len(outcome.passed) > 30

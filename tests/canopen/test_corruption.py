@@ -21,7 +21,7 @@ def test_random_frames(open_rig: OpenRig) -> None:
     with open_rig(sdo_timeout_s=0.1) as rig:
         bus = can.Bus(interface="virtual", channel=rig.master.bus.name)
         try:
-            with rig.robot.follower.follow(rig.request(2.0, 0.5)) as execution:
+            with rig.robot.follower.follow(rig.request(1.2, 0.5)) as execution:
                 for _ in range(200):
                     cob_id = rng.choice(ANSWERS + CYCLIC + OTHERS)
                     length = rng.choice((0, 2, 3)) if cob_id in CYCLIC else rng.randint(0, 8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.canopen.conftest import OpenRig
+from tests.canopen.conftest import SMALL, OpenRig
 from tests.canopen.rig import Rig
 
 from robotd.cycle.execution import Execution, Outcome
@@ -14,7 +14,7 @@ from robotd.errors import ConnectError, DeviceTimeout
 
 def broken(rig: Rig, line: str) -> Execution:
     """A trajectory during which ``line`` happens; returns when all axes stand."""
-    with rig.robot.follower.follow(rig.request(2.0, 0.8)) as execution:
+    with rig.robot.follower.follow(rig.request(1.5, 0.8)) as execution:
         rig.until(lambda: rig.image.position[0] > 0.2)
         rig.inject(line)
         assert execution.wait(5)
@@ -31,7 +31,7 @@ def recover(rig: Rig) -> None:
     rig.robot.engine.start_communication()
     rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
     rig.robot.enable_joints()
-    assert rig.follow(1.0, 0.1).outcome is Outcome.SUCCEEDED
+    assert rig.follow(0.5, 0.1).outcome is Outcome.SUCCEEDED
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_a_drive_that_trips(open_rig: OpenRig, line: str) -> None:
 
 
 def test_a_statusword_that_lies_is_not_switched_on_again(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
+    with open_rig(engine={"servo_timeout_s": 1.0}) as rig:
         execution = broken(rig, "3 statusword 0x0250")
         assert execution.outcome is Outcome.FAULT
         assert "joint3" in execution.message
@@ -80,15 +80,15 @@ def test_a_statusword_that_lies_is_not_switched_on_again(open_rig: OpenRig) -> N
 
 
 def test_late_and_some_lost_pdos_are_lived_with(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
-        rig.inject("3 drop 0.2")
-        rig.inject("4 late 0.002")
-        assert rig.follow(1.0, 0.4).outcome is Outcome.SUCCEEDED
+    with open_rig(SMALL) as rig:
+        rig.inject("1 drop 0.2")
+        rig.inject("2 late 0.002")
+        assert rig.follow(0.8, 0.4).outcome is Outcome.SUCCEEDED
 
 
 def test_an_emergency_is_kept(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
-        rig.inject("5 emcy 0xFF12")
+    with open_rig(SMALL, enable=False) as rig:
+        rig.inject("2 emcy 0xFF12")
         rig.until(lambda: bool(rig.master.emergencies.history))
         assert "0xFF12 (vendor specific)" in str(rig.master.emergencies.history[-1])
 
@@ -142,18 +142,18 @@ def test_the_drives_stop_when_the_daemon_is_gone(open_rig: OpenRig) -> None:
 
 
 def test_a_bus_that_goes_away(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
+    with open_rig(SMALL) as rig:
         rig.master.bus._can.shutdown()  # type: ignore[union-attr]
         rig.until(lambda: not rig.robot.engine.ready)
         assert any("failed" in fault for fault in rig.master.faults)
         rig.robot.engine.start_communication()
         rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
         rig.robot.enable_joints()
-        assert rig.follow(1.0, 0.1).outcome is Outcome.SUCCEEDED
+        assert rig.follow(0.5, 0.1).outcome is Outcome.SUCCEEDED
 
 
 def test_a_servo_that_does_not_go_on_says_why(open_rig: OpenRig) -> None:
-    with open_rig(enable=False) as rig:
+    with open_rig(SMALL, enable=False) as rig:
         rig.inject("1 statusword 0x0250")
-        with pytest.raises(DeviceTimeout, match=r"joint1 \(node 1\).*switch on disabled"):
+        with pytest.raises(DeviceTimeout, match=r"shoulder \(node 1\).*switch on disabled"):
             rig.robot.axes._driver.servo(0, True, 0.2)

@@ -62,7 +62,7 @@ def robot() -> Iterator[Robot]:
 def test_trajectory_fault_and_recovery(drives: subprocess.Popen[str]) -> None:
     with robot() as made:
         rig = Rig(made)
-        assert rig.follow(1.5, 0.5).outcome is Outcome.SUCCEEDED
+        assert rig.follow(0.8, 0.5).outcome is Outcome.SUCCEEDED
         with made.follower.follow(rig.request(2.0, -0.5)) as execution:
             rig.until(lambda: rig.image.position[0] < 0.3)
             tell(drives, "4 trip 0x3210")
@@ -70,7 +70,7 @@ def test_trajectory_fault_and_recovery(drives: subprocess.Popen[str]) -> None:
         assert execution.outcome is Outcome.FAULT
         assert "joint4" in execution.message
         made.enable_joints()
-        assert rig.follow(1.5, 0.0).outcome is Outcome.SUCCEEDED
+        assert rig.follow(0.8, 0.0).outcome is Outcome.SUCCEEDED
 
 
 def test_scan_and_sdo(drives: subprocess.Popen[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.canopen.conftest import OpenRig
+from tests.canopen.conftest import SMALL, OpenRig
 
 from robotd.cycle.execution import Outcome
 from robotd.device.axes import Jog, Move
@@ -35,17 +35,17 @@ def test_a_trajectory_ends_where_it_should_and_has_no_steps(open_rig: OpenRig) -
 
 
 def test_cancel_stops_and_the_next_goal_starts_from_there(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
-        with rig.robot.follower.follow(rig.request(2.0, 0.8)) as execution:
+    with open_rig(SMALL) as rig:
+        with rig.robot.follower.follow(rig.request(1.5, 0.8)) as execution:
             rig.until(lambda: rig.image.position[0] > 0.2)
             execution.cancel()
             assert execution.wait(5)
         assert execution.outcome is Outcome.CANCELED
-        assert rig.follow(0.8, 0.3).outcome is Outcome.SUCCEEDED
+        assert rig.follow(0.5, 0.3).outcome is Outcome.SUCCEEDED
 
 
 def test_profile_position_moves_stop_and_go_on(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
+    with open_rig(SMALL) as rig:
         rig.robot.axes.move([Move(0, 0.2, PROFILE)])
         rig.idle(0)
         assert abs(rig.image.position[0] - 0.2) < 2e-3
@@ -62,19 +62,20 @@ def test_profile_position_moves_stop_and_go_on(open_rig: OpenRig) -> None:
 
 
 def test_a_quick_stop_keeps_the_servo_on_and_can_be_left(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
+    with open_rig(SMALL) as rig:
         rig.robot.axes.move([Move(1, 2.0, PROFILE)])
         rig.until(lambda: rig.image.position[1] > 0.2)
         rig.robot.axes.quick_stop([1])
         rig.idle(1)
         assert rig.image.servo_on[1]
-        assert rig.follow(1.0, 0.4).outcome is Outcome.SUCCEEDED
+        assert rig.follow(0.5, 0.4).outcome is Outcome.SUCCEEDED
 
 
 def test_velocity_by_the_drives_ramp_and_by_ours(open_rig: OpenRig) -> None:
     for mode in ("pv", "csv"):
         defaults = {"counts_per_rad": 1e5, "velocity_mode": mode}
-        with open_rig(axis_defaults=defaults) as rig:
+        with open_rig(SMALL, enable=False, axis_defaults=defaults) as rig:
+            rig.robot.axes.servo(2, True)
             rig.robot.axes.set_command_mode(2, CommandMode.VELOCITY)
             rig.robot.axes.jog([Jog(2, Profile(-0.4, 2.0, 2.0))])
             rig.until(lambda: abs(rig.image.velocity[2] + 0.4) < 1e-3)
@@ -85,21 +86,21 @@ def test_velocity_by_the_drives_ramp_and_by_ours(open_rig: OpenRig) -> None:
 
 
 def test_interpolated_position_follows_too(open_rig: OpenRig) -> None:
-    with open_rig(axis_defaults={"counts_per_rad": 1e5, "stream_mode": "ip"}) as rig:
-        assert rig.follow(1.0, 0.3).outcome is Outcome.SUCCEEDED
+    with open_rig(SMALL, axis_defaults={"counts_per_rad": 1e5, "stream_mode": "ip"}) as rig:
+        assert rig.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
 
 
 def test_homing_makes_here_zero(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
-        rig.follow(0.8, 0.3)
-        rig.robot.axes.home(3)
-        assert abs(rig.image.position[3]) < 1e-3
-        assert rig.image.home_done[3]
-        assert abs(rig.image.position_command[3]) < 1e-3
+    with open_rig(SMALL) as rig:
+        rig.follow(0.5, 0.3)
+        rig.robot.axes.home(1)
+        assert abs(rig.image.position[1]) < 1e-3
+        assert rig.image.home_done[1]
+        assert abs(rig.image.position_command[1]) < 1e-3
 
 
 def test_the_gripper_is_an_output_and_a_start_does_not_switch_it(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
+    with open_rig(enable=False) as rig:
         assert rig.robot.gripper is not None
         rig.robot.gripper.command(True)
         rig.until(lambda: rig.module(16).outputs[0] == 1)
@@ -110,7 +111,7 @@ def test_the_gripper_is_an_output_and_a_start_does_not_switch_it(open_rig: OpenR
 
 
 def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
+    with open_rig(enable=False) as rig:
         state = rig.robot.fieldbus.network_state(0)
         assert [slave.id for slave in state.slaves] == [1, 2, 3, 4, 5, 6, 16]
         assert all(slave.state == 16 and not slave.offline for slave in state.slaves)
