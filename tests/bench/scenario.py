@@ -16,8 +16,9 @@ from tests.bench.client import BenchClient
 from tests.bench.figures import percentiles
 from tests.bench.process import Program, fresh_environment
 from tests.bench.subjects import Load, Subject
-from tests.ros.robot_process import new_domain
 from wmx_ros2_message.srv import EcatGetNetworkState
+
+from robotd.testing.domain import own_domain
 
 SETTLE_S = 1.0
 CALLS = 300
@@ -46,11 +47,10 @@ class Measured:
 
 def measure(subject: Subject, seconds: float, folder: Path) -> Measured:
     """Run ``subject`` once and measure for ``seconds``. Raises RuntimeError when it fails."""
-    domain = new_domain()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     arrivals = folder / f"{subject.name}.npz"
     figures: dict[str, float] = {}
-    with subscriber(domain, arrivals) as listener:
+    with own_domain() as domain, subscriber(domain, arrivals) as listener:
         with subject.program(domain) as program:
             listener.wait_output("first")
             program.wait_output(subject.ready)

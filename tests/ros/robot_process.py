@@ -10,6 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,18 +21,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 
 from robotd.ros.host import RosHost
+from robotd.testing.domain import own_domain
 
 BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the same on all
 WAIT_S = 20.0
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-_domains = iter(range(1, 1000))
-
-
-def new_domain() -> int:
-    """A ROS domain that no other process of this test run uses."""
-    return (os.getpid() + next(_domains)) % 100
 
 
 def wait_until(condition: Callable[[], Any], what: str, timeout_s: float = WAIT_S) -> Any:
@@ -61,8 +56,9 @@ class RobotProcess:
         robot: str = "cr3a",
         backend: str = BACKEND,
     ) -> None:
-        self.domain = new_domain() if domain is None else domain
-        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed by stop
+        self._exit = ExitStack()
+        self.domain = self._exit.enter_context(own_domain()) if domain is None else domain
+        self._log = self._exit.enter_context(tempfile.TemporaryFile("w+"))  # noqa: SIM115
         environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -109,10 +105,8 @@ class RobotProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        try:
+        with self._exit:
             self.end()
-        finally:
-            self._log.close()
 
 
 class Client:
@@ -126,6 +120,7 @@ class Client:
         self.node = rclpy.create_node("client", context=self.host.context)
         self.host.add_node(self.node)
         self._clients: dict[str, Any] = {}
+        self._actions: dict[str, ActionClient] = {}
 
     def close(self) -> None:
         self.host.close()
@@ -167,19 +162,21 @@ class Client:
         self, goal: Any, feedback: list[Any] | None = None, *, action: str = ACTION
     ) -> Goal:
         """Send a goal and wait until it is accepted."""
-        client = ActionClient(self.node, FollowJointTrajectory, action)
-        assert client.wait_for_server(WAIT_S)
+        client = self._actions.get(action)
+        if client is None:
+            client = ActionClient(self.node, FollowJointTrajectory, action)
+            self._actions[action] = client
+            assert client.wait_for_server(WAIT_S)
         on_feedback = None if feedback is None else lambda each: feedback.append(each.feedback)
         handle = wait_for(client.send_goal_async(goal, feedback_callback=on_feedback))
         assert handle.accepted
-        return Goal(client, handle)
+        return Goal(handle)
 
 
 class Goal:
     """An accepted goal; its result is asked for from the start."""
 
-    def __init__(self, client: Any, handle: Any) -> None:
-        self._client = client  # keeps it alive
+    def __init__(self, handle: Any) -> None:
         self._handle = handle
         self._result = handle.get_result_async()
 

@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
-from tests.ros.robot_process import Client, RobotProcess, new_domain, wait_until
+from tests.ros.robot_process import Client, RobotProcess, wait_until
+
+from robotd.testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 
@@ -92,8 +94,8 @@ def test_the_gripper_closes_and_opens(cr3a: RobotProcess, client: Client) -> Non
 
 
 def test_without_a_robot_status_says_so() -> None:
-    domain = new_domain()
-    status, output, error = robotd(domain, "status", "--timeout", "0.5")
+    with own_domain() as domain:
+        status, output, error = robotd(domain, "status", "--timeout", "0.5")
     assert (status, output) == (5, "")
     assert "no service /wmx/engine/get_status within 0.5 s" in error
     assert f"ROS_DOMAIN_ID={domain}" in error

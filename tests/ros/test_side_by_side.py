@@ -19,8 +19,10 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
-from tests.ros.robot_process import ACTION, LATCHED, Client, RobotProcess, new_domain, wait_until
+from tests.ros.robot_process import ACTION, LATCHED, Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
+
+from robotd.testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 
@@ -37,8 +39,8 @@ SHARED = {"/rosout", "/parameter_events", "/diagnostics"}  # by all of ROS; send
 @pytest.fixture(scope="module")
 def client() -> Iterator[Client]:
     """A client in the domain of all three."""
-    domain = new_domain()
     with ExitStack() as stack:
+        domain = stack.enter_context(own_domain())
         processes = [
             RobotProcess(*arguments, domain=domain, robot=robot)
             for robot, arguments in (

@@ -13,7 +13,7 @@ from robotd.cli.catalogue import Catalogue, load_catalogue, unknown_name
 from robotd.cli.exit_codes import RosUnavailable
 from robotd.cli.preflight import import_ros, process_age_s
 from robotd.cli.report import reserve_report, write_report
-from robotd.cli.summary import start_summary
+from robotd.cli.summary import SIMULATED, start_summary
 from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import InvalidArgument, OperationError
@@ -114,6 +114,9 @@ def _made(
     clock = MonotonicClock() if scale is None else PacedClock(scale)
     if scale is None and options.scenario is None:
         return Robot(descriptor, backend, clock), None
+    if SIMULATED not in backend.info.capabilities:
+        text = f"the backend {backend.info.name} is not simulated"
+        raise click.BadParameter(text, param_hint="'--time-scale', '--scenario'")
     from robotd.scenario import FaultSchedule, load_scenario
 
     if options.scenario is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from getpass import getuser
 from importlib.metadata import version
@@ -12,6 +13,7 @@ from robotd.cli.preflight import realtime_permitted
 from robotd.descriptor import DriveSettings, RobotDescriptor
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
+from robotd.simulated_clock import PacedClock
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.surface import ServeReport
@@ -39,6 +41,10 @@ def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
     yield field("backend", f"{backend.name}: {backend.summary} (from {origin_text})")
     if SIMULATED in backend.capabilities:
         yield field("", [warning("SIMULATED: no hardware is connected, nothing real moves")])
+    if isinstance(robot.clock, PacedClock):
+        scale = robot.clock.scale
+        speed = "as fast as it goes" if math.isinf(scale) else f"{scale:g} times real time"
+        yield field("time", f"simulated, {speed}; on /clock")
 
 
 def _axes(descriptor: RobotDescriptor) -> Iterator[str]:

@@ -6,6 +6,7 @@ import gc
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ MANUAL_NODE = "wmx_engine_node"  # with it, a failed start can be repeated by ha
 START_ABORT_S = 10.0  # the longest that a start-up under way is waited for
 EMERGENCY_S = 0.5  # for the quick stop of a second signal
 EXIT_INTERRUPTED = 130
+# A supervisor that signals the process and then its group means one signal, not two.
+REPEAT_S = 0.3
 
 
 @dataclass(frozen=True)
@@ -177,9 +180,14 @@ def _exit_now(robot: Robot) -> NoReturn:
 @contextmanager
 def _stop_signals(events: SimpleQueue[Event]) -> Iterator[None]:
     """SIGINT and SIGTERM as events. ``SimpleQueue.put`` is safe in a signal handler."""
+    last_s = -REPEAT_S
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        events.put(_Stop(number))
+        nonlocal last_s
+        now_s = time.monotonic()
+        if now_s - last_s >= REPEAT_S:
+            last_s = now_s
+            events.put(_Stop(number))
 
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, on_signal) for number in numbers]

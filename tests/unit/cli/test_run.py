@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from robotd.cli.preflight import process_age_s, realtime_permitted
 from robotd.errors import ConnectError, OperationError
 from robotd.plugin.manager import PLUGINS
 from robotd.robot import Robot
+from robotd.simulated_clock import PacedClock
 
 Robotd = Callable[..., Result]
 
@@ -139,6 +141,35 @@ def test_a_broken_plugin_is_a_warning_and_the_robot_runs(
     result = robotd("--robot", "cr3a")
     assert result.exit_code == 0
     assert "robotd: warning: plugin 'bad'" in result.stderr
+
+
+def test_time_and_faults_are_those_asked_for(
+    robotd: Robotd, server: Server, tmp_path: Path
+) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("schema: 1\nfaults:\n  - amp_alarm: {axis: 1}\n", "utf-8")
+    result = robotd("--robot", "cr3a", "--time-scale", "10", "--scenario", str(path))
+    assert result.exit_code == 0, result.output
+    assert server.robot is not None
+    assert isinstance(server.robot.clock, PacedClock)
+    assert server.robot.clock.scale == 10.0
+    assert [fault.name for fault in server.faults.waiting] == ["amp_alarm"]
+    assert "simulated, 10 times real time; on /clock" in result.stdout
+    assert robotd("--robot", "cr3a", "--time-scale", "max").exit_code == 0
+    assert server.robot.clock.scale == math.inf
+    assert robotd("--robot", "cr3a").exit_code == 0
+    assert server.faults is None
+
+
+@pytest.mark.parametrize("option", [("--time-scale", "2"), ("--scenario", "x.yaml")])
+def test_a_real_robot_has_no_simulated_time(
+    robotd: Robotd, server: Server, install: Callable[..., Any], option: tuple[str, str]
+) -> None:
+    install("acme")
+    result = robotd("--robot", "cr3a", "--backend", "acme", *option)
+    assert result.exit_code == ExitCode.USAGE
+    assert "the backend acme is not simulated" in result.stderr
+    assert server.robot is None
 
 
 def test_ros_that_does_not_start_is_told_from_a_device_that_does_not(

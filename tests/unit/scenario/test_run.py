@@ -12,7 +12,7 @@ from robotd.errors import DescriptorError
 from robotd.plugin.manager import load_backend
 from robotd.scenario import Result, Scenario, ScenarioRun, load_scenario
 
-EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
+EXAMPLES = Path(__file__).parents[3] / "examples"
 NOISE = {"torque_noise_nm": 0.3, "velocity_noise_rad_s": 0.01}
 TRAJECTORY = {
     "joints": ["joint2", "joint1"],
@@ -92,7 +92,9 @@ def test_the_same_seed_gives_the_same_joint_states_at_any_speed() -> None:
     assert paced(float("inf"), seed=2).digest != fast.digest
 
 
-@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted(EXAMPLES.rglob("scenarios/*.yaml")), ids=lambda path: path.stem
+)
 def test_the_examples_pass(path: Path) -> None:
     from robotd.descriptor import load_robot_descriptor
 

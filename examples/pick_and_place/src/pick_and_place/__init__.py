@@ -1,0 +1,1 @@
+"""Carries parts from one place to another."""

@@ -1,0 +1,44 @@
+"""The work itself: take a part here, put it there, and never let go of it on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from pick_and_place.arm import Arm
+
+TRAVEL_S = 1.5
+LIFT_S = 0.8
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a part lies: the base joint turns to it, the shoulder goes down to it. Radians."""
+
+    base: float
+    shoulder: float = 0.7
+    elbow: float = 0.8
+
+    @property
+    def joints(self) -> list[float]:
+        return [self.base, self.shoulder, self.elbow, 0.0, 0.0, 0.0]
+
+    @property
+    def above(self) -> Place:
+        """The same place from above."""
+        return replace(self, shoulder=self.shoulder - 0.3)
+
+
+LEFT, RIGHT = Place(0.6), Place(-0.6)
+
+
+def carry(arm: Arm, source: Place, target: Place) -> None:
+    """Carry one part. Raises ArmFailed and leaves the gripper as it is."""
+    arm.grip(closed=False)
+    arm.move(source.above.joints, TRAVEL_S)
+    arm.move(source.joints, LIFT_S)
+    arm.grip(closed=True)
+    arm.move(source.above.joints, LIFT_S)
+    arm.move(target.above.joints, TRAVEL_S)
+    arm.move(target.joints, LIFT_S)
+    arm.grip(closed=False)
+    arm.move(target.above.joints, LIFT_S)
