@@ -174,8 +174,8 @@ def test_the_commands_reach_the_simulation(client: Client) -> None:
     for arguments, text in (
         (["pause"], "time stands"),
         (["step", "10"], "time stands at"),
-        (["resume"], "time passes"),
         (["inject", "packet_loss", "count=1"], "packet_loss count=1"),
+        (["resume"], "time passes"),
     ):
         result = robotd(client, "sim", *arguments)
         assert result.returncode == 0, result.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
@@ -35,9 +36,9 @@ class FaultKind(Part):
         if axis >= len(robot.axes):
             raise InvalidArgument(f"axis {axis} is outside 0..{len(robot.axes) - 1}")
 
+    @abstractmethod
     def begin(self, robot: Robot) -> None:
         """Let it happen."""
-        raise NotImplementedError
 
     def end(self, robot: Robot) -> None:
         """After ``for_s``, where the kind has that: let it be over."""
