@@ -49,7 +49,13 @@ def wait_for(future: Any, timeout_s: float = WAIT_S) -> Any:
 class RobotProcess:
     """``robotd run`` with its standard output and error in one text."""
 
-    def __init__(self, *arguments: str, domain: int | None = None, robot: str = "cr3a") -> None:
+    def __init__(
+        self,
+        *arguments: str,
+        domain: int | None = None,
+        robot: str = "cr3a",
+        backend: str = BACKEND,
+    ) -> None:
         self._exit = ExitStack()
         self.domain = self._exit.enter_context(own_domain()) if domain is None else domain
         self._log = self._exit.enter_context(tempfile.TemporaryFile("w+"))  # noqa: SIM115
@@ -59,7 +65,7 @@ class RobotProcess:
             "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{self.domain}",  # an engine of its own
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", BACKEND, *arguments],
+            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments],
             stdout=self._log,
             stderr=subprocess.STDOUT,
             env=environment,

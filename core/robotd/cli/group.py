@@ -1,4 +1,4 @@
-"""The top command: ``run`` where no command is named, and one sentence for every error."""
+"""The top command: ``run`` where no command is named, plugins' commands, and errors' sentences."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from robotd.cli.exit_codes import ExitCode, exit_code
+from robotd.cli.plugin_commands import plugin_command, plugin_commands
 from robotd.errors import RobotdError
 
 ROS_ARGS = "--ros-args"
@@ -16,7 +17,7 @@ ROS_COMMANDS = (DEFAULT, "move", "gripper", "servo", "status", "sim")
 
 
 class RobotdGroup(click.Group):
-    """A click group that knows ROS arguments, a default command, and robotd's errors.
+    """A click group that knows ROS arguments, a default command, plugins, and robotd's errors.
 
     What follows ``--ros-args`` is kept from click, for ``ros_args``.
     """
@@ -29,6 +30,16 @@ class RobotdGroup(click.Group):
         if ros_args(ctx) and args[0] not in ROS_COMMANDS:
             ctx.fail(f"{ROS_ARGS} belongs to {', '.join(ROS_COMMANDS)} only")
         return super().parse_args(ctx, args)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """A command of robotd or, where there is none of that name, of a plugin."""
+        return super().get_command(ctx, cmd_name) or plugin_command(cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super().format_commands(ctx, formatter)
+        if rows := plugin_commands():
+            with formatter.section("Commands of plugins"):
+                formatter.write_dl(rows)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

@@ -1,13 +1,15 @@
 """All that a backend may import from robotd. Changing it changes ``API_VERSION``."""
 
 from robotd.arrays import FloatArray
-from robotd.clock import Clock, wait_until
+from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.descriptor import (
     RobotDescriptor,
     WmxParameters,
     axis_text,
     default_wmx_parameters,
+    load_robot_descriptor,
     read_wmx_parameters,
+    validate_section,
     write_wmx_parameters,
 )
 from robotd.device.bench import Bench
@@ -63,6 +65,7 @@ __all__ = [
     "FloatArray",
     "InvalidArgument",
     "IoDriver",
+    "MonotonicClock",
     "NetworkState",
     "NodeRegistry",
     "NotReady",
@@ -81,7 +84,9 @@ __all__ = [
     "default_wmx_parameters",
     "get_logger",
     "hookimpl",
+    "load_robot_descriptor",
     "read_wmx_parameters",
+    "validate_section",
     "wait_until",
     "write_wmx_parameters",
 ]

@@ -6,7 +6,8 @@ never in the cycle. A hook may take fewer arguments than shown; further ones may
 later versions.
 
 Entry-point groups: ``robotd.backends`` (the entry's name is the backend's name; only the one
-that is asked for is imported) and ``robotd.plugins`` (always imported: robots and nodes).
+that is asked for is imported), ``robotd.plugins`` (always imported: robots and nodes), and
+``robotd.commands`` (click commands without hooks, each imported when it is called).
 """
 
 from __future__ import annotations
@@ -33,6 +34,12 @@ class BackendOptions(BaseModel):
     """Base of a backend's section in the descriptor (``backends.<name>``): frozen, strict keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def check_robot(self, robot: RobotDescriptor) -> None:
+        """Raise DescriptorError, with every problem, where the section does not fit ``robot``.
+
+        Called before a device is made, and by ``robotd check``; must not touch hardware.
+        """
 
 
 @dataclass(frozen=True)

@@ -104,9 +104,12 @@ class Plugin:
                 )
 
     def _call(self, hook: str, **arguments: object) -> list[Any]:
+        caller = getattr(self._manager.hook, hook)
+        return list(self._within_budget(hook, lambda: caller(**arguments)))
+
+    def _within_budget(self, hook: str, call: Callable[[], Answer]) -> Answer:
         try:
-            caller = getattr(self._manager.hook, hook)
-            return list(within(HOOK_BUDGET_S, lambda: caller(**arguments), hook))
+            return within(HOOK_BUDGET_S, call, hook)
         except RobotdError:
             raise
         except OverBudget:
@@ -135,7 +138,9 @@ class Backend(Plugin):
 
     def options(self, robot: RobotDescriptor) -> BackendOptions:
         """The robot's section for this backend, validated. Raises DescriptorError."""
-        return validate_section(robot, f"backends.{self.info.name}", self.info.options)
+        options = validate_section(robot, f"backends.{self.info.name}", self.info.options)
+        self._within_budget("check_robot", lambda: options.check_robot(robot))
+        return options
 
     def open_device(self, context: DeviceContext) -> DeviceDriver:
         device = self._one("robotd_open_device", DeviceDriver, context=context)

@@ -74,11 +74,35 @@ def test_a_broken_descriptor_does_not_hide_a_broken_backend(robotd: Robotd, edit
     assert "no backend named 'nope'" in result.stdout
 
 
-def test_options_of_the_backend_are_checked(robotd: Robotd, edit: Edit) -> None:
-    path = edit("robot.yaml", "schema: 1\n", "schema: 1\nbackends: {sim: {nonsense: 1}}\n")
+def test_options_of_the_backend_are_checked(robotd: Robotd, tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    text = "schema: 1\nname: bare\naxes: 1\nbackend: sim\nbackends:\n  sim: {nonsense: 1}\n"
+    path.write_text(text, encoding="utf-8")
     result = robotd("check", "--robot", str(path))
     assert result.exit_code == ExitCode.CONFIGURATION
-    assert f"{path}:2: backends.sim.nonsense: unknown key" in result.stdout
+    assert f"{path}:6: backends.sim.nonsense: unknown key" in result.stdout
+
+
+def test_what_options_know_of_the_robot_is_checked(
+    robotd: Robotd, install: Install, tmp_path: Path
+) -> None:
+    source = """
+        from robotd.plugin.api import BackendInfo, BackendOptions, DescriptorError, hookimpl
+
+        class Options(BackendOptions):
+            def check_robot(self, robot):
+                raise DescriptorError(f"no drive for {robot.axes} axes", key="backends.acme")
+
+        @hookimpl
+        def robotd_backend():
+            return BackendInfo("acme", "a test", frozenset(), options=Options)
+    """
+    install("acme", source)
+    path = tmp_path / "robot.yaml"
+    path.write_text("schema: 1\nname: bare\naxes: 3\n", encoding="utf-8")
+    result = robotd("check", "--robot", str(path), "--backend", "acme")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "backends.acme: no drive for 3 axes" in result.stdout
 
 
 def test_the_parameter_file_is_checked(robotd: Robotd, edit: Edit) -> None:

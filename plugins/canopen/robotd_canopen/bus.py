@@ -1,0 +1,193 @@
+"""The CAN bus: one supervised receive thread, a table of handlers, and counters.
+
+The receive loop is our own. The library's notifier ends its thread at the first error of the
+bus and leaves the last values readable; this one counts what is malformed, tells apart a bad
+frame and a bus that is gone, and turns the latter into ``fault``.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import can
+
+from robotd.plugin.api import Clock, ConnectError, get_logger
+from robotd_canopen.options import BusOptions
+from robotd_canopen.simulated.realtime import request_realtime
+
+log = get_logger("canopen")
+logging.getLogger("canopen").addHandler(logging.NullHandler())  # we report its errors ourselves
+logging.getLogger("can").addHandler(logging.NullHandler())
+
+Handler = Callable[[bytearray, int], None]
+"""Called in the receive thread with the data and the monotonic time (ns) of arrival."""
+
+_POLL_S = 0.1  # how soon the receive thread notices that it shall end
+_PAUSE_S = 0.01  # between attempts while the bus fails
+_FAILURES = 20  # failed calls in a row that make a lost bus
+
+
+@dataclass
+class Counters:
+    """What happened on the bus since it was opened."""
+
+    received: int = 0
+    sent: int = 0
+    malformed: int = 0
+    error_frames: int = 0
+    receive_errors: int = 0
+    send_errors: int = 0
+
+
+class Bus:
+    """One open or closed CAN bus. Any thread may send.
+
+    Args:
+        realtime_priority: SCHED_FIFO priority of the receive thread, where the system grants
+            it; 0: none.
+
+    Attributes:
+        fault: why the bus cannot be used, None while it can; stays until ``open``.
+        last_malformed: the latest frame that made no sense, as text.
+        seen: COB-IDs that have been received since ``open``.
+    """
+
+    def __init__(self, options: BusOptions, clock: Clock, realtime_priority: int = 0) -> None:
+        self.name = str(options.channel)
+        self.bitrate = options.bitrate
+        self.fault: str | None = None
+        self.last_malformed = ""
+        self.counters = Counters()
+        self.seen: set[int] = set()
+        self._options = options
+        self._clock = clock
+        self._priority = realtime_priority
+        self._handlers: dict[int, Handler] = {}
+        self._can: can.BusABC | None = None
+        self._thread: threading.Thread | None = None
+        self._ending = threading.Event()
+        self._lock = threading.Lock()
+        self._failures = 0
+
+    @property
+    def is_open(self) -> bool:
+        return self._can is not None
+
+    def open(self) -> None:
+        """Open the bus (again, with counters at 0) and start to receive. Raises ConnectError."""
+        self.close()
+        options = self._options
+        try:
+            opened = can.Bus(
+                channel=options.channel,
+                interface=options.interface,
+                bitrate=options.bitrate,
+                **options.options,
+            )
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            path = f"canopen → {options.interface}:{options.channel}"
+            raise ConnectError("the CAN bus cannot be opened", {path: reason}) from error
+        self.fault, self.counters, self._failures = None, Counters(), 0
+        self.seen.clear()
+        self._ending = threading.Event()
+        self._can = opened
+        self._thread = threading.Thread(
+            target=self._receive, args=(opened, self._ending), name="canopen-receive", daemon=True
+        )
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop to receive and close. Twice is not an error."""
+        opened, self._can = self._can, None
+        if opened is None:
+            return
+        self._ending.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(2.0)
+        try:
+            opened.shutdown()
+        except Exception as error:  # noqa: BLE001 - a device that is gone cannot be closed
+            log.warning("closing the CAN bus failed", reason=str(error))
+
+    def subscribe(self, cob_id: int, handler: Handler) -> None:
+        """Let ``handler`` have the frames of ``cob_id``; one handler each."""
+        self._handlers[cob_id] = handler
+
+    def unsubscribe(self, cob_id: int) -> None:
+        self._handlers.pop(cob_id, None)
+
+    def send(self, message: can.Message) -> bool:
+        """Send a frame; False when it failed, which is counted. Never raises."""
+        opened = self._can
+        if opened is None:
+            return False
+        try:
+            with self._lock:
+                opened.send(message)
+        except Exception as error:  # noqa: BLE001 - drivers raise what they like
+            self.counters.send_errors += 1
+            self._failed(f"sending on {self.name} failed: {type(error).__name__}: {error}")
+            return False
+        self.counters.sent += 1
+        return True
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a frame; the name by which the library's SDO client calls it.
+
+        Raises can.CanOperationError.
+        """
+        message = frame(can_id, data)
+        message.is_remote_frame = remote
+        if not self.send(message):
+            raise can.CanOperationError(self.fault or f"the bus {self.name} is not open")
+
+    def _receive(self, opened: can.BusABC, ending: threading.Event) -> None:
+        request_realtime(self._priority)
+        counters, handlers, now_ns = self.counters, self._handlers, self._clock.now_ns
+        while not ending.is_set():
+            try:
+                message = opened.recv(_POLL_S)
+            except Exception as error:  # noqa: BLE001 - drivers raise what they like
+                if not ending.wait(_PAUSE_S if self._failures else 0.0):
+                    counters.receive_errors += 1
+                    reason = f"{type(error).__name__}: {error}"
+                    self._failed(f"receiving on {self.name} failed: {reason}")
+                continue
+            if message is None:
+                continue
+            self._failures = 0
+            counters.received += 1
+            if message.is_error_frame:
+                counters.error_frames += 1
+                continue
+            handler = handlers.get(message.arbitration_id)
+            if handler is None or message.is_remote_frame or message.is_extended_id:
+                self.seen.add(message.arbitration_id)
+                continue
+            try:
+                handler(message.data, now_ns())
+            except Exception as error:  # noqa: BLE001 - nothing that arrives may end the thread
+                self._malformed(message, error)
+
+    def _malformed(self, message: can.Message, error: Exception) -> None:
+        self.counters.malformed += 1
+        self.last_malformed = (
+            f"frame 0x{message.arbitration_id:03X} [{bytes(message.data).hex(' ')}]: {error}"
+        )
+        if self.counters.malformed == 1:
+            log.warning("malformed frame", reason=self.last_malformed)
+
+    def _failed(self, reason: str) -> None:
+        self._failures += 1
+        if self._failures >= _FAILURES and self.fault is None:
+            self.fault = reason
+            log.error("the CAN bus is lost", reason=reason)
+
+
+def frame(cob_id: int, data: bytes) -> can.Message:
+    """A frame with an 11-bit identifier, unchecked."""
+    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)

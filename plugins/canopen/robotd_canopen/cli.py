@@ -1,0 +1,130 @@
+"""``robotd canopen``: look at a bus, read and write objects, simulate a robot's nodes."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+# Nothing but click is imported up here: other commands must not wait for python-can.
+
+
+def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    for option in (
+        click.option("--bitrate", default=1_000_000, show_default=True, help="Bits per second."),
+        click.option("--channel", default="can0", show_default=True, help="Channel."),
+        click.option(
+            "--interface", default="socketcan", show_default=True, help="python-can interface."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 8.2
+    """Decimal, or hexadecimal with 0x."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        try:
+            return value if isinstance(value, int) else int(value, 0)
+        except ValueError:
+            self.fail(f"{value!r} is not a number", param, ctx)
+
+
+NUMBER = _Number()
+
+
+@click.group()
+def canopen() -> None:
+    """CANopen networks: scan, objects, simulated drives."""
+
+
+@canopen.command()
+@_bus_options
+@click.option("--timeout", "timeout_s", default=0.5, show_default=True, help="Seconds to wait.")
+def scan(interface: str, channel: str, bitrate: int, timeout_s: float) -> None:
+    """List the nodes of a bus with identity and NMT state."""
+    from robotd_canopen.scan import scan_bus
+
+    found = scan_bus(interface, channel, bitrate, timeout_s)
+    for node in found:
+        click.echo(str(node))
+    click.echo(f"{len(found)} node{'' if len(found) == 1 else 's'} on {interface}:{channel}")
+
+
+@canopen.group()
+def sdo() -> None:
+    """Read and write objects of a node, for commissioning."""
+
+
+@sdo.command("read")
+@_bus_options
+@click.argument("node", type=click.IntRange(1, 127))
+@click.argument("index", type=NUMBER)
+@click.argument("sub", type=NUMBER, default=0)
+def read(interface: str, channel: str, bitrate: int, node: int, index: int, sub: int) -> None:
+    """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
+    from robotd_canopen.scan import describe_value, sdo_of
+
+    with sdo_of(interface, channel, bitrate, node) as client:
+        click.echo(describe_value(client.upload(index, sub)))
+
+
+@sdo.command("write")
+@_bus_options
+@click.argument("node", type=click.IntRange(1, 127))
+@click.argument("index", type=NUMBER)
+@click.argument("sub", type=NUMBER)
+@click.argument("value", type=NUMBER)
+@click.option("--size", type=click.IntRange(1, 8), help="Bytes; by default as long as it reads.")
+def write(
+    interface: str,
+    channel: str,
+    bitrate: int,
+    node: int,
+    index: int,
+    sub: int,
+    value: int,
+    size: int | None,
+) -> None:
+    """Write VALUE to object INDEX:SUB of NODE, and print what it is afterwards."""
+    from robotd_canopen.scan import describe_value, sdo_of
+
+    with sdo_of(interface, channel, bitrate, node) as client:
+        length = size or len(client.upload(index, sub))
+        client.download(index, sub, (value % (1 << 8 * length)).to_bytes(length, "little"))
+        click.echo(describe_value(client.upload(index, sub)))
+
+
+@canopen.command()
+@click.option("--robot", required=True, metavar="NAME|FILE", help="The robot.")
+@click.option("--variant", metavar="NAME", help="Variant of the robot.")
+@click.option("--interface", default="udp_multicast", show_default=True, help="Interface.")
+@click.option("--channel", default="239.74.163.2", show_default=True, help="Channel.")
+@click.option("--port", default=43113, show_default=True, help="Port of udp_multicast.")
+def simulate(robot: str, variant: str | None, interface: str, channel: str, port: int) -> None:
+    """Simulate the robot's nodes in this process until Ctrl-C.
+
+    Faults are typed in, one a line: "help" lists them.
+    """
+    from robotd.plugin.api import load_robot_descriptor, validate_section
+    from robotd_canopen.inject import HELP, inject
+    from robotd_canopen.options import BusOptions, CanopenOptions
+    from robotd_canopen.simulate import simulated_network
+
+    descriptor = load_robot_descriptor(robot, variant)
+    options = validate_section(descriptor, "backends.canopen", CanopenOptions)
+    extra = {"port": port} if interface == "udp_multicast" else {}
+    bus = BusOptions(interface=interface, channel=channel, options=extra)
+    with simulated_network(descriptor, options.model_copy(update={"bus": bus})) as network:
+        ids = ", ".join(str(node) for node in network.members)
+        click.echo(f"{descriptor.name}: nodes {ids} on {interface}:{channel}; 'help' lists faults")
+        for line in sys.stdin:
+            if line.strip():
+                click.echo(HELP if line.strip() == "help" else inject(network, line))
+        threading.Event().wait()

@@ -1,0 +1,128 @@
+"""The connection to the bus, and its states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from robotd.plugin.api import (
+    DeviceDriver,
+    EngineState,
+    InvalidArgument,
+    NotReady,
+    RobotdError,
+    RobotDescriptor,
+    get_logger,
+    wait_until,
+)
+from robotd_canopen.bus import Bus
+from robotd_canopen.commands import Commands
+from robotd_canopen.master import Master
+from robotd_canopen.nmt import NmtCommand
+from robotd_canopen.node import Node
+from robotd_canopen.simulate import simulated_network
+from robotd_canopen.simulated import SimulatedNetwork
+
+log = get_logger("canopen")
+
+_IDLE_S = 0.5  # for a stop and for servos, while nobody may be running the cycle
+
+
+class CanopenDevice(DeviceDriver):
+    """Opens, starts and stops the network. Any worker thread may call."""
+
+    def __init__(self, robot: RobotDescriptor, master: Master) -> None:
+        self.master = master
+        self._robot = robot
+        self._simulation: SimulatedNetwork | None = None
+
+    def open(self, path: str = "", name: str = "") -> None:
+        """The configured bus; ``path`` may name no other one, CAN clients have no ``name``."""
+        if path and path != self.master.bus.name:
+            raise InvalidArgument(
+                f"the bus is {self.master.bus.name!r}, another one ({path!r}) is not configured"
+            )
+        if self.master.state is not EngineState.IDLE:
+            return
+        self._simulate()
+        try:
+            self.master.open()
+        except RobotdError:
+            self._end_simulation()
+            raise
+
+    def close(self) -> None:
+        if self.master.state in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
+            self.stop_communication(_IDLE_S)
+        self.master.close()
+        self._end_simulation()
+
+    def start_communication(self, timeout_s: float) -> None:
+        """Configure and start nodes; after a fault only those that were lost.
+
+        Raises ConnectError with every node that fails, its step, object and abort code.
+        """
+        if self.master.state is EngineState.IDLE:
+            raise NotReady("communication cannot start: the bus is not open")
+        if self.master.state is not EngineState.COMMUNICATING:
+            self.master.start()
+
+    def stop_communication(self, timeout_s: float) -> None:
+        master = self.master
+        if master.state not in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
+            return
+        live = [axis for axis in master.axes if axis.node.online and axis.powered]
+        for axis in live:
+            axis.brake(axis.layout.options.stop_deceleration_rad_s2)
+        wait_until(lambda: all(axis.operation.value == 0 for axis in live), timeout_s, master.clock)
+        for axis in live:
+            self._try(axis.node, partial(Commands(axis, master.clock).disable, _IDLE_S))
+        for node in master.nodes.values():
+            if node.online:
+                self._try(node, partial(node.watch_master, watch=False))
+                self._try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
+            node.online, node.fault = False, ""
+        master.state = EngineState.RUNNING
+
+    def state(self) -> EngineState:
+        return self.master.state
+
+    def scan_network(self) -> str:
+        """Who is there, of those who should be."""
+        if self.master.state is EngineState.IDLE:
+            raise NotReady("the network cannot be scanned: the bus is not open")
+        nodes = self.master.nodes.values()
+        drives = {axis.node.id for axis in self.master.axes}
+        silent = [node.name for node in nodes if not node.identity]
+        missing = f"; no answer from {', '.join(silent)}" if silent else ""
+        return (
+            f"CANopen on {self.master.bus.name}: {len(drives)} drives,"
+            f" {len(self.master.nodes) - len(drives)} I/O modules,"
+            f" computed bus load {self.master.layout.bus_load:.0%}{missing}"
+        )
+
+    @property
+    def simulation(self) -> SimulatedNetwork | None:
+        """The nodes in this process, None where there are none."""
+        return self._simulation
+
+    @property
+    def bus(self) -> Bus:
+        return self.master.bus
+
+    def _simulate(self) -> None:
+        if self.master.options.simulated and self._simulation is None:
+            self._simulation = simulated_network(self._robot, self.master.options)
+            self._simulation.start()
+
+    def _end_simulation(self) -> None:
+        if self._simulation is not None:
+            self._simulation.stop()
+            self._simulation = None
+
+    @staticmethod
+    def _try(node: Node, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as error:  # noqa: BLE001 - the others are stopped all the same
+            log.warning("a node was not stopped properly", node=node.name, reason=str(error))

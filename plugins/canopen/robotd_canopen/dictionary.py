@@ -1,0 +1,60 @@
+"""Object dictionaries from EDS files, read once, and the names of objects for error texts."""
+
+from __future__ import annotations
+
+from configparser import Error as ConfigParserError
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+
+import canopen
+from canopen.objectdictionary import ObjectDictionary, ODVariable
+
+from robotd.plugin.api import DescriptorError
+
+GENERIC_DRIVE = "generic_402.eds"
+GENERIC_IO = "generic_401.eds"
+AXIS_STEP = 0x800  # distance of the profile objects of two axes in one drive (CiA 402-1)
+PROFILE_AREA = range(0x6000, 0xA000)
+
+
+def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
+    """The file of a node; relative to ``folder``, the robot's own; None is the generic one."""
+    if eds is None:
+        return Path(str(files("robotd_canopen") / "eds" / generic))
+    return folder / eds if folder is not None else eds
+
+
+@lru_cache(maxsize=64)
+def read_eds(path: Path, node: int) -> ObjectDictionary:
+    """The dictionary of ``node``. Raises DescriptorError. Any thread."""
+    try:
+        return canopen.import_od(str(path), node)
+    except (OSError, ValueError, KeyError, ConfigParserError) as error:
+        raise DescriptorError(f"cannot be read as an EDS: {error}", path=path) from error
+
+
+def empty_dictionary() -> ObjectDictionary:
+    """Of a node of which nothing is known."""
+    return ObjectDictionary()  # type: ignore[no-untyped-call]
+
+
+def variable(dictionary: ObjectDictionary, index: int, sub: int) -> ODVariable | None:
+    """One object; None when the dictionary does not have it."""
+    try:
+        found = dictionary[index]
+        return found if isinstance(found, ODVariable) else found[sub]
+    except KeyError:
+        return None
+
+
+def describe(dictionary: ObjectDictionary, index: int, sub: int) -> str:
+    """``0x1017:00 (Producer heartbeat time)``."""
+    found = variable(dictionary, index, sub)
+    name = f" ({found.name})" if found is not None else ""
+    return f"0x{index:04X}:{sub:02X}{name}"
+
+
+def on_axis(index: int, axis_offset: int) -> int:
+    """The number of a profile object on one axis of a multi-axis drive."""
+    return index + axis_offset * AXIS_STEP if index in PROFILE_AREA else index

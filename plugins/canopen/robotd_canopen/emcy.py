@@ -1,0 +1,127 @@
+"""Emergency messages: decoding, texts of CiA 301 and CiA 402, and a history."""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from dataclasses import dataclass
+
+_FORMAT = struct.Struct("<HB5s")
+
+# CiA 301 table 27 and CiA 402-2 (error codes of 0x603F). The longest match wins.
+_CLASSES = {
+    0x00: "no error",
+    0x10: "generic error",
+    0x20: "current",
+    0x21: "current, device input side",
+    0x22: "current inside the device",
+    0x23: "current, device output side",
+    0x30: "voltage",
+    0x31: "mains voltage",
+    0x32: "voltage inside the device",
+    0x33: "output voltage",
+    0x40: "temperature",
+    0x41: "ambient temperature",
+    0x42: "device temperature",
+    0x43: "drive temperature",
+    0x50: "device hardware",
+    0x60: "device software",
+    0x61: "internal software",
+    0x62: "user software",
+    0x63: "data set",
+    0x70: "additional modules",
+    0x71: "power module",
+    0x73: "sensor",
+    0x80: "monitoring",
+    0x81: "communication",
+    0x82: "protocol error",
+    0x83: "torque control",
+    0x84: "velocity control",
+    0x86: "position control",
+    0x90: "external error",
+    0xF0: "additional functions",
+    0xFF: "device specific",
+}
+_CODES = {
+    0x2310: "continuous over-current",
+    0x2320: "short circuit or earth leakage",
+    0x2330: "earth leakage",
+    0x2340: "short circuit",
+    0x3110: "mains over-voltage",
+    0x3120: "mains under-voltage",
+    0x3210: "DC link over-voltage",
+    0x3220: "DC link under-voltage",
+    0x4210: "excess device temperature",
+    0x4310: "excess drive temperature",
+    0x5441: "quick stop input",
+    0x6320: "parameter error",
+    0x7121: "motor blocked",
+    0x7305: "incremental sensor 1",
+    0x7320: "position sensor",
+    0x8110: "CAN overrun",
+    0x8120: "CAN in error passive mode",
+    0x8130: "life guard or heartbeat error",
+    0x8140: "recovered from bus off",
+    0x8150: "CAN-ID collision",
+    0x8210: "PDO not processed due to length error",
+    0x8220: "PDO length exceeded",
+    0x8240: "unexpected SYNC data length",
+    0x8250: "RPDO time-out",
+    0x8311: "excess torque",
+    0x8400: "velocity speed controller",
+    0x8480: "velocity limit reached",
+    0x8611: "following error",
+    0x8612: "reference limit",
+}
+
+
+def error_text(code: int) -> str:
+    """``0x3210 (DC link over-voltage)``; of the vendor's range only the number is known."""
+    if code >= 0xFF00:
+        return f"0x{code:04X} (vendor specific)"
+    text = _CODES.get(code) or _CLASSES.get(code >> 8) or _CLASSES.get(code >> 8 & 0xF0)
+    return f"0x{code:04X} ({text or 'reserved'})"
+
+
+@dataclass(frozen=True)
+class Emergency:
+    """One message. ``register`` is object 0x1001, ``data`` five bytes of the vendor's."""
+
+    time_ns: int
+    node: int
+    code: int
+    register: int
+    data: bytes
+
+    @classmethod
+    def decode(cls, node: int, data: bytes | bytearray, time_ns: int) -> Emergency:
+        """Raises ValueError unless it has 8 bytes."""
+        if len(data) != _FORMAT.size:
+            raise ValueError(f"an EMCY has 8 bytes, this one {len(data)}")
+        code, register, vendor = _FORMAT.unpack(data)
+        return cls(time_ns, node, code, register, vendor)
+
+    @property
+    def is_reset(self) -> bool:
+        """The node says that its errors are gone."""
+        return self.code >> 8 == 0
+
+    def __str__(self) -> str:
+        detail = f", vendor data {self.data.hex(' ')}" if any(self.data) else ""
+        return f"node {self.node}: EMCY {error_text(self.code)}{detail}"
+
+
+class EmergencyLog:
+    """The latest messages of all nodes, and the one in force for each node."""
+
+    def __init__(self, size: int = 200) -> None:
+        self.history: deque[Emergency] = deque(maxlen=size)
+        self.active: dict[int, Emergency] = {}
+
+    def add(self, emergency: Emergency) -> None:
+        """Receive thread."""
+        self.history.append(emergency)
+        if emergency.is_reset:
+            self.active.pop(emergency.node, None)
+        else:
+            self.active[emergency.node] = emergency

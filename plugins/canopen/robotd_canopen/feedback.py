@@ -1,0 +1,123 @@
+"""What the drives said last: arrays that the receive thread fills, frame by frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotd_canopen.bus import Handler
+from robotd_canopen.layout import AxisLayout
+from robotd_canopen.pdo import Pdo
+from robotd_canopen.scaling import SPAN
+
+STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
+VELOCITY, TORQUE, ERROR_CODE, INPUTS = 0x606C, 0x6077, 0x603F, 0x60FD
+_OBJECTS = (STATUSWORD, MODE, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, INPUTS)
+_ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
+_NEVER = -1
+_EVENT_DRIVEN = 240
+
+IntArray = NDArray[np.int64]
+
+
+class Feedback:
+    """Values of n axes by object, in the drives' units.
+
+    The receive thread writes single elements, the cycle reads whole arrays. Age is counted in
+    SYNCs, for a drive that was not asked is not late.
+
+    Attributes:
+        columns: object → array of shape (n,).
+        pdos: the synchronous TPDOs of all axes, as (axis, PDO).
+        seen: number of the SYNC after which each of ``pdos`` came last, -1: never.
+        limits: SYNCs without it after which each of ``pdos`` is stale.
+        syncs: SYNCs sent; counted by the cycle.
+    """
+
+    def __init__(self, axes: Sequence[AxisLayout], sync_period_s: float, stale_s: float) -> None:
+        count = len(axes)
+        self.columns: dict[int, IntArray] = {
+            number: np.zeros(count, np.int64) for number in _OBJECTS
+        }
+        self._unread = np.zeros(count, np.int64)
+        self.pdos = [
+            (number, pdo)
+            for number, axis in enumerate(axes)
+            for pdo in axis.tpdos
+            if pdo.transmission <= _EVENT_DRIVEN
+        ]
+        self.seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
+        self._turns = np.array([pdo.transmission for _, pdo in self.pdos], np.int64)
+        least = math.ceil(stale_s / sync_period_s)
+        self.limits: IntArray = np.maximum(self._turns * _ALLOWED_MISSES, least)
+        self.syncs = 0
+        self.counts: IntArray = np.zeros(count, np.int64)  # position without the encoder's wrap
+        self._raw: IntArray = np.zeros(count, np.int64)
+
+    def handler(self, axis: int, pdo: Pdo) -> Handler:
+        """Receives one TPDO of one axis: raises ValueError for a frame that is too short."""
+        size, unpack = pdo.layout.size, pdo.layout.unpack_from
+        columns = [self.columns.get(entry.base, self._unread) for entry in pdo.entries]
+        known = (axis, pdo) in self.pdos
+        slot, seen = (self.pdos.index((axis, pdo)), self.seen) if known else (0, self.seen[:1] * 0)
+
+        def receive(data: bytearray, time_ns: int) -> None:
+            if len(data) < size:
+                raise ValueError(f"{pdo.name} has {len(data)} bytes, {size} are mapped")
+            number = 0
+            for value in unpack(data):
+                columns[number][axis] = value
+                number += 1  # noqa: SIM113 - for each frame of the bus: enumerate costs more
+            seen[slot] = self.syncs
+
+        return receive
+
+    def forget(self, axis: int) -> None:
+        """The drive is configured anew: what it said before does not count."""
+        for slot, (owner, _) in enumerate(self.pdos):
+            if owner == axis:
+                self.seen[slot] = _NEVER
+
+    def heard(self, axis: int) -> bool:
+        """Every synchronous TPDO of ``axis`` has come at least once."""
+        return all(
+            self.seen[slot] != _NEVER for slot, (owner, _) in enumerate(self.pdos) if owner == axis
+        )
+
+    def stale(self) -> list[tuple[int, Pdo, int]]:
+        """Axis, PDO and missed SYNCs of everything that is overdue. Cycle."""
+        age = self.syncs - self.seen
+        late = (age > self.limits) & (self.seen != _NEVER)
+        if not late.any():
+            return []
+        return [(*self.pdos[slot], int(age[slot])) for slot in late.nonzero()[0]]
+
+    def overdue(self, axis: int) -> bool:
+        """Some synchronous TPDO of ``axis`` has not come in its turn."""
+        late = self.syncs - self.seen > self._turns + 1
+        return any(late[slot] for slot, (owner, _) in enumerate(self.pdos) if owner == axis)
+
+    def missed(self) -> int:
+        """SYNCs for which the most silent drive owes an answer; 0 while all is well."""
+        known = self.seen != _NEVER
+        owed = self.syncs - self.seen - self._turns
+        return max(0, int(owed.max(initial=0, where=known))) if known.any() else self.syncs
+
+    def unwrap(self) -> None:
+        """Cycle: bring ``counts`` up to date; an endless axis runs over 32 bits."""
+        raw = self.columns[POSITION]
+        step = raw - self._raw
+        self.counts += (step + SPAN // 2) % SPAN - SPAN // 2
+        self._raw += step
+
+    def rebase(self, axis: int) -> None:
+        """The drive has set its position anew: no turns are remembered."""
+        self.counts[axis] = self._raw[axis] = self.columns[POSITION][axis]
+
+    def demand(self, axis: int) -> int:
+        """The drive's own position demand, without the wrap."""
+        step = int(self.columns[DEMAND][axis] - self._raw[axis])
+        return int(self.counts[axis]) + (step + SPAN // 2) % SPAN - SPAN // 2

@@ -1,0 +1,73 @@
+"""The new-set-point handshake of the profile position mode (CiA 402-2, 10.3), SYNC by SYNC."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from robotd_canopen.states import Control, Status
+
+_LOW_SYNCS = 2  # frames with the bit low before it may rise again
+_LIMIT_S = 1.0
+
+_IMMEDIATELY = int(Control.CHANGE_IMMEDIATELY)
+
+
+class Phase(Enum):
+    """Where the handshake is."""
+
+    DONE = auto()  # nothing is under way
+    ENTERING = auto()  # until the drive is in the mode and the bit was low
+    ASKING = auto()  # the bit is high, until the drive acknowledges
+    RELEASING = auto()  # the bit is low again, until the acknowledge goes
+    FAILED = auto()  # the drive did not answer in time
+
+
+class Handshake:
+    """One axis' handshake. ``begin`` and ``cancel`` by workers, ``advance`` by the cycle.
+
+    Attributes:
+        phase: where it is; the set-point is in force from DONE on.
+        bits: what the controlword gets for it.
+    """
+
+    def __init__(self) -> None:
+        self.phase = Phase.DONE
+        self.bits = 0
+        self._syncs = 0
+        self._halted = 0
+
+    def begin(self, *, halted: bool) -> None:
+        """A new target stands; a halted axis stays so until the target is taken."""
+        self._halted = int(Control.HALT) if halted else 0
+        self.bits = _IMMEDIATELY | self._halted
+        self._enter(Phase.ENTERING)
+
+    def cancel(self) -> None:
+        """Forget what is under way; the axis is halted."""
+        self.bits = int(Control.HALT)
+        self._enter(Phase.DONE)
+
+    def advance(self, status: int, *, in_mode: bool, period_s: float) -> None:
+        """One SYNC later, with the statusword of a drive that is ``in_mode`` or is not yet."""
+        if self.phase in (Phase.DONE, Phase.FAILED):
+            return
+        self._syncs += 1
+        acknowledged = bool(status & Status.ACKNOWLEDGE)
+        match self.phase:
+            case Phase.ENTERING if in_mode and not acknowledged and self._syncs > _LOW_SYNCS:
+                self.bits |= Control.NEW_SET_POINT
+                self._enter(Phase.ASKING)
+            case Phase.ASKING if acknowledged:
+                self.bits = _IMMEDIATELY
+                self._enter(Phase.RELEASING)
+            case Phase.RELEASING if not acknowledged:
+                self._enter(Phase.DONE)
+            case _ if self._syncs * period_s > _LIMIT_S:
+                self.bits = _IMMEDIATELY | int(Control.HALT)
+                self._enter(Phase.FAILED)
+            case _:
+                pass
+
+    def _enter(self, phase: Phase) -> None:
+        self.phase = phase
+        self._syncs = 0

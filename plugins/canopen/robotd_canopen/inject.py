@@ -1,0 +1,104 @@
+"""Faults of a simulated network as lines of text, for people and for tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robotd_canopen.simulated import DriveNode, SimulatedNetwork, SimulatedNode
+
+HELP = """\
+NODE silence              sends and hears nothing
+NODE reboot               loses its configuration and sends a boot-up message
+NODE emcy CODE            sends an emergency message
+NODE trip CODE            the drive stops with a fault, such as 0x3210 (over-voltage)
+NODE statusword WORD      shows WORD whatever its state
+NODE abort INDEX CODE     refuses every access to an object
+NODE timeout INDEX        does not answer requests for an object
+NODE identity VENDOR      has another vendor id
+NODE late SECONDS         sends its PDOs later
+NODE drop PART            loses a part of its PDOs, 0 to 1
+NODE block                the motor does not move
+NODE heal                 none of the above any more"""
+
+Fault = Callable[[SimulatedNode, list[str]], None]
+
+
+def inject(network: SimulatedNetwork, line: str) -> str:
+    """Carry out one line; returns ``ok`` or what is wrong with it. Any thread."""
+    number, *words = line.split()
+    try:
+        node = network.members[int(number)]
+        fault = _FAULTS[words[0]]
+        network.call(lambda: fault(node, words[1:]))
+    except (KeyError, ValueError, IndexError):
+        return f"not understood: {line.strip()!r}"
+    return "ok"
+
+
+def _number(words: list[str]) -> int:
+    return int(words[0], 0)
+
+
+def _silence(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.silent = True
+
+
+def _reboot(node: SimulatedNode, words: list[str]) -> None:
+    node.reboot()
+
+
+def _emcy(node: SimulatedNode, words: list[str]) -> None:
+    node.emergency(_number(words))
+
+
+def _trip(node: SimulatedNode, words: list[str]) -> None:
+    if isinstance(node, DriveNode):
+        node.trip(_number(words))
+
+
+def _statusword(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.statusword = _number(words)
+
+
+def _abort(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.sdo_aborts[_number(words), None] = int(words[1], 0)
+
+
+def _timeout(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.sdo_silent.add((_number(words), None))
+
+
+def _identity(node: SimulatedNode, words: list[str]) -> None:
+    node.values[0x1018, 1] = _number(words)
+
+
+def _late(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.pdo_delay_s = float(words[0])
+
+
+def _drop(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.pdo_drop = float(words[0])
+
+
+def _block(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.blocked = True
+
+
+def _heal(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.heal()
+
+
+_FAULTS: dict[str, Fault] = {
+    "silence": _silence,
+    "reboot": _reboot,
+    "emcy": _emcy,
+    "trip": _trip,
+    "statusword": _statusword,
+    "abort": _abort,
+    "timeout": _timeout,
+    "identity": _identity,
+    "late": _late,
+    "drop": _drop,
+    "block": _block,
+    "heal": _heal,
+}

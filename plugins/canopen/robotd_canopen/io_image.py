@@ -1,0 +1,82 @@
+"""The digital I/O of all CiA 401 modules, as one image."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+
+from robotd_canopen.bus import Bus, Handler, frame
+from robotd_canopen.layout import IoLayout
+from robotd_canopen.node import Node
+
+_INPUTS, _OUTPUTS = 0x6000, 0x6200
+
+
+class IoImage:
+    """Inputs as the modules sent them last, outputs as they were written last. Any thread."""
+
+    def __init__(self, bus: Bus, modules: Sequence[IoLayout]) -> None:
+        self._bus, self._modules = bus, modules
+        ends = [(m.options.input_byte + m.options.input_length,
+                 m.options.output_byte + m.options.output_length) for m in modules]  # fmt: skip
+        self.inputs = bytearray(max((end for end, _ in ends), default=0))
+        self.outputs = bytearray(max((end for _, end in ends), default=0))
+        self._lock = threading.Lock()
+        for module in modules:
+            for pdo in module.tpdos:
+                bus.subscribe(pdo.cob_id, self._handler(module))
+
+    def start(self, started: Sequence[int], nodes: Mapping[int, Node]) -> None:
+        """Take over what the modules have now: an output is not switched by a start."""
+        for module in self._modules:
+            options = module.options
+            if options.node not in started:
+                continue
+            sdo = nodes[options.node].sdo
+            for sub in range(1, options.input_length + 1):
+                self.inputs[options.input_byte + sub - 1] = sdo.read(_INPUTS, sub) & 0xFF
+            for sub in range(1, options.output_length + 1):
+                self.outputs[options.output_byte + sub - 1] = sdo.read(_OUTPUTS, sub) & 0xFF
+
+    def write(self, byte: int, data: bytes) -> list[int]:
+        """Whole bytes; returns the nodes that could not be told."""
+        with self._lock:
+            self.outputs[byte : byte + len(data)] = data
+            return self._send(byte, len(data))
+
+    def write_bit(self, byte: int, bit: int, *, value: bool) -> list[int]:
+        """One bit, its neighbours untouched; returns the nodes that could not be told."""
+        with self._lock:
+            self.outputs[byte] = self.outputs[byte] & ~(1 << bit) | (int(value) << bit)
+            return self._send(byte, 1)
+
+    def nodes_of_outputs(self, byte: int, length: int) -> list[int]:
+        """Nodes that serve the output bytes."""
+        return [module.options.node for module in self._of_outputs(byte, length)]
+
+    def _of_outputs(self, byte: int, length: int) -> list[IoLayout]:
+        return [
+            module
+            for module in self._modules
+            if module.options.output_byte < byte + length
+            and byte < module.options.output_byte + module.options.output_length
+        ]
+
+    def _send(self, byte: int, length: int) -> list[int]:
+        failed = []
+        for module in self._of_outputs(byte, length):
+            first = module.options.output_byte
+            data = bytes(self.outputs[first : first + module.options.output_length])
+            if not all(self._bus.send(frame(pdo.cob_id, data)) for pdo in module.rpdos):
+                failed.append(module.options.node)
+        return failed
+
+    def _handler(self, module: IoLayout) -> Handler:
+        first, length = module.options.input_byte, module.options.input_length
+
+        def receive(data: bytearray, time_ns: int) -> None:
+            if len(data) < length:
+                raise ValueError(f"inputs have {len(data)} bytes, {length} are mapped")
+            self.inputs[first : first + length] = data[:length]
+
+        return receive

@@ -1,0 +1,232 @@
+"""The descriptor section put together with EDS files: what the network shall look like.
+
+``plan_network`` finds everything that can be known wrong without a bus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from canopen.objectdictionary import ObjectDictionary
+
+from robotd.plugin.api import DescriptorError, RobotDescriptor
+from robotd_canopen.bus_load import bus_load
+from robotd_canopen.dictionary import (
+    GENERIC_DRIVE,
+    GENERIC_IO,
+    describe,
+    eds_path,
+    empty_dictionary,
+    on_axis,
+    read_eds,
+    variable,
+)
+from robotd_canopen.options import (
+    AxisOptions,
+    CanopenOptions,
+    IoOptions,
+    NodeOptions,
+    PdoOptions,
+    parse_object,
+)
+from robotd_canopen.pdo import Direction, Pdo, axis_pdos, io_pdos, resolve
+
+_SECTION = "backends.canopen"
+_NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6502)  # without these it is no CiA 402 drive
+_BY_PDO = {0x6040: "controlword", 0x6060: "modes of operation"}
+_FROM_PDO = {0x6041: "statusword", 0x6061: "modes of operation display", 0x6064: "position"}
+
+
+@dataclass(frozen=True)
+class AxisLayout:
+    """One axis: its options, dictionary and PDOs."""
+
+    options: AxisOptions
+    dictionary: ObjectDictionary
+    rpdos: tuple[Pdo, ...]
+    tpdos: tuple[Pdo, ...]
+
+    def index(self, base: int) -> int:
+        """The profile object ``base`` on this axis of the drive."""
+        return on_axis(base, self.options.axis_offset)
+
+
+@dataclass(frozen=True)
+class IoLayout:
+    """One I/O module: its options, dictionary and PDOs (at most one each way)."""
+
+    options: IoOptions
+    dictionary: ObjectDictionary
+    rpdos: tuple[Pdo, ...]
+    tpdos: tuple[Pdo, ...]
+
+
+@dataclass(frozen=True)
+class NetworkLayout:
+    """The whole network. ``cycles_per_sync``: SYNC goes out in each n-th period of the cycle."""
+
+    axes: tuple[AxisLayout, ...]
+    io: tuple[IoLayout, ...]
+    sync_period_s: float
+    cycles_per_sync: int
+    bus_load: float
+
+    def pdos(self, node: int | None = None) -> list[Pdo]:
+        """The PDOs of one node, or of all."""
+        nodes: list[AxisLayout | IoLayout] = [*self.axes, *self.io]
+        return [
+            pdo
+            for one in nodes
+            if node in (None, one.options.node)
+            for pdo in (*one.rpdos, *one.tpdos)
+        ]
+
+
+def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayout:
+    """Raises DescriptorError with every problem."""
+    problems: list[DescriptorError] = []
+    given = {axis.axis for axis in options.axes}
+    problems += [
+        _error(robot, "axes", f"axis {axis} of the robot has no drive")
+        for axis in sorted(set(range(robot.axes)) - given)
+    ]
+    for axis in sorted(given - set(range(robot.axes))):
+        what = f"axis {axis} does not exist, the robot has axes 0 to {robot.axes - 1}"
+        problems.append(_error(robot, "axes", what))
+    ordered = sorted(options.axes, key=lambda drive: drive.axis)
+    axes = [_axis(robot, drive, options, problems) for drive in ordered]
+    modules = [_io(robot, module, options, problems) for module in options.io]
+    _check_cob_ids(robot, [*axes, *modules], problems)
+    cycle_s = 1 / robot.cycle.rate_hz
+    period_s = options.sync_period_s or cycle_s
+    ratio = round(period_s / cycle_s)
+    if ratio < 1 or abs(ratio * cycle_s - period_s) > 1e-3 * cycle_s:
+        what = f"{period_s:g} s is not a whole number of cycles of {cycle_s:g} s"
+        problems.append(_error(robot, "sync_period_s", what))
+    load = _load(axes, modules, options, period_s)
+    if load > options.max_bus_load:
+        what = (
+            f"a SYNC each {period_s:g} s loads the bus of {options.bus.bitrate} bit/s with"
+            f" {load:.0%}, max_bus_load is {options.max_bus_load:.0%}"
+        )
+        problems.append(_error(robot, "sync_period_s", what))
+    if problems:
+        raise DescriptorError.join(problems)
+    return NetworkLayout(tuple(axes), tuple(modules), period_s, max(1, ratio), load)
+
+
+def _error(robot: RobotDescriptor, key: str, what: str) -> DescriptorError:
+    return DescriptorError(what, path=robot.path, key=f"{_SECTION}.{key}")
+
+
+def _axis(
+    robot: RobotDescriptor,
+    drive: AxisOptions,
+    options: CanopenOptions,
+    problems: list[DescriptorError],
+) -> AxisLayout:
+    key = f"axes.{options.axes.index(drive)}"
+    dictionary = _dictionary(robot, drive, GENERIC_DRIVE, key, problems)
+    receive, transmit = axis_pdos(drive)
+    for base in _NEEDED:
+        index = on_axis(base, drive.axis_offset)
+        if variable(dictionary, index, 0) is None:
+            problems.append(_error(robot, key, f"object 0x{index:04X} is not in the EDS"))
+    rpdos = _resolve(robot, key, receive, Direction.RECEIVE, drive, dictionary, problems)
+    tpdos = _resolve(robot, key, transmit, Direction.TRANSMIT, drive, dictionary, problems)
+    for pdos, needed in ((receive, _BY_PDO), (transmit, _FROM_PDO)):
+        mapped = {parse_object(name)[0] for pdo in pdos for name in pdo.objects}
+        for base, name in needed.items():
+            if base not in mapped:
+                problems.append(_error(robot, key, f"no PDO holds 0x{base:04X} ({name})"))
+    return AxisLayout(drive, dictionary, rpdos, tpdos)
+
+
+def _io(
+    robot: RobotDescriptor,
+    module: IoOptions,
+    options: CanopenOptions,
+    problems: list[DescriptorError],
+) -> IoLayout:
+    key = f"io.{options.io.index(module)}"
+    dictionary = _dictionary(robot, module, GENERIC_IO, key, problems)
+    receive, transmit = io_pdos(module)
+    return IoLayout(
+        module,
+        dictionary,
+        _resolve(robot, key, receive, Direction.RECEIVE, module, dictionary, problems),
+        _resolve(robot, key, transmit, Direction.TRANSMIT, module, dictionary, problems),
+    )
+
+
+def _dictionary(
+    robot: RobotDescriptor,
+    node: NodeOptions,
+    generic: str,
+    key: str,
+    problems: list[DescriptorError],
+) -> ObjectDictionary:
+    folder = robot.path.parent if robot.path is not None else None
+    try:
+        dictionary = read_eds(eds_path(node.eds, folder, generic), node.node)
+    except DescriptorError as error:
+        problems.append(_error(robot, f"{key}.eds", str(error)))
+        return empty_dictionary()
+    for number, write in enumerate(node.startup):
+        index, sub = parse_object(write.object)
+        found = variable(dictionary, index, sub)
+        if found is None or not found.writable:
+            what = f"{describe(dictionary, index, sub)} is not in the EDS, or cannot be written"
+            problems.append(_error(robot, f"{key}.startup.{number}", what))
+    return dictionary
+
+
+def _resolve(
+    robot: RobotDescriptor,
+    key: str,
+    pdos: list[PdoOptions],
+    direction: Direction,
+    node: NodeOptions,
+    dictionary: ObjectDictionary,
+    problems: list[DescriptorError],
+) -> tuple[Pdo, ...]:
+    offset = node.axis_offset if isinstance(node, AxisOptions) else 0
+    resolved = []
+    kind = "rpdos" if direction is Direction.RECEIVE else "tpdos"
+    for position, pdo in enumerate(pdos):
+        try:
+            resolved.append(resolve(pdo, direction, node.node, dictionary, offset))
+        except ValueError as error:
+            problems.append(_error(robot, f"{key}.{kind}.{position}", str(error)))
+    return tuple(resolved)
+
+
+def _check_cob_ids(
+    robot: RobotDescriptor, nodes: list[AxisLayout | IoLayout], problems: list[DescriptorError]
+) -> None:
+    users: dict[int, str] = {}
+    for node in nodes:
+        for pdo in (*node.rpdos, *node.tpdos):
+            name = f"{pdo.name} of node {node.options.node}"
+            if pdo.cob_id in users:
+                what = f"{users[pdo.cob_id]} and {name} have one COB-ID, 0x{pdo.cob_id:03X}"
+                problems.append(_error(robot, "axes", what))
+            users[pdo.cob_id] = name
+
+
+def _load(
+    axes: list[AxisLayout], modules: list[IoLayout], options: CanopenOptions, period_s: float
+) -> float:
+    """Of the RPDOs that belong to one kind of mode only the longest counts."""
+    cyclic = []
+    for axis in axes:
+        common = [pdo for pdo in axis.rpdos if pdo.holds(0x6040) or pdo.holds(0x6060)]
+        others = [pdo for pdo in axis.rpdos if pdo not in common]
+        longest = sorted(others, key=lambda pdo: pdo.layout.size)[-1:]
+        cyclic += [
+            (pdo.layout.size, 1 / pdo.transmission)
+            for pdo in (*common, *longest, *axis.tpdos)
+            if pdo.transmission <= 240
+        ]
+    nodes = {axis.options.node for axis in axes} | {module.options.node for module in modules}
+    return bus_load(cyclic, period_s, len(nodes) + 1, options.heartbeat_s, options.bus.bitrate)

@@ -1,0 +1,52 @@
+"""Modes of operation (object 0x6060) and how a drive says which it has (0x6502)."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from robotd.plugin.api import CommandMode
+from robotd_canopen.options import AxisOptions, StreamMode, VelocityMode
+
+
+class OperationMode(IntEnum):
+    """Numbers of objects 0x6060 and 0x6061."""
+
+    NONE = 0
+    PROFILE_POSITION = 1
+    PROFILE_VELOCITY = 3
+    HOMING = 6
+    INTERPOLATED_POSITION = 7
+    CYCLIC_POSITION = 8
+    CYCLIC_VELOCITY = 9
+
+    @property
+    def support_bit(self) -> int:
+        """Bit of object 0x6502; bit n - 1 stands for mode n (CiA 402-2, 0x6502)."""
+        return 1 << (self.value - 1)
+
+
+STREAM_MODES = {
+    StreamMode.CSP: OperationMode.CYCLIC_POSITION,
+    StreamMode.IP: OperationMode.INTERPOLATED_POSITION,
+}
+VELOCITY_MODES = {
+    VelocityMode.PV: OperationMode.PROFILE_VELOCITY,
+    VelocityMode.CSV: OperationMode.CYCLIC_VELOCITY,
+}
+CYCLIC = frozenset(STREAM_MODES.values())
+VELOCITY = frozenset(VELOCITY_MODES.values())
+
+
+def rest_mode(options: AxisOptions, command: CommandMode) -> OperationMode:
+    """The mode in which an axis without a command is kept."""
+    if command is CommandMode.VELOCITY:
+        return VELOCITY_MODES[options.velocity_mode]
+    return STREAM_MODES[options.stream_mode]
+
+
+def needed_modes(options: AxisOptions) -> dict[OperationMode, str]:
+    """Modes that the drive must have, and what for."""
+    return {
+        STREAM_MODES[options.stream_mode]: "stream_mode",
+        VELOCITY_MODES[options.velocity_mode]: "velocity_mode",
+    }

@@ -1,0 +1,157 @@
+"""One node as the master sees it: heartbeat, emergencies, and the steps that bring it up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from canopen.objectdictionary import ObjectDictionary
+
+from robotd.plugin.api import Clock, OperationError, RobotdError, wait_until
+from robotd_canopen.bus import Bus
+from robotd_canopen.emcy import Emergency, EmergencyLog
+from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
+from robotd_canopen.options import CanopenOptions, NodeOptions, parse_object
+from robotd_canopen.pdo import Pdo, configure, disable_others
+from robotd_canopen.sdo import Sdo, SdoAbort
+
+_IDENTITY = ("vendor_id", "product_code", "revision", "serial")
+_EMCY, _HEARTBEAT = 0x080, 0x700
+_START_S = 2.0  # for the first heartbeat that says OPERATIONAL
+_UNKNOWN_OBJECT = 0x06020000
+
+
+class Node:
+    """A drive or an I/O module.
+
+    Attributes:
+        name: for people, ``joint2 (node 2)``.
+        online: brought up, and nothing has been missed since.
+        fault: why it is not online, "" while it is or before it was asked.
+        state: NMT state of its last heartbeat; ``heard_ns`` is when that came, 0: never.
+        rebooted: it has lost its configuration, and must be brought up again.
+        identity: what it answered: vendor, product, revision, serial; empty: not asked.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        options: NodeOptions,
+        name: str,
+        profile: int,
+        dictionary: ObjectDictionary,
+        common: CanopenOptions,
+        emergencies: EmergencyLog,
+        clock: Clock,
+    ) -> None:
+        self.id = options.node
+        self.name = name
+        self.online = False
+        self.fault = ""
+        self.state = NmtState.UNKNOWN
+        self.heard_ns = 0
+        self.lost_heartbeats = 0
+        self.rebooted = False
+        self.identity: tuple[int, ...] = ()
+        self.startup = list(options.startup)
+        self._bus, self._clock, self._common = bus, clock, common
+        self._wanted = options.identity
+        self._profile = profile
+        self._emergencies = emergencies
+        path = f"{bus.name} → {name}"
+        self.sdo = Sdo(bus, self.id, path, dictionary, common.sdo_timeout_s, common.sdo_tries)
+        bus.subscribe(_HEARTBEAT + self.id, self._on_heartbeat)
+        bus.subscribe(_EMCY + self.id, self._on_emergency)
+
+    def identify(self) -> None:
+        """Profile and identity. Raises OperationError or DeviceTimeout naming step and object."""
+        with _step("identity"):
+            profile = self.sdo.read(0x1000) & 0xFFFF
+            if profile != self._profile:
+                raise OperationError(
+                    f"device type 0x1000 is CiA {profile}, expected is CiA {self._profile}"
+                )
+            self.identity = tuple(self._identity_part(sub) for sub in range(1, 5))
+        for sub, key in enumerate(_IDENTITY):
+            wanted, have = getattr(self._wanted, key), self.identity[sub]
+            if wanted is not None and wanted != have:
+                raise OperationError(
+                    f"identity: 0x1018:{sub + 1:02X} ({key}) is 0x{have:08X},"
+                    f" expected is 0x{wanted:08X}"
+                )
+
+    def configure(self, pdos: Sequence[Pdo]) -> None:
+        """Pre-operational, heartbeats, start-up objects, PDOs."""
+        self.command(NmtCommand.PRE_OPERATIONAL)
+        with _step("heartbeat"):
+            self.sdo.write(0x1017, 0, round(self._common.heartbeat_s * 1000))
+            self.watch_master(watch=True)
+        with _step("PDO configuration"):
+            disable_others(self.sdo, tuple(pdos))
+            for pdo in pdos:
+                configure(self.sdo, pdo)
+        with _step("start-up objects"):
+            for write in self.startup:
+                self.sdo.write(*parse_object(write.object), write.value)
+
+    def start(self) -> None:
+        """OPERATIONAL, and wait until its heartbeat says so. Raises OperationError."""
+        self.state, self.rebooted = NmtState.UNKNOWN, False
+        self.command(NmtCommand.START)
+        if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self._clock):
+            raise OperationError(
+                f"NMT start: the node is {self.state.name.lower()}, not operational,"
+                f" after {_START_S:g} s"
+            )
+        self.fault, self.online = "", True
+
+    def command(self, command: NmtCommand) -> None:
+        """Send an NMT command to this node alone."""
+        self._bus.send_message(0, bytes([command, self.id]))
+
+    def watch_master(self, *, watch: bool) -> None:
+        """Let the node supervise our heartbeat, where it can (object 0x1016)."""
+        limit_ms = round(self._common.heartbeat_timeout_s * 1000) if watch else 0
+        try:
+            self.sdo.write(0x1016, 1, self._common.master_node << 16 | limit_ms)
+        except SdoAbort as error:
+            if error.code != _UNKNOWN_OBJECT:
+                raise
+
+    def missing(self, now_ns: int, limit_ns: int) -> str:
+        """Why the node must be given up; "" while all is well. Cycle."""
+        if self.state is not NmtState.OPERATIONAL:
+            return f"it went to {self.state.name.lower().replace('_', '-')} by itself"
+        if now_ns - self.heard_ns > limit_ns:
+            self.lost_heartbeats += self.online
+            return f"no heartbeat for {(now_ns - self.heard_ns) / 1e6:.0f} ms"
+        return ""
+
+    def emergency_text(self) -> str:
+        """The emergency in force, with a leading comma; "" when there is none."""
+        active = self._emergencies.active.get(self.id)
+        return f", {active}" if active is not None else ""
+
+    def _identity_part(self, sub: int) -> int:
+        try:
+            return self.sdo.read(0x1018, sub) & 0xFFFFFFFF
+        except SdoAbort:
+            return 0  # all but the first are optional (CiA 301, 7.5.2.19)
+
+    def _on_heartbeat(self, data: bytearray, time_ns: int) -> None:
+        self.state = heartbeat_state(data)
+        self.heard_ns = time_ns
+        self.rebooted |= self.state is not NmtState.OPERATIONAL and self.online
+
+    def _on_emergency(self, data: bytearray, time_ns: int) -> None:
+        self._emergencies.add(Emergency.decode(self.id, data, time_ns))
+
+
+@contextmanager
+def _step(name: str) -> Iterator[None]:
+    """Errors inside begin with the step's name and keep their type and code."""
+    try:
+        yield
+    except RobotdError as error:
+        error.args = (f"{name}: {error}", *error.args[1:])
+        raise

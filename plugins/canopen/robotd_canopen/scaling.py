@@ -1,0 +1,51 @@
+"""Between SI and the units of one drive; the only place that knows counts."""
+
+from __future__ import annotations
+
+from robotd_canopen.options import AxisOptions
+
+SPAN = 1 << 32
+_HALF = SPAN >> 1
+
+
+class Scaling:
+    """Counts and units of one axis; changed by a worker while the servo is off."""
+
+    def __init__(self, options: AxisOptions, rated_torque_nm: float | None) -> None:
+        self.counts_per_unit = options.counts_per_rad
+        self.polarity = options.polarity
+        self.rated_torque_nm = float("nan") if rated_torque_nm is None else rated_torque_nm
+        self._velocity = options.velocity_per_rad_s
+        self._acceleration = options.acceleration_per_rad_s2
+
+    @property
+    def position(self) -> float:
+        """Rad or m for one count."""
+        return self.polarity / self.counts_per_unit
+
+    @property
+    def velocity(self) -> float:
+        """rad/s or m/s for one velocity unit of the drive."""
+        return self.polarity / (self._velocity or self.counts_per_unit)
+
+    @property
+    def torque(self) -> float:
+        """N·m for one per mille of the rated torque; NaN where that is not known."""
+        return self.polarity * self.rated_torque_nm / 1000
+
+    def counts(self, position: float) -> int:
+        """Counts of a position, not wrapped."""
+        return round(position / self.position)
+
+    def velocity_units(self, velocity: float) -> int:
+        return wrapped(round(velocity / self.velocity))
+
+    def ramp_units(self, acceleration: float) -> int:
+        """Acceleration units of a positive acceleration, at least 1."""
+        units = acceleration * (self._acceleration or self.counts_per_unit)
+        return max(1, min(SPAN - 1, round(units)))
+
+
+def wrapped(counts: int) -> int:
+    """As 32 signed bits hold it: an endless axis runs over."""
+    return (counts + _HALF) % SPAN - _HALF

@@ -1,0 +1,116 @@
+"""SDO access to one node, with texts that name node, object and abort code.
+
+A call is tried again when no answer came; a whole transfer is repeated, never a part of it.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+
+import can
+from canopen.objectdictionary import ObjectDictionary
+from canopen.objectdictionary.datatypes import SIGNED_TYPES
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from robotd.plugin.api import DeviceTimeout, OperationError
+from robotd_canopen.bus import Bus
+from robotd_canopen.dictionary import describe, variable
+
+_REQUEST, _RESPONSE = 0x600, 0x580
+
+
+class SdoAbort(OperationError):
+    """The node refused; ``code`` is the abort code of CiA 301."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class Sdo:
+    """SDO client of one node. Any worker thread; transfers of one node follow each other.
+
+    Args:
+        path: the node's name in error texts, ``can0 → joint2 (node 3)``.
+        timeout_s: for each answer.
+        tries: transfers that are tried before the node is said not to answer.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        node: int,
+        path: str,
+        dictionary: ObjectDictionary,
+        timeout_s: float = 0.3,
+        tries: int = 3,
+    ) -> None:
+        self.dictionary = dictionary
+        self._path = path
+        self._tries = tries
+        self._timeout_s = timeout_s
+        self._lock = threading.Lock()
+        requests, responses = _REQUEST + node, _RESPONSE + node
+        self._client = SdoClient(requests, responses, dictionary)  # type: ignore[no-untyped-call]
+        self._client.network = bus  # type: ignore[assignment] # all it needs is send_message
+        self._client.RESPONSE_TIMEOUT = timeout_s
+        bus.subscribe(_RESPONSE + node, self._on_response)
+
+    def upload(self, index: int, sub: int = 0) -> bytes:
+        """The raw value. Raises SdoAbort, DeviceTimeout, OperationError."""
+        return self._transfer("reading", index, sub, None)
+
+    def download(self, index: int, sub: int, data: bytes) -> None:
+        """Write the raw value. Raises SdoAbort, DeviceTimeout, OperationError."""
+        self._transfer("writing", index, sub, data)
+
+    def read(self, index: int, sub: int = 0) -> int:
+        """An integer, signed where the dictionary says so."""
+        found = variable(self.dictionary, index, sub)
+        signed = found is not None and found.data_type in SIGNED_TYPES
+        return int.from_bytes(self.upload(index, sub), "little", signed=signed)
+
+    def write(self, index: int, sub: int, value: int) -> None:
+        """An integer of the size that the dictionary says (4 bytes for an unknown object)."""
+        found = variable(self.dictionary, index, sub)
+        size = len(found) // 8 if found is not None else 4
+        limit = 1 << 8 * size
+        if not -limit // 2 <= value < limit:
+            where = describe(self.dictionary, index, sub)
+            raise OperationError(
+                f"{self._path}: {where}: value {value} does not fit in {size} bytes"
+            )
+        self.download(index, sub, (value % limit).to_bytes(size, "little"))
+
+    def _transfer(self, verb: str, index: int, sub: int, data: bytes | None) -> bytes:
+        where = f"{self._path}: {verb} {describe(self.dictionary, index, sub)}"
+        reason = ""
+        with self._lock:
+            for _ in range(self._tries):
+                try:
+                    if data is None:
+                        return bytes(self._client.upload(index, sub))
+                    self._client.download(index, sub, data)
+                except SdoAbortedError as error:
+                    text = SdoAbortedError.CODES.get(error.code, "unknown abort code")
+                    message = f"{where}: abort 0x{error.code:08X}, {text.lower()}"
+                    raise SdoAbort(message, error.code) from error
+                except (SdoCommunicationError, struct.error, can.CanError) as error:
+                    reason = str(error)
+                except Exception as error:
+                    # The library trusts what it parses; a corrupt answer may raise anything.
+                    raise OperationError(f"{where}: corrupt answer: {error}") from error
+                else:
+                    return b""
+        if "No SDO response" in reason:
+            raise DeviceTimeout(
+                f"{where}: no answer within {self._timeout_s:g} s, {self._tries} tries"
+            )
+        raise OperationError(f"{where}: {reason}")
+
+    def _on_response(self, data: bytearray, time_ns: int) -> None:
+        if len(data) != 8:
+            raise ValueError(f"an SDO answer has 8 bytes, this one {len(data)}")
+        self._client.on_response(0, data, 0.0)  # type: ignore[no-untyped-call]

@@ -1,0 +1,26 @@
+"""CiA 402 drives and a CiA 401 module as real nodes on a python-can bus.
+
+Nothing here knows the backend: dictionaries come from EDS files, SDO and EMCY from the
+``canopen`` library, everything else is CiA 301, 401 and 402 from the slave's side.
+"""
+
+from robotd_canopen.simulated.drive import Drive, DriveModel
+from robotd_canopen.simulated.faults import Faults
+from robotd_canopen.simulated.machine import Machine
+from robotd_canopen.simulated.modules import DriveNode, IoNode
+from robotd_canopen.simulated.network import SimulatedNetwork
+from robotd_canopen.simulated.node import SimulatedNode
+from robotd_canopen.simulated.scale import Scale, Switches
+
+__all__ = [
+    "Drive",
+    "DriveModel",
+    "DriveNode",
+    "Faults",
+    "IoNode",
+    "Machine",
+    "Scale",
+    "SimulatedNetwork",
+    "SimulatedNode",
+    "Switches",
+]

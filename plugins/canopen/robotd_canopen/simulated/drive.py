@@ -1,0 +1,207 @@
+"""A simulated CiA 402 axis: state machine, statusword, supervision."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from robotd_canopen.simulated.faults import Faults
+from robotd_canopen.simulated.machine import Machine
+from robotd_canopen.simulated.motion import Mode, Motion
+from robotd_canopen.simulated.scale import NO_SWITCHES, Scale, Switches
+from robotd_canopen.simulated.words import TRANSITIONS, State, command, resets_fault
+
+_STEP = 0x800  # from one axis of a drive to the next
+_REMOTE, _TARGET_REACHED, _LIMIT, _MODE_BIT, _ERROR_BIT = 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13
+_FOLLOWING_ERROR, _REFERENCE_LIMIT = 0x8611, 0x8612
+_NO_WINDOW = 0xFFFFFFFF
+_STAYS = (5, 6, 7, 8)  # option codes of a quick stop after which the drive stays in that state
+_BRAKES = (2, 3)  # option codes of 0x6007 that stop without a fault
+_INT32 = 1 << 31
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """One axis as it is built.
+
+    Attributes:
+        motor: its number in the machine.
+        axis_offset: its place in a multi-axis drive, 0 for the first.
+        scale: counts, velocity and acceleration units per rad (or m).
+        rated_torque_nm: 100 % of object 0x6077.
+        switches: limit and home switches.
+    """
+
+    motor: int
+    scale: Scale
+    axis_offset: int = 0
+    rated_torque_nm: float = 100.0
+    switches: Switches = NO_SWITCHES
+
+
+class Drive:
+    """One axis. ``values`` are the node's objects, ``emergency`` sends an EMCY of it."""
+
+    def __init__(
+        self,
+        model: DriveModel,
+        values: dict[tuple[int, int], int],
+        machine: Machine,
+        faults: Faults,
+        emergency: Callable[[int, int], None],
+    ) -> None:
+        self.state = State.SWITCH_ON_DISABLED
+        self._model, self._values, self._machine, self._faults = model, values, machine, faults
+        self._emergency = emergency
+        self._offset = model.axis_offset * _STEP
+        self.motion = Motion(model.motor, model.scale, machine, self.get, model.switches)
+        self._controlword = 0
+        self._blocked_at = 0.0
+        self._following_error_s = 0.0
+
+    @property
+    def axis_offset(self) -> int:
+        """Its place in a multi-axis drive."""
+        return self._model.axis_offset
+
+    @property
+    def position(self) -> float:
+        """Where the motor really is, rad or m from its place at power-on."""
+        return self._machine.position(self._model.motor) - self.motion.zero
+
+    def push(self, delta: float) -> None:
+        """Turn the motor by hand; an enabled drive does not let that happen."""
+        if self.state not in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+            position = self._machine.position(self._model.motor) + delta
+            self._machine.servo.place(self._model.motor, position, position, 0.0)
+            self._machine.hold(self._model.motor, position)
+
+    def get(self, index: int, sub: int = 0) -> int:
+        """A profile object of this axis."""
+        return self._values[index + self._offset, sub]
+
+    def put(self, index: int, value: int) -> None:
+        self._values[index + self._offset, 0] = value
+
+    def power_on(self) -> None:
+        """As after a reset: no power, no fault, position kept."""
+        self._leave_power(State.SWITCH_ON_DISABLED)
+        self._controlword = 0
+        self.put(0x6076, round(self._model.rated_torque_nm * 1000))
+        self.sample(0.0)
+
+    def sync(self, period_s: float) -> None:
+        """Obey the objects as they are now, for one period of ``period_s``."""
+        before, word = self._controlword, self.get(0x6040)
+        self._controlword = word
+        self._obey(before, word, period_s)
+        self.put(0x6061, int(self.motion.mode))
+        self.put(0x6041, self._statusword())
+
+    def sample(self, period_s: float) -> None:
+        """Supervise, and bring the objects that are measured up to date."""
+        if self._faults.blocked:
+            self._machine.keep(self._model.motor, self._blocked_at)
+        else:
+            self._blocked_at = self._machine.position(self._model.motor)
+        self._measure()
+        if self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+            self._supervise(period_s)
+        self.put(0x6041, self._statusword())
+
+    def trip(self, code: int) -> None:
+        """A fault: brake with the quick stop's ramp, then power off."""
+        if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            return
+        self.put(0x603F, code)
+        powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
+        self.state = State.FAULT_REACTION_ACTIVE
+        self._emergency(code, 1 if code < 0x8000 else 0x21)
+        if powered and not self._faults.blocked:
+            self.motion.quick_stop(lambda: self._leave_power(State.FAULT))
+        else:
+            self._leave_power(State.FAULT)
+
+    def connection_lost(self) -> None:
+        """The master's heartbeat is missing: what object 0x6007 says."""
+        option = self.get(0x6007)
+        if option == 1:
+            self.trip(0x8130)
+        elif option in _BRAKES and self.state is State.OPERATION_ENABLED:
+            self._enter(State.QUICK_STOP_ACTIVE)
+
+    def _obey(self, before: int, word: int, period_s: float) -> None:
+        if self.state is State.FAULT:
+            if resets_fault(before, word):
+                self.state = State.SWITCH_ON_DISABLED
+                self.put(0x603F, 0)
+                self._emergency(0, 0)
+            return
+        if self.state is State.FAULT_REACTION_ACTIVE:
+            return
+        wanted = TRANSITIONS.get((self.state, command(word)))
+        if wanted is not None:
+            self._enter(wanted)
+        if self.state is State.OPERATION_ENABLED:
+            self.motion.obey(Mode.of(self.get(0x6060)), before, word, period_s)
+
+    def _enter(self, state: State) -> None:
+        if state is self.state:
+            return
+        before, self.state = self.state, state
+        if state is State.OPERATION_ENABLED and before is not State.QUICK_STOP_ACTIVE:
+            self._machine.enable(self._model.motor)
+            self.motion.begin()
+        elif state is State.OPERATION_ENABLED:
+            self.motion.begin()
+        elif state is State.QUICK_STOP_ACTIVE:
+            stays = self.get(0x605A) in _STAYS
+            self.motion.quick_stop(
+                None if stays else lambda: self._leave_power(State.SWITCH_ON_DISABLED)
+            )
+        elif before in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+            self._leave_power(state)
+
+    def _leave_power(self, state: State) -> None:
+        self.state = state
+        self._machine.disable(self._model.motor)
+
+    def _measure(self) -> None:
+        machine, motor, scale = self._machine, self._model.motor, self._model.scale
+        position = self.motion.counts(machine.position(motor))
+        demand = self.motion.counts(machine.command(motor)[0])
+        self.put(0x6064, _wrap(position))
+        self.put(0x6062, _wrap(demand))
+        self.put(0x60F4, _wrap(demand - position))
+        self.put(0x606C, round(machine.velocity(motor) * scale.velocity * scale.polarity))
+        torque = 1000 * machine.torque(motor) / self._model.rated_torque_nm
+        self.put(0x6077, max(-32768, min(32767, round(torque * scale.polarity))))
+        self.put(0x60FD, self._model.switches.inputs(machine.position(motor)))
+
+    def _supervise(self, period_s: float) -> None:
+        window, error = self.get(0x6065), abs(self.get(0x60F4))
+        late = window != _NO_WINDOW and error > window
+        self._following_error_s = self._following_error_s + period_s if late else 0.0
+        if late and self._following_error_s * 1000 > self.get(0x6066):
+            self.trip(_FOLLOWING_ERROR)
+        inputs, speed = self.get(0x60FD), self._machine.command(self._model.motor)[1]
+        outwards = (inputs & 1 and speed < 0) or (inputs & 2 and speed > 0)
+        if outwards and self.motion.mode is not Mode.HOMING:
+            self.trip(_REFERENCE_LIMIT)
+
+    def _statusword(self) -> int:
+        if self._faults.statusword is not None:
+            return self._faults.statusword
+        word = self.state.value | _REMOTE
+        motion = self.motion
+        if self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+            word |= _TARGET_REACHED if motion.target_reached else 0
+            word |= _MODE_BIT if motion.mode_bit else 0
+            word |= _ERROR_BIT if motion.error_bit else 0
+            word |= _LIMIT if motion.limited else 0
+        return word
+
+
+def _wrap(counts: int) -> int:
+    """As a 32-bit encoder shows it."""
+    return (counts + _INT32) % (2 * _INT32) - _INT32

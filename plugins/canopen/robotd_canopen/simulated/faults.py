@@ -1,0 +1,48 @@
+"""What can go wrong with a simulated node, on demand. Used by the network's thread alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from random import Random
+
+
+@dataclass
+class Faults:
+    """Faults in force for one node; the defaults are a healthy one.
+
+    Attributes:
+        silent: sends nothing and hears nothing, as with a broken cable.
+        statusword: shown instead of the real one.
+        sdo_aborts: object → abort code of every access; sub None means all subindices.
+        sdo_silent: objects of which requests are not answered.
+        pdo_delay_s: TPDOs are sent this much later.
+        pdo_drop: part of the TPDOs that get lost, 0 to 1.
+        blocked: the motor does not move.
+    """
+
+    silent: bool = False
+    statusword: int | None = None
+    sdo_aborts: dict[tuple[int, int | None], int] = field(default_factory=dict)
+    sdo_silent: set[tuple[int, int | None]] = field(default_factory=set)
+    pdo_delay_s: float = 0.0
+    pdo_drop: float = 0.0
+    blocked: bool = False
+    random: Random = field(default_factory=lambda: Random(1))  # noqa: S311 - repeatable, no secret
+
+    def heal(self) -> None:
+        """Healthy again."""
+        healthy = Faults()
+        for fault in fields(self):
+            setattr(self, fault.name, getattr(healthy, fault.name))
+
+    def abort_code(self, index: int, sub: int) -> int | None:
+        """The code with which an access is refused; None: it is not."""
+        return self.sdo_aborts.get((index, sub), self.sdo_aborts.get((index, None)))
+
+    def ignores(self, index: int, sub: int) -> bool:
+        """A request for the object gets no answer."""
+        return (index, sub) in self.sdo_silent or (index, None) in self.sdo_silent
+
+    def drops_pdo(self) -> bool:
+        """Whether the TPDO to be sent now gets lost."""
+        return self.pdo_drop > 0 and self.random.random() < self.pdo_drop

@@ -1,0 +1,165 @@
+"""The motors of all simulated drives: the simulation backend's servo, in the drives' own time.
+
+While SYNC comes, the drives' clocks are locked to it: one SYNC is one period whatever the
+jitter of the frame, as the phase-locked loop of a drive does it. Without SYNC time goes on by
+the clock of the computer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import ceil, floor
+
+import numpy as np
+
+from robotd_sim.profile import Segment
+from robotd_sim.servo import Mechanics, Servo
+from robotd_sim.world import FOREVER, NANOSECONDS, World
+
+TICK_S = 0.001
+_MAX_CATCH_UP_S = 1.0
+
+
+class DriveClock:
+    """Time that somebody else sets."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._now_ns = now_ns
+
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    def set(self, now_ns: int) -> None:
+        self._now_ns = max(self._now_ns, now_ns)
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        self.set(deadline_ns)
+
+
+class Machine:
+    """n motors in rad (or m); used by the thread of the simulated network alone.
+
+    Attributes:
+        servo: commands and responses of all motors.
+    """
+
+    def __init__(self, initial: Sequence[float], now_ns: int) -> None:
+        axes = max(1, len(initial))
+        self.servo = Servo(_mechanics(axes), TICK_S)
+        self._clock = DriveClock(now_ns)
+        self._seen_ns = now_ns
+        self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
+        self._plans = [0] * axes
+        self._torque = np.zeros(axes)
+        self._velocity = np.zeros(axes)
+        for axis, position in enumerate(initial):
+            self.servo.place(axis, position, position, 0.0)
+            self._follow(axis, Segment(0.0, position, 0.0, 0.0))
+
+    def synchronise(self, now_ns: int, period_s: float) -> None:
+        """A SYNC has come at ``now_ns``: one period has passed, or more if some were lost."""
+        period_ns = round(period_s * NANOSECONDS)
+        periods = max(1, round((now_ns - self._seen_ns) / period_ns))
+        self._seen_ns = now_ns
+        self._advance(periods * period_ns)
+
+    def free_run(self, now_ns: int) -> None:
+        """There is no SYNC: time goes on by itself."""
+        elapsed_ns, self._seen_ns = now_ns - self._seen_ns, now_ns
+        self._advance(elapsed_ns)
+
+    def position(self, axis: int) -> float:
+        return float(self.servo.position[axis])
+
+    def command(self, axis: int) -> tuple[float, float]:
+        """Commanded position and velocity."""
+        return float(self.servo.command[axis]), float(self.servo.command_velocity[axis])
+
+    def velocity(self, axis: int) -> float:
+        return float(self._velocity[axis])
+
+    def torque(self, axis: int) -> float:
+        return float(self._torque[axis])
+
+    def moves(self, axis: int) -> bool:
+        """The command of ``axis`` is under way."""
+        return self._world.moves(axis)
+
+    def enable(self, axis: int) -> None:
+        """Position loop on, at the measured position: nothing jumps."""
+        self.servo.close_loop(axis, closed=True)
+        self.hold(axis, self.position(axis))
+        self.servo.place(axis, self.position(axis), self.position(axis), 0.0)
+
+    def disable(self, axis: int) -> None:
+        """Position loop off: friction brakes the motor."""
+        speed = self.velocity(axis)
+        self.servo.close_loop(axis, closed=False)
+        position = self.position(axis)
+        self.servo.place(axis, position, position, speed)
+        deceleration = 10.0
+        stop_s = abs(speed) / deceleration
+        end = position + 0.5 * speed * stop_s
+        slow = Segment(0.0, position, speed, -float(np.sign(speed)) * deceleration)
+        self.plan(axis, [slow, Segment(stop_s, end, 0.0, 0.0)] if stop_s else [slow])
+
+    def hold(self, axis: int, position: float) -> None:
+        """Stand at ``position`` from now on."""
+        self.plan(axis, [Segment(0.0, position, 0.0, 0.0)])
+
+    def keep(self, axis: int, position: float) -> None:
+        """Something holds the motor at ``position``, whatever the command."""
+        self.servo.place(axis, position, *self.command(axis))
+
+    def plan(
+        self, axis: int, segments: Sequence[Segment], then: Callable[[], None] | None = None
+    ) -> None:
+        """Follow ``segments`` from now on, and call ``then`` when the last one begins.
+
+        A segment is loaded at the last tick before it begins, so that the next tick lies on it.
+        """
+        self._plans[axis] += 1
+        number, begun = self._plans[axis], self._world.tick
+
+        def load(segment: Segment) -> None:
+            if number == self._plans[axis]:
+                now = self._world.tick
+                position, velocity = segment.at((now - begun) * TICK_S)
+                self.servo.follow(axis, now, position, velocity, segment.acceleration)
+
+        for segment in segments:
+            first = floor(segment.start_s / TICK_S + 1e-9)
+            if first == 0:
+                load(segment)
+            else:
+                self._world.at(begun + first, partial(load, segment))
+        last = segments[-1]
+        if last.velocity or last.acceleration:
+            self._world.busy(axis, FOREVER)
+            return
+        ended = begun + ceil(last.start_s / TICK_S - 1e-6)
+        self._world.busy(axis, ended)
+        if then is not None:
+            done = then
+            self._world.at(ended, lambda: done() if number == self._plans[axis] else None)
+
+    def _follow(self, axis: int, segment: Segment) -> None:
+        self.servo.follow(axis, self._world.tick, segment.position, 0.0, 0.0)
+
+    def _advance(self, elapsed_ns: int) -> None:
+        self._clock.set(self._clock.now_ns() + elapsed_ns)
+        self._world.advance()
+        self.servo.measure_velocity(self._velocity)
+        self.servo.measure_torque(self._velocity, self._torque)
+
+
+def _mechanics(axes: int) -> Mechanics:
+    """The same figures as the simulation backend's own defaults."""
+    return Mechanics(
+        bandwidth_hz=np.full(axes, 50.0),
+        feedforward=np.full(axes, 0.9),
+        inertia_kg_m2=np.full(axes, 0.5),
+        viscous_friction_nm_s=np.full(axes, 1.0),
+        coulomb_friction_nm=np.full(axes, 2.0),
+    )

@@ -1,0 +1,206 @@
+"""The simulated network: one thread, one CAN bus, all nodes on it."""
+
+from __future__ import annotations
+
+import heapq
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Self
+
+import can
+import canopen
+
+from robotd_canopen.simulated.machine import Machine
+from robotd_canopen.simulated.modules import DriveNode
+from robotd_canopen.simulated.node import NANOSECONDS, SimulatedNode
+from robotd_canopen.simulated.realtime import request_realtime
+
+log = logging.getLogger(__name__)
+
+_SYNC, _NMT, _HEARTBEAT = 0x080, 0x000, 0x700
+_RPDOS = range(0x180, 0x580)
+_STEP_NS = 10_000_000  # how often time is looked at without traffic
+_SYNC_LOST_NS = 100_000_000  # without SYNC for so long the drives' time goes on by itself
+
+Action = Callable[[], None]
+
+
+class SimulatedNetwork(canopen.Network):
+    """Nodes that share a bus and a thread. Start it with ``start``, or as a context.
+
+    Nodes may be looked at from any thread; ``call`` runs what changes them.
+
+    Args:
+        bus: an open python-can bus; closed by ``stop``.
+        nodes: drives and modules, not connected to another network.
+        machine: the motors of the drives.
+        realtime_priority: SCHED_FIFO priority of the thread, where it is granted; 0: none.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        nodes: Sequence[SimulatedNode],
+        machine: Machine | None = None,
+        *,
+        realtime_priority: int = 0,
+    ) -> None:
+        super().__init__(bus)
+        self._bus = bus
+        self.members: Mapping[int, SimulatedNode] = {node.number: node for node in nodes}
+        self._machine = machine or Machine([], time.monotonic_ns())
+        self._calls: queue.SimpleQueue[Action] = queue.SimpleQueue()
+        self._delayed: list[tuple[int, int, int, bytes]] = []
+        self._count = 0
+        self._priority = realtime_priority
+        self._sync_ns = 0
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="canopen-simulated", daemon=True)
+        self._drives = [node for node in nodes if isinstance(node, DriveNode)]
+        for node in nodes:
+            node.connect(self, partial(self._send, node))
+
+    def start(self) -> None:
+        """Power on: all nodes boot."""
+        self._thread.start()
+        self.call(self._boot)
+
+    def stop(self) -> None:
+        """End the thread and close the bus. Twice is not an error."""
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+        if self.bus is not None:
+            self.bus.shutdown()
+            self.bus = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.stop()
+
+    def call(self, action: Action, timeout_s: float = 5.0) -> None:
+        """Run ``action`` in the network's thread and wait for it. Raises what it raises."""
+        done = threading.Event()
+        failures: list[Exception] = []
+
+        def run() -> None:
+            try:
+                action()
+            except Exception as error:  # noqa: BLE001 - handed to the caller
+                failures.append(error)
+            done.set()
+
+        self._calls.put(run)
+        if not done.wait(timeout_s):
+            raise TimeoutError("the simulated network does not answer")
+        if failures:
+            raise failures[0]
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """The library's SDO server and EMCY producer send by this."""
+        self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+    def _boot(self) -> None:
+        for node in self.members.values():
+            node.boot(time.monotonic_ns())
+
+    def _run(self) -> None:
+        request_realtime(self._priority)
+        due_ns = 0
+        while not self._ending.is_set():
+            now_ns = time.monotonic_ns()
+            while not self._calls.empty():
+                self._calls.get()()
+            wait_ns = due_ns - now_ns
+            if self._delayed:
+                wait_ns = min(wait_ns, self._delayed[0][0] - now_ns)
+            try:
+                message = self._bus.recv(max(0.0, wait_ns / NANOSECONDS))
+                if message is not None:
+                    self._receive(message)
+                self._send_delayed()
+                if time.monotonic_ns() >= due_ns:
+                    due_ns = self._tick() + _STEP_NS
+            except Exception as error:  # noqa: BLE001 - nothing that arrives may end the thread
+                if self._ending.wait(0.001):
+                    return
+                log.warning("the simulated network: %s: %s", type(error).__name__, error)
+
+    def _receive(self, message: can.Message) -> None:
+        if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
+            return
+        cob_id, data, now_ns = message.arbitration_id, bytes(message.data), time.monotonic_ns()
+        if cob_id == _SYNC:
+            self._sync(now_ns)
+        elif cob_id in _RPDOS:
+            for node in self.members.values():
+                node.on_rpdo(cob_id, data)
+        elif cob_id == _NMT and len(data) >= 2:
+            for node in self.members.values():
+                node.on_nmt(data, now_ns)
+        elif cob_id >= _HEARTBEAT:
+            for node in self.members.values():
+                node.on_heartbeat_of(cob_id & 0x7F, now_ns)
+        else:
+            for handler in self.subscribers.get(cob_id, ()):
+                handler(cob_id, bytearray(data), message.timestamp)
+
+    def _sync(self, now_ns: int) -> None:
+        period_s = self._period_s()
+        self._sync_ns = now_ns
+        self._machine.synchronise(now_ns, period_s)
+        nodes = self.members.values()
+        for drive in self._drives:
+            drive.sample(period_s)
+        for node in nodes:
+            node.before_sync(now_ns)
+        for drive in self._drives:
+            if not drive.faults.silent:
+                drive.sync(period_s)
+        for node in nodes:
+            node.after_sync()
+
+    def _tick(self) -> int:
+        now_ns = time.monotonic_ns()
+        if now_ns - self._sync_ns > _SYNC_LOST_NS:
+            self._machine.free_run(now_ns)
+            for drive in self._drives:
+                drive.sample(_STEP_NS / NANOSECONDS)
+        for node in self.members.values():
+            node.tick(now_ns)
+        return now_ns
+
+    def _period_s(self) -> float:
+        """Interpolation time period (0x60C2) of the first drive: all drives share one SYNC."""
+        for node in self._drives:
+            value, exponent = node.values.get((0x60C2, 1), 0), node.values.get((0x60C2, 2), -3)
+            if value:
+                return float(value * 10.0**exponent)
+        return 0.004
+
+    def _send(self, node: SimulatedNode, cob_id: int, data: bytes) -> None:
+        """A frame of ``node``, if its faults let it pass."""
+        faults = node.faults
+        if faults.silent:
+            return
+        if cob_id in _RPDOS:
+            if faults.drops_pdo():
+                return
+            if faults.pdo_delay_s:
+                due_ns = time.monotonic_ns() + round(faults.pdo_delay_s * NANOSECONDS)
+                self._count += 1
+                heapq.heappush(self._delayed, (due_ns, self._count, cob_id, data))
+                return
+        self.send_message(cob_id, data)
+
+    def _send_delayed(self) -> None:
+        while self._delayed and self._delayed[0][0] <= time.monotonic_ns():
+            _, _, cob_id, data = heapq.heappop(self._delayed)
+            self.send_message(cob_id, data)

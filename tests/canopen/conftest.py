@@ -1,0 +1,51 @@
+"""Robots on simulated CANopen drives, each on a bus of its own."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+from tests.canopen.rig import Rig
+
+from robotd.clock import MonotonicClock
+from robotd.descriptor import load_robot_descriptor
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
+
+SMALL = str(Path(__file__).parent / "three_drives.yaml")  # where six axes prove nothing more
+_numbers = itertools.count()
+
+OpenRig = Callable[..., AbstractContextManager[Rig]]
+
+
+@pytest.fixture
+def open_rig(tmp_path: Path) -> OpenRig:
+    """A started robot with its drives in this process; further arguments are options."""
+
+    @contextmanager
+    def opened(
+        robot: str = "cr3a",
+        *,
+        enable: bool = True,
+        engine: dict[str, float] | None = None,
+        **options: object,
+    ) -> Iterator[Rig]:
+        descriptor = load_robot_descriptor(robot, None if robot == SMALL else "canopen_simulated")
+        section = dict(descriptor.backends["canopen"])
+        channel = f"{os.getpid()}-{next(_numbers)}"
+        section |= {"bus": {"interface": "virtual", "channel": channel}, **options}
+        settings = descriptor.engine.model_copy(update=engine or {})
+        changed = {"backends": {"canopen": section}, "engine": settings}
+        descriptor = descriptor.model_copy(update=changed)
+        rig = Rig(Robot(descriptor, load_backend("canopen"), MonotonicClock()))
+        try:
+            rig.robot.start(enable=enable)
+            yield rig
+        finally:
+            rig.robot.shutdown()
+
+    return opened

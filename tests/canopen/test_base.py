@@ -1,0 +1,25 @@
+"""A mobile base in velocity mode."""
+
+from __future__ import annotations
+
+import numpy as np
+from tests.canopen.conftest import OpenRig
+
+from robotd.device.axes import Jog
+from robotd.device.drivers import Profile
+from robotd.device.state import CommandMode
+
+
+def test_wheels_follow_velocities_and_stop(open_rig: OpenRig) -> None:
+    with open_rig("baymax", enable=False) as rig:
+        axes = rig.robot.axes
+        for wheel in (0, 1):
+            axes.servo(wheel, True)
+            axes.set_command_mode(wheel, CommandMode.VELOCITY)
+        wanted = np.array([2.0, -1.0])
+        axes.jog([Jog(wheel, Profile(wanted[wheel], 5.0, 5.0)) for wheel in (0, 1)])
+        rig.until(lambda: bool(np.abs(rig.image.velocity - wanted).max() < 1e-2))
+        axes.stop([0, 1])
+        for wheel in (0, 1):
+            rig.idle(wheel)
+        assert np.abs(rig.image.velocity).max() < 1e-2

@@ -1,0 +1,119 @@
+"""The whole robot on simulated drives: motion, I/O, diagnostics."""
+
+from __future__ import annotations
+
+import numpy as np
+from tests.canopen.conftest import SMALL, OpenRig
+
+from robotd.cycle.execution import Outcome
+from robotd.device.axes import Jog, Move
+from robotd.device.drivers import Profile
+from robotd.device.image import ProcessImage
+from robotd.device.state import CommandMode, Operation
+
+PROFILE = Profile(1.0, 5.0, 5.0)
+RATE_HZ = 250  # of the cycle
+
+
+def test_a_trajectory_ends_where_it_should_and_has_no_steps(open_rig: OpenRig) -> None:
+    with open_rig() as rig:
+        seen: list[tuple[int, np.ndarray]] = []
+
+        def note(image: ProcessImage) -> None:
+            seen.append((image.stamp_ns, image.position_command.copy()))
+
+        rig.robot.cycle.every(RATE_HZ, "seen", note)
+        execution = rig.follow(1.0, 0.6)
+        assert execution.outcome is Outcome.SUCCEEDED
+        assert np.abs(rig.positions() - 0.6).max() < 2e-3
+        # The image has the setpoint of the period before: each belongs to the stamp before its
+        # own. A period that was missed moves both on, so no load on the computer shows here.
+        times_s = np.array([stamp_ns for stamp_ns, _ in seen])[:-1] * 1e-9
+        setpoints = np.array([setpoint for _, setpoint in seen])[1:]
+        speeds = np.abs(np.diff(setpoints, axis=0)) / np.diff(times_s)[:, np.newaxis]
+        assert 0.6 < speeds.max() < 2 * 0.6  # from rest to rest, the fastest is 1.5 to 1.875
+
+
+def test_cancel_stops_and_the_next_goal_starts_from_there(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as rig:
+        with rig.robot.follower.follow(rig.request(1.5, 0.8)) as execution:
+            rig.until(lambda: rig.image.position[0] > 0.2)
+            execution.cancel()
+            assert execution.wait(5)
+        assert execution.outcome is Outcome.CANCELED
+        assert rig.follow(0.5, 0.3).outcome is Outcome.SUCCEEDED
+
+
+def test_profile_position_moves_stop_and_go_on(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as rig:
+        rig.robot.axes.move([Move(0, 0.2, PROFILE)])
+        rig.idle(0)
+        assert abs(rig.image.position[0] - 0.2) < 2e-3
+        assert rig.image.motion_complete[0]
+        rig.robot.axes.move([Move(0, 2.0, PROFILE)])
+        rig.until(lambda: rig.image.position[0] > 0.5)
+        rig.robot.axes.stop([0])
+        rig.idle(0)
+        stopped = rig.image.position[0]
+        assert stopped < 1.0
+        rig.robot.axes.move([Move(0, stopped + 0.1, PROFILE)])
+        rig.idle(0)
+        assert abs(rig.image.position[0] - stopped - 0.1) < 2e-3
+
+
+def test_a_quick_stop_keeps_the_servo_on_and_can_be_left(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as rig:
+        rig.robot.axes.move([Move(1, 2.0, PROFILE)])
+        rig.until(lambda: rig.image.position[1] > 0.2)
+        rig.robot.axes.quick_stop([1])
+        rig.idle(1)
+        assert rig.image.servo_on[1]
+        assert rig.follow(0.5, 0.4).outcome is Outcome.SUCCEEDED
+
+
+def test_velocity_by_the_drives_ramp_and_by_ours(open_rig: OpenRig) -> None:
+    for mode in ("pv", "csv"):
+        defaults = {"counts_per_rad": 1e5, "velocity_mode": mode}
+        with open_rig(SMALL, enable=False, axis_defaults=defaults) as rig:
+            rig.robot.axes.servo(2, True)
+            rig.robot.axes.set_command_mode(2, CommandMode.VELOCITY)
+            rig.robot.axes.jog([Jog(2, Profile(-0.4, 2.0, 2.0))])
+            rig.until(lambda: abs(rig.image.velocity[2] + 0.4) < 1e-3)
+            assert rig.image.operation[2] == Operation.VELOCITY
+            rig.robot.axes.jog([Jog(2, Profile(0.0, 2.0, 2.0))])
+            rig.idle(2)
+            assert abs(rig.image.velocity[2]) < 1e-3
+
+
+def test_interpolated_position_follows_too(open_rig: OpenRig) -> None:
+    with open_rig(SMALL, axis_defaults={"counts_per_rad": 1e5, "stream_mode": "ip"}) as rig:
+        assert rig.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
+
+
+def test_homing_makes_here_zero(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as rig:
+        rig.follow(0.5, 0.3)
+        rig.robot.axes.home(1)
+        assert abs(rig.image.position[1]) < 1e-3
+        assert rig.image.home_done[1]
+        assert abs(rig.image.position_command[1]) < 1e-3
+
+
+def test_the_gripper_is_an_output_and_a_start_does_not_switch_it(open_rig: OpenRig) -> None:
+    with open_rig(enable=False) as rig:
+        assert rig.robot.gripper is not None
+        rig.robot.gripper.command(True)
+        rig.until(lambda: rig.module(16).outputs[0] == 1)
+        rig.module(16).faults.silent = False
+        rig.network.call(lambda: rig.module(16).set_input_bit(1, 3, value=True))
+        rig.until(lambda: rig.robot.io.input_bit(1, 3))
+        assert rig.robot.io.output_bytes(0, 2) == b"\x01\x00"
+
+
+def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
+    with open_rig(enable=False) as rig:
+        state = rig.robot.fieldbus.network_state(0)
+        assert [slave.id for slave in state.slaves] == [1, 2, 3, 4, 5, 6, 16]
+        assert all(slave.state == 16 and not slave.offline for slave in state.slaves)
+        assert "CANopen" in state.note
+        assert state.slaves[0].product_code == 0x402

@@ -1,0 +1,32 @@
+import pytest
+
+from robotd_canopen.emcy import Emergency, EmergencyLog, error_text
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        (0x3210, "0x3210 (DC link over-voltage)"),
+        (0x2311, "0x2311 (current, device output side)"),
+        (0x8611, "0x8611 (following error)"),
+        (0xFF07, "0xFF07 (vendor specific)"),
+        (0x1234, "0x1234 (generic error)"),
+    ],
+)
+def test_codes_in_words(code: int, text: str) -> None:
+    assert error_text(code) == text
+
+
+def test_a_reset_ends_what_is_in_force_and_stays_in_the_history() -> None:
+    log = EmergencyLog(size=3)
+    log.add(Emergency.decode(5, bytes.fromhex("1032010102030405"), 1))
+    assert "node 5: EMCY 0x3210" in str(log.active[5])
+    assert "01 02 03 04 05" in str(log.active[5])
+    log.add(Emergency.decode(5, bytes(8), 2))
+    assert not log.active
+    assert len(log.history) == 2
+
+
+def test_a_frame_of_another_length_is_refused() -> None:
+    with pytest.raises(ValueError, match="8 bytes, this one 7"):
+        Emergency.decode(5, bytes(7), 0)
