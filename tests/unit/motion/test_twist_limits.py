@@ -35,7 +35,12 @@ def parts(all_limits: TwistLimits) -> tuple[RampLimits, RampLimits]:
 
 
 def same_direction(twist: PlanarTwist, command: PlanarTwist) -> bool:
-    """Equal curvature, and not backwards: the sine of the angle between the two vanishes."""
+    """Equal curvature, and not backwards: the sine of the angle between the two vanishes.
+
+    Below 1e-15 m/s and rad/s there is rounding and no direction.
+    """
+    if math.hypot(*twist) < 1e-15:
+        return True
     size = math.hypot(*twist) * math.hypot(*command)
     across = twist.linear * command.angular - twist.angular * command.linear
     along = twist.linear * command.linear + twist.angular * command.angular
