@@ -106,7 +106,9 @@ def test_hands_over_the_points_and_succeeds_when_the_device_has_arrived() -> Non
 def test_never_streams() -> None:
     rig = Rig()
     rig.axes.stream = lambda position, velocity: pytest.fail("streamed")  # type: ignore[method-assign]
-    rig.run()
+    execution = rig.run()
+    rig.streamer.release()  # ends the execution's thread
+    assert execution.done
 
 
 def test_cancel_stops_the_device_and_ends_at_standstill() -> None:
