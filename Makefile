@@ -48,7 +48,7 @@ say    := printf '[robotd] %s\n'
 help: ## list the commands
 	@echo 'make COMMAND [ROBOT=$(ROBOT)] [BACKEND=$(BACKEND)] [ARGS="..."] [PYTHON=$(PYTHON)]'
 	sed -nE 's/^([a-z]+):.*## (.*)/\1|\2/p' Makefile | while IFS='|' read -r name text; do
-		printf '  make %-7s %s\n' "$$name" "$$text"
+		printf '  make %-8s %s\n' "$$name" "$$text"
 	done
 
 run: $(ready) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-level debug"
@@ -57,6 +57,11 @@ run: $(ready) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-lev
 test: $(ready) ## run the tests; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
 	@$(say) 'pytest $(ARGS)'
 	exec .venv/bin/python -m pytest $(ARGS)
+
+backends: $(ready) ## run the conformance checks and the tests of CANopen and WMX
+	@$(say) 'pytest tests/conformance tests/canopen'
+	.venv/bin/python -m pytest tests/conformance tests/canopen $(ARGS)
+	$(MAKE) --no-print-directory -C plugins/wmx test
 
 lint: $(ready) ## check style, format, layers and types
 	@$(say) 'ruff check'
@@ -109,4 +114,4 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
-.PHONY: help run test lint bench venv clean
+.PHONY: help run test backends lint bench venv clean

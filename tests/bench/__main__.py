@@ -24,7 +24,8 @@ from tests.bench.scenario import Measured, measure, subscriber
 from tests.bench.subjects import subjects
 from tests.bench.tables import tables
 from tests.bench.targets import targets
-from tests.ros.robot_process import new_domain
+
+from robotd.testing.domain import own_domain
 
 OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 
@@ -45,7 +46,7 @@ def main(seconds: float, out: Path, only: Sequence[str]) -> None:
         results["subjects"] = {name: each.figures for name, each in measured.items()}
         results["costs"] = {}
         if wanted("costs"):
-            with subscriber(domain := new_domain(), Path(folder) / "costs.npz"):
+            with own_domain() as domain, subscriber(domain, Path(folder) / "costs.npz"):
                 results["costs"] = _costs(seconds, domain, results["notes"])
         results["planning"] = planning(Path(folder)) if wanted("planning") else {}
     rows = targets(results["subjects"], results["costs"], results["planning"])
