@@ -230,16 +230,14 @@ class Execution:
     def _fault_text(self, image: ProcessImage) -> str:
         """Which joint, when, and what. The joint that is worst off names the reason."""
         what = [
-            (image.amp_alarm, "amplifier alarm {alarm}"),
-            (image.offline, "drive is offline"),
+            (image.offline | image.amp_alarm, ""),
             (~image.servo_on, "servo went off"),
             (image.operation != Operation.STREAM, self._stopped_text()),
         ]
         for failed, text in what:
             for name, axis in zip(self.trajectory.names, self._axes, strict=True):
                 if failed[axis]:
-                    reason = text.format(alarm=int(image.alarm_code[axis]))
-                    return f"{name} at {self._time_s:.3f} s: {reason}"
+                    return f"{name} at {self._time_s:.3f} s: {text or image.fault(axis)}"
         return "a drive does not follow"
 
     def _stopped_text(self) -> str:

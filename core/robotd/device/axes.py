@@ -97,7 +97,7 @@ class Axes:
         """
         self._check_axes([axis])
         if on and self.image.amp_alarm[axis]:
-            raise NotReady(f"{self.names[axis]}: {self._alarm_text(axis)}; clear it first")
+            raise NotReady(f"{self.names[axis]}: {self.image.fault(axis)}; clear it first")
         if on and not self.image.servo_on[axis]:
             self._check_axis(axis)
         self._driver.servo(axis, on, self._engine.settings.servo_timeout_s)
@@ -232,11 +232,9 @@ class Axes:
         """Why a motion command ``by`` somebody would be refused now; None when it would not."""
         image, name = self.image, self.names[axis]
         if not self._engine.ready:
-            return f"engine is not ready (state {self._engine.state.value})"
-        if image.offline[axis]:
-            return f"{name} is offline"
-        if image.amp_alarm[axis]:
-            return f"{name}: {self._alarm_text(axis)}"
+            return self._engine.refusal
+        if fault := image.fault(axis):
+            return f"{name}: {fault}"
         if not image.servo_on[axis]:
             return f"{name}: servo is off"
         if image.mode[axis] != mode:
@@ -323,9 +321,6 @@ class Axes:
     def _see_newer(self, time_ns: int) -> None:
         """Let the image be one that was read after ``time_ns``."""
         self._see(lambda: self.image.stamp_ns > time_ns)
-
-    def _alarm_text(self, axis: int) -> str:
-        return f"amplifier alarm {int(self.image.alarm_code[axis])}"
 
 
 def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:

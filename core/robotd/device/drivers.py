@@ -15,7 +15,7 @@ cycle. A driver raises ``OperationError``, ``Unsupported`` or ``DeviceTimeout``.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,7 +38,7 @@ class Profile:
 
 
 class DeviceDriver(ABC):
-    """The connection to an engine or a bus. Must: all but the last two."""
+    """The connection to an engine or a bus. Must: all but ``fault`` and the last two."""
 
     @abstractmethod
     def open(self, path: str = "", name: str = "") -> None:
@@ -64,6 +64,13 @@ class DeviceDriver(ABC):
     @abstractmethod
     def state(self) -> EngineState:
         """The state as the device has it now. Never blocks."""
+
+    def fault(self) -> str:
+        """Why the device gives no fresh values, in words; "" if it knows no reason.
+
+        Never blocks.
+        """
+        return ""
 
     @abstractmethod
     def scan_network(self) -> str:
@@ -205,7 +212,11 @@ class IoDriver(ABC):
 
 @dataclass(frozen=True)
 class SlaveInfo:
-    """One device on the fieldbus. ``state``: None 0, Init 1, Preop 2, Boot 4, Safeop 8, Op 16."""
+    """One device on the fieldbus.
+
+    ``state``: None 0, Init 1, Preop 2, Boot 4, Safeop 8, Op 16. ``fault`` says in words what is
+    wrong with it; "" if nothing is, or the numbers say it.
+    """
 
     id: int
     state: int
@@ -226,13 +237,15 @@ class SlaveInfo:
     output_address: int = 0
     output_size: int = 0
     axes: int = 0
+    fault: str = ""
 
 
 @dataclass(frozen=True)
 class NetworkState:
     """A fieldbus and its devices; sizes in bytes, ``comm_period_us`` and delays as counted.
 
-    ``note`` is a sentence for the reader about what the backend cannot fill.
+    ``note`` is a sentence for the reader about what the backend cannot fill. ``details`` are
+    for ``/diagnostics``: what else is known of this fieldbus, by name, with its unit in the name.
     """
 
     state: int
@@ -252,6 +265,7 @@ class NetworkState:
     over_cycle: int = 0
     slaves: tuple[SlaveInfo, ...] = field(default=())
     note: str = ""
+    details: Mapping[str, str] = field(default_factory=dict)
 
 
 class FieldbusDriver(ABC):

@@ -82,10 +82,24 @@ class Engine:
         """True while axes can be commanded: communicating, parameters in force, values fresh."""
         return self._ready
 
+    @property
+    def refusal(self) -> str:
+        """Why axes cannot be commanded, for whoever tried while ``ready`` is False."""
+        text, fault = f"engine is not ready (state {self.state.value})", self.fault
+        return f"{text}: {fault}" if fault else text
+
+    @property
+    def fault(self) -> str:
+        """Why the device gives no fresh values, in its own words; "" if it does, or cannot say."""
+        try:
+            return self._driver.fault() if self.state is EngineState.UNKNOWN else ""
+        except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
+            return f"{type(error).__name__}: {error}"
+
     def require_ready(self) -> None:
         """Raise NotReady, with the reason, unless axes can be commanded."""
         if not self._ready:
-            raise NotReady(f"engine is not ready (state {self.state.value})")
+            raise NotReady(self.refusal)
 
     def on_ready(self, listener: ReadyListener) -> None:
         """Call ``listener(ready)`` now and on every change, from the thread that causes it."""

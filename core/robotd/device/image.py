@@ -25,6 +25,8 @@ class ProcessImage:
         home_done, home_switch, negative_limit, positive_limit: as the drive reports them.
         motion_complete: the last move or trajectory ran to its end and the axis is idle.
         mode, operation: ``CommandMode`` and ``Operation`` as integers.
+        reason: the device's own words for an alarm or for a drive that does not answer; "" where
+            it has none.
         stamp_ns: monotonic time of the last ``read``; 0 before the first.
         fresh_ns: monotonic time at which the device last received live values; 0 if never.
     """
@@ -49,7 +51,19 @@ class ProcessImage:
         self.alarm_code: IntArray = np.zeros(axes, np.int64)
         self.mode: IntArray = np.full(axes, CommandMode.POSITION, np.int64)
         self.operation: IntArray = np.full(axes, Operation.IDLE, np.int64)
+        self.reason = [""] * axes
         self._sequence = 0
+
+    def fault(self, axis: int) -> str:
+        """Why ``axis`` cannot move: not answering, in alarm, or ""; with the device's reason."""
+        if self.offline[axis]:
+            what = "drive is offline"
+        elif self.amp_alarm[axis]:
+            what = f"amplifier alarm {self.alarm_code[axis]}"
+        else:
+            return ""
+        reason = self.reason[axis]
+        return f"{what} ({reason})" if reason else what
 
     def begin_write(self) -> None:
         """Cycle thread: the arrays are about to change."""
@@ -65,6 +79,7 @@ class ProcessImage:
         blank = ProcessImage(self.axes)
         for name in _ARRAYS:
             getattr(self, name)[:] = getattr(blank, name)
+        self.reason[:] = blank.reason
         self.stamp_ns = self.fresh_ns = 0
         self.end_write()
 
@@ -78,6 +93,7 @@ class ProcessImage:
             before = self._sequence
             for name in _ARRAYS:
                 getattr(twin, name)[:] = getattr(self, name)
+            twin.reason[:] = self.reason
             twin.stamp_ns, twin.fresh_ns = self.stamp_ns, self.fresh_ns
             if before == self._sequence and before % 2 == 0:
                 break

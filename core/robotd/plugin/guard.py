@@ -24,7 +24,7 @@ STATE_BUDGET_S = 0.5  # of ``state``, which must never block
 GRACE_S = 2.0  # granted beyond the time-out that a call was given
 
 _UNWRAPPED = {
-    DeviceDriver: {"state"},
+    DeviceDriver: {"state", "fault"},
     AxisDriver: {"read", "stream"},
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
     FieldbusDriver: {"masters"},

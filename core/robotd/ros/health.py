@@ -44,7 +44,8 @@ class Health:
         """Of the engine, each axis, each fieldbus, the cycle, and the gripper."""
         robot = self._robot
         state, now_ns = robot.engine.state, robot.clock.now_ns()
-        found = [engine_status(state, robot.backend.name, ready=robot.engine.ready)]
+        engine = robot.engine
+        found = [engine_status(state, robot.backend.name, engine.fault, ready=engine.ready)]
         image = robot.image.copy()
         used = {*robot.joint_axes, *robot.wheel_axes}
         for axis, name in enumerate(robot.axes.names):

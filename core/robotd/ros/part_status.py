@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from robotd.cycle.stats import CycleReport
-from robotd.device.drivers import NetworkState
+from robotd.device.drivers import NetworkState, SlaveInfo
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, EngineState, Operation
 
@@ -36,11 +36,12 @@ class Status:
     values: dict[str, str] = field(default_factory=dict)
 
 
-def engine_status(state: EngineState, backend: str, *, ready: bool) -> Status:
+def engine_status(state: EngineState, backend: str, fault: str = "", *, ready: bool) -> Status:
     """OK while axes can be commanded, ERROR when what is known is too old, else WARN."""
     values = {"state": state.value, "ready": _yes_no(ready), "backend": backend}
     if state is EngineState.UNKNOWN:
-        return Status("engine", Level.ERROR, "the device gives no fresh values", values)
+        text = "the device gives no fresh values"
+        return Status("engine", Level.ERROR, f"{text}: {fault}" if fault else text, values)
     if ready:
         return Status("engine", Level.OK, state.value, values)
     return Status("engine", Level.WARN, f"{state.value}: axes cannot be commanded", values)
@@ -73,9 +74,7 @@ def axis_status(
 def fieldbus_status(part: str, network: NetworkState, *, losing: bool) -> Status:
     """A master and its slaves: ERROR for one that is lost, WARN for one that is not in Op."""
     errors = [
-        f"slave {slave.id} {'is offline' if slave.offline else f'has AL code {slave.al_code:#06x}'}"
-        for slave in network.slaves
-        if slave.offline or slave.al_code
+        f"slave {slave.id} {fault}" for slave in network.slaves if (fault := _slave_fault(slave))
     ]
     warnings = [
         f"slave {slave.id} is in {STATES.get(slave.state, slave.state)}"
@@ -92,6 +91,7 @@ def fieldbus_status(part: str, network: NetworkState, *, losing: bool) -> Status
         "packet loss": str(network.packet_loss),
         "packet timeout": str(network.packet_timeout),
         "over cycle": str(network.over_cycle),
+        **network.details,
     }
     return Status(part, level, message, values)
 
@@ -141,16 +141,21 @@ def unknown_status(part: str, state: EngineState) -> Status:
     return Status(part, Level.STALE, f"not known: engine is {state.value}")
 
 
+def _slave_fault(slave: SlaveInfo) -> str:
+    what = "is offline" if slave.offline else ""
+    if slave.al_code:
+        what = what or f"has AL code {slave.al_code:#06x}"
+    return f"{what or 'has a fault'}: {slave.fault}" if slave.fault else what
+
+
 def _judge_axis(axis: int, image: ProcessImage, *, used: bool) -> tuple[Level, str]:
     return next(_complaints(axis, image, used=used), (Level.OK, _servo(axis, image)))
 
 
 def _complaints(axis: int, image: ProcessImage, *, used: bool) -> Iterator[tuple[Level, str]]:
     """What is wrong with an axis, the worst first."""
-    if image.offline[axis]:
-        yield Level.ERROR, "the drive does not answer"
-    if image.amp_alarm[axis]:
-        yield Level.ERROR, f"amplifier alarm {image.alarm_code[axis]}"
+    if fault := image.fault(axis):
+        yield Level.ERROR, fault
     if image.negative_limit[axis]:
         yield Level.WARN, "on the negative limit switch"
     if image.positive_limit[axis]:

@@ -112,6 +112,7 @@ class FakeAxes(Recorder, AxisDriver):
         for name, value in vars(self.image).items():
             if isinstance(value, np.ndarray):
                 getattr(image, name)[:] = value
+        image.reason[:] = self.image.reason
         image.fresh_ns = self.image.fresh_ns
 
     def stream(self, position: FloatArray, velocity: FloatArray) -> None:

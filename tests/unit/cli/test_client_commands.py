@@ -42,6 +42,7 @@ def test_a_wrong_command_line_is_status_2(robotd: Robotd, words: list[str], text
 
 
 def test_the_first_interrupt_is_noted_and_the_second_one_raises() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
     with Interrupt() as interrupt:
         assert not interrupt.happened
         os.kill(os.getpid(), signal.SIGINT)

@@ -87,7 +87,7 @@ def test_a_drive_that_is_lost_is_a_fault_until_it_is_back(rig: Rig) -> None:
         rig.end(execution)
     assert_fault(execution, "joint3 at 0.4")
     assert execution.message.endswith("drive is offline")
-    with pytest.raises(NotReady, match="joint3 is offline"), rig.goal(HOME):
+    with pytest.raises(NotReady, match="joint3: drive is offline"), rig.goal(HOME):
         pass
     rig.robot.fieldbus.start_hot_connect(0)
     rig.run(0.5)
@@ -224,7 +224,7 @@ def test_nothing_can_be_commanded_before_the_first_image(rig: Rig) -> None:
     rig.clock.detach()
     rig.engine.start_communication()
     assert rig.engine.ready
-    with pytest.raises(NotReady, match="joint1 is offline"), rig.goal(HOME):
+    with pytest.raises(NotReady, match="joint1: drive is offline"), rig.goal(HOME):
         pass
     rig.clock.attach(rig.robot.cycle.period_ns, rig.robot.cycle.period)
 

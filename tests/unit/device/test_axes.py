@@ -220,7 +220,7 @@ def test_jogs_are_checked_and_start_together(rig: Rig) -> None:
 @pytest.mark.parametrize(
     ("array", "value", "reason"),
     [
-        ("offline", True, "^joint1 is offline$"),
+        ("offline", True, "^joint1: drive is offline$"),
         ("amp_alarm", True, "^joint1: amplifier alarm 0$"),
         ("servo_on", False, "^joint1: servo is off$"),
         ("mode", CommandMode.VELOCITY, "^joint1 is in velocity mode, not in position mode$"),

@@ -193,7 +193,10 @@ def test_stale_values_are_not_ready_and_unknown_until_they_are_fresh(device: Fak
     engine.set_stale(True)
     assert not engine.ready
     assert engine.state is EngineState.UNKNOWN
-    with pytest.raises(NotReady, match="state Unknown"):
+    with pytest.raises(NotReady, match=r"state Unknown\)$"):
+        engine.require_ready()
+    device.fault = lambda: "the cable is out"  # type: ignore[method-assign]
+    with pytest.raises(NotReady, match=r"state Unknown\): the cable is out$"):
         engine.require_ready()
     engine.set_stale(False)
     assert engine.ready

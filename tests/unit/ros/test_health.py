@@ -46,6 +46,22 @@ def test_the_engine(state: EngineState, ready: bool, level: Level) -> None:
     assert status.values["state"] == state.value
 
 
+def test_an_engine_without_fresh_values_says_why() -> None:
+    status = engine_status(EngineState.UNKNOWN, "canopen", "the bus is off", ready=False)
+    assert status.message == "the device gives no fresh values: the bus is off"
+
+
+def test_the_device_adds_its_words_to_an_alarm() -> None:
+    image = healthy()
+    image.amp_alarm[0], image.alarm_code[0], image.reason[0] = True, 16, "DC link over-voltage"
+    assert axis(image).message == "amplifier alarm 16 (DC link over-voltage)"
+
+
+def test_what_else_a_fieldbus_knows_is_shown() -> None:
+    network = NetworkState(16, details={"bus load (%)": "23"})
+    assert fieldbus_status("fieldbus", network, losing=False).values["bus load (%)"] == "23"
+
+
 def healthy() -> ProcessImage:
     image = ProcessImage(1)
     image.offline[:], image.servo_on[:] = False, True
@@ -68,7 +84,7 @@ def test_an_axis_that_is_well() -> None:
 @pytest.mark.parametrize(
     ("array", "value", "level", "message"),
     [
-        ("offline", True, Level.ERROR, "the drive does not answer"),
+        ("offline", True, Level.ERROR, "drive is offline"),
         ("amp_alarm", True, Level.ERROR, "amplifier alarm 0"),
         ("negative_limit", True, Level.WARN, "on the negative limit switch"),
         ("positive_limit", True, Level.WARN, "on the positive limit switch"),
@@ -109,7 +125,7 @@ def test_what_cannot_be_known_is_stale(state: EngineState) -> None:
         assert state.value in status.message
 
 
-def slave(number: int, state: int = 16, **details: int | bool) -> SlaveInfo:
+def slave(number: int, state: int = 16, **details: int | bool | str) -> SlaveInfo:
     return SlaveInfo(number, state, **details)  # type: ignore[arg-type]
 
 
@@ -121,6 +137,13 @@ def slave(number: int, state: int = 16, **details: int | bool) -> SlaveInfo:
         ((slave(0),), True, Level.WARN, "packets are being lost"),
         ((slave(0, 0, offline=True),), False, Level.ERROR, "slave 0 is offline"),
         ((slave(0, al_code=0x1B),), False, Level.ERROR, "slave 0 has AL code 0x001b"),
+        ((slave(3, fault="EMCY 0x3210"),), False, Level.ERROR, "slave 3 has a fault: EMCY 0x3210"),
+        (
+            (slave(3, offline=True, fault="no heartbeat"),),
+            False,
+            Level.ERROR,
+            "slave 3 is offline: no heartbeat",
+        ),
         (
             (slave(0, 0, offline=True), slave(1, 2)),
             True,
