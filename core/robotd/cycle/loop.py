@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.cycle.stats import CycleStats
 from robotd.cycle.streamer import NOT_RUNNING, Streamer
-from robotd.cycle.watchdog import Watchdog
+from robotd.cycle.watchdog import SIMULATED_HANG_S, Watchdog
 from robotd.device.drivers import AxisDriver
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
@@ -77,6 +77,7 @@ class Cycle:
         self._streamer = streamer
         self._priority = realtime_priority
         clock = clock or MonotonicClock()
+        self._simulated = isinstance(clock, PacedClock)
         self._clock: Clock = clock.leader if isinstance(clock, PacedClock) else clock
         self._stale_after_ns = round(engine.settings.stale_after_s * NANOSECONDS)
         self._communicating_since_ns = 0
@@ -85,8 +86,9 @@ class Cycle:
         self._failing = False
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._began_ns = 0
-        self._watchdog = Watchdog(self._age_ns, engine.settings.stale_after_s, self._hang)
+        self._began_ns = 0  # in real time: simulated time stands while a driver hangs
+        limit_s = SIMULATED_HANG_S if self._simulated else engine.settings.stale_after_s
+        self._watchdog = Watchdog(self._age_ns, limit_s, self._hang)
 
     def every(self, rate_hz: float, name: str, task: Task, *, first: bool = False) -> None:
         """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.
@@ -104,7 +106,10 @@ class Cycle:
 
     def delay(self, seconds: float) -> None:
         """For a task that plays a fault: the present period takes ``seconds`` longer."""
+        if self._simulated:
+            self._began_ns = 0  # however long that takes in real time, no driver hangs
         self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NANOSECONDS))
+        self._began_ns = MonotonicClock.now_ns()
 
     def start(self) -> None:
         """Begin; a cycle that runs already goes on. For one thread; not again after ``stop``."""
@@ -139,7 +144,7 @@ class Cycle:
             skipped = late_ns // period_ns
             stats.missed += skipped
             deadline_ns += skipped * period_ns
-        self._began_ns = start_ns
+        self._began_ns = MonotonicClock.now_ns()
         self.step(deadline_ns)
         self._began_ns = 0
         stats.record(late_ns, start_ns, self._clock.now_ns())
@@ -185,7 +190,7 @@ class Cycle:
 
     def _age_ns(self) -> int:
         began_ns = self._began_ns
-        return self._clock.now_ns() - began_ns if began_ns else 0
+        return MonotonicClock.now_ns() - began_ns if began_ns else 0
 
     def _hang(self, reason: str) -> None:
         """Watchdog: no command any more; what runs has failed; the axes are asked to stop."""

@@ -11,6 +11,7 @@ from robotd.log import get_logger
 log = get_logger("watchdog")
 
 HANG_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
+SIMULATED_HANG_S = 5.0  # nothing real moves: rather late than a run that depends on the computer
 CHECKS = 4  # looks within the time that a period may take
 
 
@@ -18,7 +19,8 @@ class Watchdog:
     """A thread of its own, ``robotd-watchdog``, that the cycle cannot hold up.
 
     Args:
-        age_ns: for how long the present period of the cycle has been under way; 0: none is.
+        age_ns: for how long the present period of the cycle has been under way, in real time
+            whatever the cycle's clock is; 0: none is.
         limit_s: the longest that a period may take; it is granted ``HANG_S`` in any case.
         hang: called when a period takes longer, with the reason; once for each such period.
     """

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robotd.clock import MonotonicClock, wait_until
+from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.cycle import watchdog
 from robotd.cycle.loop import Cycle
 from robotd.cycle.streamer import Streamer
@@ -16,6 +16,7 @@ from robotd.descriptor import EngineSettings
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
 from robotd.device.state import EngineState
+from robotd.simulated_clock import PacedClock
 from robotd.testing.fakes import FakeAxes, FakeDevice
 
 LIMIT_S = 0.05
@@ -24,24 +25,25 @@ LIMIT_S = 0.05
 class HangingAxes(FakeAxes):
     """Live values, until ``hang`` is set; ``go_on`` ends the read that hangs."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
         super().__init__(2)
         self.hang, self.go_on = threading.Event(), threading.Event()
+        self._clock = clock
 
     def read(self, image: ProcessImage) -> None:
         if self.hang.is_set():
             self.go_on.wait(20.0)
         super().read(image)
-        image.fresh_ns = MonotonicClock.now_ns()
+        image.fresh_ns = self._clock.now_ns()
 
 
 class Bench:
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
         settings = EngineSettings(stale_after_s=LIMIT_S)
-        self.axes, self.image = HangingAxes(), ProcessImage(2)
+        self.axes, self.image = HangingAxes(clock), ProcessImage(2)
         self.engine = Engine(FakeDevice(), settings, None, "fake")
         streamer = Streamer(self.axes, 2, 500.0)
-        self.cycle = Cycle(self.axes, self.engine, self.image, streamer, 500.0)
+        self.cycle = Cycle(self.axes, self.engine, self.image, streamer, 500.0, clock=clock)
         self.heard: list[bool] = []
         self.engine.on_ready(self.heard.append)
 
@@ -52,11 +54,12 @@ class Bench:
         return wait_until(lambda: not self.engine.ready, 5.0, MonotonicClock())
 
 
-@pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+@pytest.fixture(params=[MonotonicClock, PacedClock])
+def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     monkeypatch.setattr("robotd.cycle.loop.STOP_S", 0.1)
+    monkeypatch.setattr("robotd.cycle.loop.SIMULATED_HANG_S", LIMIT_S)
     monkeypatch.setattr(watchdog, "HANG_S", LIMIT_S)
-    bench = Bench()
+    bench = Bench(request.param())
     bench.cycle.start()
     bench.engine.start()
     assert bench.ready()
@@ -93,6 +96,24 @@ def test_shutting_down_does_not_wait_for_ever(bench: Bench) -> None:
     bench.engine.shutdown()
     bench.cycle.stop()
     assert bench.engine.state is EngineState.SHUTDOWN
+
+
+def test_a_delay_of_simulated_time_is_no_hang() -> None:
+    """Time may stand meanwhile for as long as it likes."""
+    clock, delayed = PacedClock(), threading.Event()
+    bench = Bench(clock)
+
+    def delay(_: ProcessImage) -> None:
+        clock.pause()
+        delayed.set()
+        bench.cycle.delay(1.0)
+
+    bench.cycle.every(500.0, "delay", delay, first=True)
+    bench.cycle.start()
+    assert delayed.wait(5.0)
+    assert wait_until(lambda: bench.cycle._age_ns() == 0, 5.0, MonotonicClock())
+    clock.end()
+    bench.cycle.stop()
 
 
 def test_a_hang_is_told_once_for_each_period() -> None:
