@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.cycle.stats import CycleStats
 from robotd.cycle.streamer import NOT_RUNNING, Streamer
-from robotd.cycle.watchdog import SIMULATED_HANG_S, Watchdog
+from robotd.cycle.watchdog import SIMULATED_HANG_S, Watchdog, place_of
 from robotd.device.drivers import AxisDriver
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
@@ -88,7 +88,7 @@ class Cycle:
         self._thread: threading.Thread | None = None
         self._began_ns = 0  # in real time: simulated time stands while a driver hangs
         limit_s = SIMULATED_HANG_S if self._simulated else engine.settings.stale_after_s
-        self._watchdog = Watchdog(self._age_ns, limit_s, self._hang)
+        self._watchdog = Watchdog(self._age_ns, lambda: place_of(self._thread), limit_s, self._hang)
 
     def every(self, rate_hz: float, name: str, task: Task, *, first: bool = False) -> None:
         """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.

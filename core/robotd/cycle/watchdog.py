@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable
 
@@ -15,20 +16,41 @@ SIMULATED_HANG_S = 5.0  # nothing real moves: rather late than a run that depend
 CHECKS = 4  # looks within the time that a period may take
 
 
+OURS = {"robotd", *sys.stdlib_module_names}
+
+
+def place_of(thread: threading.Thread | None) -> str:
+    """Where ``thread`` is: the outermost call of a plugin or else of robotd; "" if in none."""
+    frame = sys._current_frames().get(thread.ident or 0) if thread else None  # noqa: SLF001
+    calls = []
+    while frame is not None:
+        module = str(frame.f_globals.get("__name__", "?"))
+        calls.append((module, f"{module}: {frame.f_code.co_qualname}, line {frame.f_lineno}"))
+        frame = frame.f_back
+    foreign = [text for module, text in calls if module.partition(".")[0] not in OURS]
+    own = [text for module, text in calls if module.partition(".")[0] == "robotd"]
+    return foreign[-1] if foreign else own[0] if own else ""
+
+
 class Watchdog:
     """A thread of its own, ``robotd-watchdog``, that the cycle cannot hold up.
 
     Args:
         age_ns: for how long the present period of the cycle has been under way, in real time
             whatever the cycle's clock is; 0: none is.
+        place: where the cycle is now, for people.
         limit_s: the longest that a period may take; it is granted ``HANG_S`` in any case.
         hang: called when a period takes longer, with the reason; once for each such period.
     """
 
     def __init__(
-        self, age_ns: Callable[[], int], limit_s: float, hang: Callable[[str], None]
+        self,
+        age_ns: Callable[[], int],
+        place: Callable[[], str],
+        limit_s: float,
+        hang: Callable[[str], None],
     ) -> None:
-        self._age_ns = age_ns
+        self._age_ns, self._place = age_ns, place
         self._limit_s = max(limit_s, HANG_S)
         self._hang = hang
         self._hanging = False
@@ -52,9 +74,9 @@ class Watchdog:
             self._hanging = False
         elif not self._hanging:
             self._hanging = True
-            reason = f"the cycle hangs: a period takes longer than {self._limit_s:g} s"
-            log.error("the cycle hangs", for_s=round(age_s, 3))
-            self._hang(reason)
+            place = self._place()
+            log.error("the cycle hangs", for_s=round(age_s, 3), place=place)
+            self._hang(f"the cycle hangs: a period takes longer than {self._limit_s:g} s ({place})")
 
     def _run(self) -> None:
         while not self._stop.wait(self._limit_s / CHECKS):

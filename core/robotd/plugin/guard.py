@@ -1,9 +1,9 @@
 """Drivers of plugins, wrapped so that a broken one cannot hurt.
 
 An error that is none of robotd's becomes an ``OperationError``, and a call that does not come
-back a ``DeviceTimeout``; both name the plugin. What the cycle calls is not wrapped: it must
-cost nothing, and the cycle and its watchdog look after it. A device that does not answer for its
-state is in state UNKNOWN.
+back a ``DeviceTimeout``; both name the plugin. What the cycle calls, and what only reads memory,
+is not timed, for it must cost next to nothing: the cycle and its watchdog look after it. A device
+that does not answer for its state is in state UNKNOWN; one that cannot say why says that.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from robotd.errors import DeviceTimeout, OperationError, RobotdError
 from robotd.plugin.budget import OverBudget, within
 
 CALL_BUDGET_S = 30.0  # of calls without a time-out of their own
-STATE_BUDGET_S = 0.5  # of ``state``, which must never block
+ANSWER_BUDGET_S = 0.5  # of ``state`` and ``fault``, which must never block
 GRACE_S = 2.0  # granted beyond the time-out that a call was given
 
-_UNWRAPPED = {
+_UNTIMED = {
     DeviceDriver: {"state", "fault"},
     AxisDriver: {"read", "stream"},
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
@@ -31,21 +31,28 @@ _UNWRAPPED = {
 }
 
 Driver = TypeVar("Driver", bound=ABC)
+Call = Callable[..., Any]
 
 
 def guarded(driver: Driver, contract: type[Driver], plugin: str) -> Driver:
     """``driver`` behind a guard that fulfils ``contract``; ``plugin`` is named in errors."""
-    names = {name for name in dir(contract) if not name.startswith("_")}
-    calls = names - _UNWRAPPED[contract]
-    members: dict[str, Any] = {name: _forward(contract, name) for name in names - calls}
-    members |= {name: _guard(contract, name, plugin) for name in calls}
+    members: dict[str, Any] = {}
+    for name in (name for name in dir(contract) if not name.startswith("_")):
+        what = f"plugin {plugin}: {contract.__name__}.{name}"
+        if isinstance(inspect.getattr_static(contract, name), property):
+            members[name] = property(_named(_getter(name, driver), what))
+            continue
+        call = getattr(driver, name)
+        if name in _UNTIMED[contract]:
+            members[name] = staticmethod(_named(call, what))
+        else:
+            signature = inspect.signature(getattr(contract, name))
+            members[name] = staticmethod(_named(_timed(call, signature, what), what))
+    if isinstance(driver, DeviceDriver):
+        members["state"] = staticmethod(_State(members["state"]))
+        members["fault"] = staticmethod(_Fault(members["fault"], f"plugin {plugin}"))
     guard = type(f"Guarded{contract.__name__}", (contract,), members)()
     guard.__dict__["wrapped"] = driver
-    for name in names - calls:
-        if not isinstance(members[name], property):
-            guard.__dict__[name] = getattr(driver, name)  # the cycle's way: no call in between
-    if isinstance(driver, DeviceDriver):
-        guard.__dict__["state"] = _Answer(driver.state)
     return cast(Driver, guard)
 
 
@@ -54,7 +61,39 @@ def unguarded(driver: Driver) -> Driver:
     return cast(Driver, getattr(driver, "wrapped", driver))
 
 
-class _Answer:
+def _named(call: Call, what: str) -> Call:
+    """``call`` with errors that name it."""
+
+    def named(*arguments: Any, **keywords: Any) -> Any:
+        try:
+            return call(*arguments, **keywords)
+        except RobotdError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise OperationError(f"{what} failed: {type(error).__name__}: {error}") from error
+
+    return named
+
+
+def _timed(call: Call, signature: inspect.Signature, what: str) -> Call:
+    """``call`` that is given up when its time is over; ``signature`` is that of the contract."""
+
+    def timed(*given: Any, **named: Any) -> Any:
+        timeout_s = signature.bind(None, *given, **named).arguments.get("timeout_s")
+        budget_s = CALL_BUDGET_S if timeout_s is None else timeout_s + GRACE_S
+        try:
+            return within(budget_s, lambda: call(*given, **named), f"robotd-{call.__name__}")
+        except OverBudget:
+            raise DeviceTimeout(f"{what} did not return within {budget_s:g} s") from None
+
+    return timed
+
+
+def _getter(name: str, driver: object) -> Call:
+    return lambda _: getattr(driver, name)
+
+
+class _State:
     """``state`` of a device; UNKNOWN while an earlier question is not answered."""
 
     def __init__(self, ask: Callable[[], EngineState]) -> None:
@@ -62,7 +101,7 @@ class _Answer:
         self._asking = threading.Lock()
 
     def __call__(self) -> EngineState:
-        if not self._asking.acquire(timeout=STATE_BUDGET_S):
+        if not self._asking.acquire(timeout=ANSWER_BUDGET_S):
             return EngineState.UNKNOWN
         try:
             return self._ask()
@@ -70,32 +109,27 @@ class _Answer:
             self._asking.release()
 
 
-def _forward(contract: type, name: str) -> Any:
-    if isinstance(inspect.getattr_static(contract, name), property):
-        return property(lambda self: getattr(self.wrapped, name))
-    return lambda self, *arguments: getattr(self.wrapped, name)(*arguments)
+class _Fault:
+    """``fault`` of a device; what is wrong with the answer where there is none. Never raises."""
 
+    def __init__(self, ask: Callable[[], str], plugin: str) -> None:
+        self._ask = ask
+        self._silent = f"{plugin}: DeviceDriver.fault does not return"
+        self._asking = threading.Lock()
 
-def _guard(contract: type, name: str, plugin: str) -> Callable[..., Any]:
-    signature = inspect.signature(getattr(contract, name))
-    what = f"{contract.__name__}.{name}"
-
-    def call(self: Any, *given: Any, **named: Any) -> Any:
-        arguments = signature.bind(self, *given, **named).arguments
-        timeout_s = arguments.get("timeout_s")
-        budget_s = CALL_BUDGET_S if timeout_s is None else timeout_s + GRACE_S
-        method = getattr(self.wrapped, name)
+    def __call__(self) -> str:
+        if not self._asking.acquire(timeout=ANSWER_BUDGET_S):
+            return self._silent
         try:
-            return within(budget_s, lambda: method(*given, **named), f"robotd-{name}")
+            return within(ANSWER_BUDGET_S, self._answer, "robotd-fault")
         except OverBudget:
-            raise DeviceTimeout(
-                f"plugin {plugin}: {what} did not return within {budget_s:g} s"
-            ) from None
-        except RobotdError:
-            raise
-        except Exception as error:
-            raise OperationError(
-                f"plugin {plugin}: {what} failed: {type(error).__name__}: {error}"
-            ) from error
+            return self._silent
+        except RobotdError as error:
+            return str(error)
 
-    return call
+    def _answer(self) -> str:
+        """In a thread that may stay for ever: then nobody asks again."""
+        try:
+            return self._ask()
+        finally:
+            self._asking.release()

@@ -11,7 +11,7 @@ from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.cycle import watchdog
 from robotd.cycle.loop import Cycle
 from robotd.cycle.streamer import Streamer
-from robotd.cycle.watchdog import Watchdog
+from robotd.cycle.watchdog import Watchdog, place_of
 from robotd.descriptor import EngineSettings
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
@@ -76,6 +76,12 @@ def test_a_read_that_hangs_makes_the_engine_not_ready(bench: Bench) -> None:
     assert wait_until(lambda: ("stop", [0, 1]) in bench.axes.calls, 5.0, MonotonicClock())
 
 
+def test_the_place_where_it_hangs_is_found(bench: Bench) -> None:
+    bench.axes.hang.set()
+    assert bench.lost()
+    assert f"{__name__}: HangingAxes.read, line " in place_of(bench.cycle._thread)
+
+
 def test_a_cycle_that_goes_on_is_ready_again(bench: Bench) -> None:
     bench.axes.hang.set()
     assert bench.lost()
@@ -118,16 +124,16 @@ def test_a_delay_of_simulated_time_is_no_hang() -> None:
 
 def test_a_hang_is_told_once_for_each_period() -> None:
     age_ns, told = [0], list[str]()
-    dog = Watchdog(lambda: age_ns[0], 2.0, told.append)
+    dog = Watchdog(lambda: age_ns[0], lambda: "acme: read", 2.0, told.append)
     for age_s in (0.0, 1.99, 2.01, 5.0, 0.0, 3.0):
         age_ns[0] = round(age_s * 1e9)
         dog.look()
     assert len(told) == 2
-    assert "longer than 2 s" in told[0]
+    assert told[0].endswith("longer than 2 s (acme: read)")
 
 
 def test_a_busy_computer_is_no_hang() -> None:
     told: list[str] = []
-    dog = Watchdog(lambda: 400_000_000, 0.1, told.append)
+    dog = Watchdog(lambda: 400_000_000, str, 0.1, told.append)
     dog.look()
     assert not told

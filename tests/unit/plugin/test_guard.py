@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
 
+from robotd.arrays import FloatArray
+from robotd.clock import MonotonicClock, wait_until
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.image import ProcessImage
 from robotd.device.state import EngineState
@@ -33,13 +37,53 @@ def test_calls_pass_with_their_arguments_and_results() -> None:
     assert len(fieldbus.network_state(0).slaves) == 2
 
 
-def test_what_the_cycle_calls_is_not_wrapped() -> None:
-    axes = FakeAxes(2)
-    behind = guarded(axes, AxisDriver, PLUGIN)
-    assert behind.read == axes.read
-    assert behind.stream == axes.stream
+def test_what_the_cycle_calls_takes_no_other_thread() -> None:
+    threads: list[threading.Thread] = []
+
+    class Axes(FakeAxes):
+        def read(self, image: ProcessImage) -> None:
+            threads.append(threading.current_thread())
+
+        def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+            threads.append(threading.current_thread())
+
+    behind = guarded(Axes(2), AxisDriver, PLUGIN)
     behind.read(ProcessImage(2))
     behind.stream(np.zeros(2), np.zeros(2))
+    assert threads == [threading.current_thread()] * 2
+
+
+@pytest.mark.parametrize(
+    ("fake", "contract", "method"),
+    [
+        (FakeDevice(), DeviceDriver, "state"),
+        (FakeAxes(1), AxisDriver, "read"),
+        (FakeAxes(1), AxisDriver, "stream"),
+        (FakeIo(), IoDriver, "read_inputs"),
+        (FakeIo(), IoDriver, "read_outputs"),
+    ],
+)
+def test_what_is_not_timed_names_the_plugin_too(fake: Any, contract: Any, method: str) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("no scale")
+
+    setattr(fake, method, fail)
+    with pytest.raises(OperationError) as caught:
+        getattr(guarded(fake, contract, PLUGIN), method)()
+    says = f"plugin {PLUGIN}: {contract.__name__}.{method} failed: ZeroDivisionError: no scale"
+    assert str(caught.value) == says
+
+
+def test_a_property_that_raises_names_the_plugin() -> None:
+    class Odd(FakeFieldbus):
+        @property
+        def masters(self) -> int:
+            raise OSError("no bus")
+
+    with pytest.raises(OperationError) as caught:
+        _ = guarded(Odd(), FieldbusDriver, PLUGIN).masters
+    says = f"plugin {PLUGIN}: FieldbusDriver.masters failed: OSError: no bus"
+    assert str(caught.value) == says
 
 
 def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,7 +95,7 @@ def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.M
             answered.wait(20.0)
             return super().state()
 
-    monkeypatch.setattr(guard_module, "STATE_BUDGET_S", 0.02)
+    monkeypatch.setattr(guard_module, "ANSWER_BUDGET_S", 0.02)
     behind = guarded(Silent(), DeviceDriver, PLUGIN)
     first = threading.Thread(target=behind.state)
     first.start()
@@ -64,6 +108,33 @@ def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.M
     assert behind.state() is EngineState.IDLE
 
 
+def test_a_device_that_cannot_say_why_is_told_and_asked_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    released, asked = threading.Event(), list[str]()
+
+    class Silent(FakeDevice):
+        def fault(self) -> str:
+            asked.append("why")
+            released.wait(20.0)
+            return "bus off"
+
+    monkeypatch.setattr(guard_module, "ANSWER_BUDGET_S", 0.02)
+    behind = guarded(Silent(), DeviceDriver, PLUGIN)
+    told = [behind.fault() for _ in range(3)]
+    assert told == [f"plugin {PLUGIN}: DeviceDriver.fault does not return"] * 3
+    assert len(asked) == 1
+    released.set()
+    assert wait_until(lambda: behind.fault() == "bus off", 5.0, MonotonicClock())
+
+
+def test_a_fault_that_raises_is_a_text() -> None:
+    device = FakeDevice()
+    device.fault = lambda: {}["bus"]  # type: ignore[method-assign]
+    says = f"plugin {PLUGIN}: DeviceDriver.fault failed: KeyError: 'bus'"
+    assert guarded(device, DeviceDriver, PLUGIN).fault() == says
+
+
 def test_a_foreign_error_becomes_one_of_robotd_with_the_plugins_name() -> None:
     axes = FakeAxes(1)
     axes.failures["servo"] = KeyError("bus")
@@ -71,6 +142,13 @@ def test_a_foreign_error_becomes_one_of_robotd_with_the_plugins_name() -> None:
         guarded(axes, AxisDriver, PLUGIN).servo(0, True, 1.0)
     assert str(caught.value) == f"plugin {PLUGIN}: AxisDriver.servo failed: KeyError: 'bus'"
     assert isinstance(caught.value.__cause__, KeyError)
+
+
+def test_a_driver_cannot_end_the_process() -> None:
+    axes = FakeAxes(1)
+    axes.read = lambda image: sys.exit(3)  # type: ignore[method-assign]
+    with pytest.raises(OperationError, match=r"AxisDriver\.read failed: SystemExit: 3"):
+        guarded(axes, AxisDriver, PLUGIN).read(ProcessImage(1))
 
 
 def test_an_error_of_robotd_passes_as_it_is() -> None:
