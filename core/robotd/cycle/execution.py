@@ -237,7 +237,9 @@ class Execution:
         for failed, text in what:
             for name, axis in zip(self.trajectory.names, self._axes, strict=True):
                 if failed[axis]:
-                    return f"{name} at {self._time_s:.3f} s: {text or image.fault(axis)}"
+                    reason = f" ({image.reason[axis]})" if image.reason[axis] else ""
+                    said = f"{text}{reason}" if text else image.fault(axis)
+                    return f"{name} at {self._time_s:.3f} s: {said}"
         return "a drive does not follow"
 
     def _stopped_text(self) -> str:

@@ -43,8 +43,7 @@ class SimAxes(AxisDriver):
     def stream(self, position: FloatArray, velocity: FloatArray) -> None:
         with self._world.lock:
             self._world.advance()
-            if self._motion.stream.following.any():
-                self._motion.stream.setpoint(position, velocity)
+            self._motion.stream.setpoint(position, velocity)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
         with self._world.lock:

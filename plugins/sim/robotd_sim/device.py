@@ -13,6 +13,7 @@ from robotd.plugin.api import (
     read_wmx_parameters,
     wait_until,
 )
+from robotd_sim.alarms import NO_FRAMES
 from robotd_sim.simulation import NANOSECONDS, Simulation
 
 
@@ -79,6 +80,9 @@ class SimDevice(DeviceDriver):
         with self.simulation.world.lock:
             self.simulation.world.advance()
             return self.simulation.engine
+
+    def fault(self) -> str:
+        return NO_FRAMES if self.simulation.network.frozen else ""
 
     def scan_network(self) -> str:
         simulation = self.simulation

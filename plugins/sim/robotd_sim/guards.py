@@ -130,23 +130,37 @@ class Guards:
         for kind in (SWITCH, SOFT):
             outwards = (servo.watched[kind] > self._high[kind]) & (speed > 0) & on
             for axis in np.flatnonzero(outwards):
-                self._limit(int(axis), LimitType(int(self._positive_types[kind, axis])))
+                self._limit(int(axis), LimitType(int(self._positive_types[kind, axis])), 1.0)
             outwards = (servo.watched[kind] < self._low[kind]) & (speed < 0) & on
             for axis in np.flatnonzero(outwards):
-                self._limit(int(axis), LimitType(int(self._negative_types[kind, axis])))
+                self._limit(int(axis), LimitType(int(self._negative_types[kind, axis])), -1.0)
         if self._watch_error:
             for axis in np.flatnonzero(self._error_axes() & on & ~self._states.following_alarm):
-                self._states.following_alarm[axis] = True
-                self._motion.quick_stop(int(axis))
+                self._follow_up(int(axis))
 
-    def _limit(self, axis: int, limit: LimitType) -> None:
+    def _follow_up(self, axis: int) -> None:
+        """A following error is too large: stop, and say so."""
+        servo = self._servo
+        error = abs(servo.command[axis] - servo.position[axis])
+        limits = self._error_moving if servo.command_velocity[axis] else self._error_stopped
+        self._states.following_alarm[axis] = True
+        self._motion.quick_stop(axis)
+        self._states.reason[axis] = f"following error {error:.3g} is above {limits[axis]:g}"
+
+    def _limit(self, axis: int, limit: LimitType, direction: float) -> None:
+        reason = self.blocked(axis, direction) or ""
         if limit is LimitType.SERVO_OFF:
-            self._power.turn_off(axis)
+            self._turn_off(axis, reason)
         elif self._acted[axis] != self._motion.plan(axis):
             deceleration = self._slow if limit in _SLOW else self._deceleration
-            then = partial(self._power.turn_off, axis) if limit in _OFF else None
+            then = partial(self._turn_off, axis, reason) if limit in _OFF else None
             self._motion.brake(axis, float(deceleration[axis]), then)
+            self._states.reason[axis] = reason
             self._acted[axis] = self._motion.plan(axis)
+
+    def _turn_off(self, axis: int, reason: str) -> None:
+        self._power.turn_off(axis)
+        self._states.reason[axis] = reason
 
 
 def _types(parameters: WmxParameters, both: str, one: str, axes: int) -> FloatArray:

@@ -132,9 +132,16 @@ class Motion:
         """Forget what was planned; returns the number of the plan to come."""
         self._plans[axis] += 1
         self._quick[axis] = False
-        self.stream.following[axis] = False
+        self.stream.drop(axis)
         self._states.motion_complete[axis] = False
+        if self._states.reason[axis]:
+            self._forget_stop(axis)
         return self._plans[axis]
+
+    def _forget_stop(self, axis: int) -> None:
+        """What stopped the axis is past; an alarm and a lost slave are not."""
+        if self._states.connected[axis] and not self._states.amp_alarm[axis]:
+            self._states.reason[axis] = ""
 
     def _begin(
         self,

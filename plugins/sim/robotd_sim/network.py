@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from robotd.plugin.api import NetworkState, RobotDescriptor, SlaveInfo
+from robotd_sim.alarms import NO_ANSWER
 from robotd_sim.options import SimOptions
 
 VENDOR_ID = 0x0000_5349  # assigned to nobody: a made-up identity must not claim a real maker
@@ -68,6 +69,7 @@ class Slave:
             output_address=0,
             output_size=0 if drive else MODULE_BYTES,
             axes=int(drive),
+            fault="" if self.connected else NO_ANSWER,
         )
 
 

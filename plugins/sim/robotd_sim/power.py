@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robotd.plugin.api import FloatArray, NotReady, WmxParameters
+from robotd_sim.alarms import NO_ANSWER, alarm_text
 from robotd_sim.motion import Motion
 from robotd_sim.scaling import Scaling
 from robotd_sim.state import AxisStates
@@ -78,6 +79,7 @@ class Power:
             self.turn_off(axis)
         else:
             self._motion.quick_stop(axis)
+        self._states.reason[axis] = alarm_text(code)
 
     def clear(self, axis: int) -> None:
         """Clear alarms; gone a tick later."""
@@ -86,15 +88,22 @@ class Power:
             self._states.amp_alarm[axis] = False
             self._states.alarm_code[axis] = 0
             self._states.following_alarm[axis] = False
+            if self._states.connected[axis]:
+                self._states.reason[axis] = ""
 
         self._world.at(self._world.tick + CLEAR_TICKS, clear)
 
     def connect(self, axis: int, *, connected: bool) -> None:
         """The slave of ``axis`` answers or not; without it the drive is off and unhomed."""
-        self._states.connected[axis] = connected
-        if not connected:
+        states = self._states
+        states.connected[axis] = connected
+        if connected:
+            code = int(states.alarm_code[axis])
+            states.reason[axis] = alarm_text(code) if states.amp_alarm[axis] else ""
+        else:
             self.turn_off(axis)
             self.lose_home(axis)
+            states.reason[axis] = f"slave {axis} {NO_ANSWER}"
 
     def lose_home(self, axis: int) -> None:
         self._states.home_done[axis] = False

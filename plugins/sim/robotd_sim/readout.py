@@ -53,6 +53,7 @@ class Readout:
         image.motion_complete[:] = states.motion_complete
         image.mode[:] = states.mode_feedback
         image.operation[:] = states.operation
+        image.reason[:] = states.reason
 
     def _receive(self, image: ProcessImage) -> None:
         """The measured and commanded values of all axes into ``image``."""

@@ -22,6 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotd.plugin.api import FloatArray
 
@@ -72,6 +73,7 @@ class Servo:
         self._torque: FloatArray = np.zeros((4, axes))
         self._products: FloatArray = np.zeros((4, axes))
         self._friction: FloatArray = np.zeros(axes)
+        self._rests = False
         self._closed, self._free = [False] * axes, np.ones(axes, bool)
         for axis in range(axes):
             self.close_loop(axis, closed=False)
@@ -82,6 +84,7 @@ class Servo:
             self._before, self.command, self._commanded, self.coefficients)  # fmt: skip
         weights, filtered, terms, position = (
             self._weights, self._filtered, self._terms, self.position)  # fmt: skip
+        self._rests = False
         for now in range(tick + 1, stop + 1):
             if now - self.origin > _SPAN:
                 self.rebase(now - 1)
@@ -96,6 +99,9 @@ class Servo:
     def rest(self, tick: int) -> None:
         """All axes stand: jump to ``tick`` and let the last remainders of motion vanish."""
         self.origin = tick
+        if self._rests:
+            return
+        self._rests = True
         self.coefficients[0] = self._before[:] = self.command
         np.copyto(self.position, self.command, where=self._free)
         self.coefficients[1:] = 0.0
@@ -106,6 +112,15 @@ class Servo:
         if tick != self.origin:
             self.coefficients[:] = self._shifts[tick - self.origin] @ self.coefficients
             self.origin = tick
+
+    def take_over(self, tick: int, bent: FloatArray, where: NDArray[np.bool_] | bool) -> None:
+        """Go on from the command of the present ``tick`` with the h and j of ``bent``, (2, n)."""
+        if where is True:
+            self.origin = tick
+        else:
+            self.rebase(tick)
+        np.copyto(self.coefficients[:2], self._state[2:4], where=where)
+        np.copyto(self.coefficients[2:], bent, where=where)
 
     def follow(
         self, axis: int, tick: int, position: float, velocity: float, acceleration: float

@@ -23,6 +23,8 @@ class AxisStates:
         mode: what commands mean; ``mode_feedback`` is what the drive really does and lags.
         servo_wanted: the last request, so that a delayed enable can be overtaken.
         following_alarm: a following error stopped the axis.
+        reason: why an axis is in alarm or offline, or what stopped it; "" for nothing. Not an
+            array: one text per axis.
     """
 
     servo_on: Flags
@@ -36,6 +38,7 @@ class AxisStates:
     mode: Numbers
     mode_feedback: Numbers
     operation: Numbers
+    reason: list[str]
 
     @classmethod
     def of(cls, axes: int) -> Self:
@@ -59,4 +62,5 @@ class AxisStates:
             mode=numbers(CommandMode.POSITION),
             mode_feedback=numbers(CommandMode.POSITION),
             operation=numbers(Operation.IDLE),
+            reason=[""] * axes,
         )

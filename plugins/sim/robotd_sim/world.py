@@ -26,6 +26,8 @@ class World:
         tick: fieldbus cycles lived through.
         slips: how often time was given up because nobody had looked for too long.
         watch: called after each tick while set; True calls ``on_watch`` at that tick.
+        lapse: when more time passes than to this tick, ``on_lapse`` is called before. Cheaper
+            than an entry in the agenda for what is nearly always put off in time.
     """
 
     def __init__(self, clock: Clock, servo: Servo, max_catch_up_s: float) -> None:
@@ -36,6 +38,8 @@ class World:
         self.slips = 0
         self.watch: Callable[[], bool] | None = None
         self.on_watch: Action = lambda: None
+        self.lapse = FOREVER
+        self.on_lapse: Action = lambda: None
         self._tick_ns = round(servo.tick_s * NANOSECONDS)
         self._start_ns = clock.now_ns()
         self._catch_up = max(1, round(max_catch_up_s / servo.tick_s))
@@ -92,7 +96,10 @@ class World:
     def _run(self, due: int) -> None:
         agenda = self._agenda
         while self.tick < due:
-            stop = min(due, agenda[0][0]) if agenda else due
+            if self.tick >= self.lapse:
+                self.lapse = FOREVER
+                self.on_lapse()
+            stop = min(due, self.lapse, agenda[0][0]) if agenda else min(due, self.lapse)
             if self.tick >= self._rest:
                 self.servo.rest(stop)
                 self.tick = stop

@@ -51,7 +51,7 @@ def test_an_alarm_of_one_axis_stops_the_others_along_the_path(rig: Rig) -> None:
         rig.run(0.1)
         assert len(rig.setpoints.rows) == rows, "nothing is streamed after a fault"
     assert_fault(execution, "joint1 at 0.4")
-    assert execution.message.endswith("amplifier alarm 16")
+    assert execution.message.endswith("amplifier alarm 16 (error 0x0010)")
     rig.setpoints.assert_smooth(ACCELERATION)
     position = rig.setpoints.position
     assert np.abs(position[:, 1] / FAR[1] - position[:, 2] / FAR[2]).max() < 1e-9
@@ -86,7 +86,9 @@ def test_a_drive_that_is_lost_is_a_fault_until_it_is_back(rig: Rig) -> None:
         rig.faults.disconnect(2)
         rig.end(execution)
     assert_fault(execution, "joint3 at 0.4")
-    assert execution.message.endswith("drive is offline")
+    assert execution.message.endswith(
+        "drive is offline (slave 2 does not answer: cable or power supply)"
+    )
     with pytest.raises(NotReady, match="joint3: drive is offline"), rig.goal(HOME):
         pass
     rig.robot.fieldbus.start_hot_connect(0)
@@ -179,7 +181,9 @@ def test_a_fault_during_a_cancel_is_told(rig: Rig) -> None:
         rig.run(0.02)
         rig.faults.trip(2, 5)
         rig.end(execution)
-    assert_fault(execution, "amplifier alarm 5 (while stopping: canceled by the client)")
+    assert_fault(
+        execution, "amplifier alarm 5 (error 0x0005) (while stopping: canceled by the client)"
+    )
     assert_works(rig)
 
 

@@ -263,7 +263,7 @@ def test_an_alarm_stops_the_other_wheel_by_its_own_ramp(rig: Rig) -> None:
         rig.step()
         rig.settle()
         rig.run(0.5)
-    assert [log["reason"] for log in logs] == ["right wheel: amplifier alarm 29445"]
+    assert [log["reason"] for log in logs] == ["right wheel: amplifier alarm 29445 (encoder fault)"]
     assert abs(rig.robot.image.velocity[0]) < 1e-6
 
 

@@ -23,10 +23,13 @@ def test_a_soft_limit_stops_the_axis_and_lets_it_go_back_only() -> None:
     assert image.operation[0] == Operation.IDLE
     assert not image.motion_complete[0]
     assert image.servo_on[0]
+    assert image.reason[0].startswith("positive soft limit 0.5 is reached")
     with pytest.raises(OperationError, match=r"axis 0: positive soft limit 0.5 is reached"):
         made.axes.move(0, 1.0, PROFILE)
     made.axes.move(0, -0.4, PROFILE)
-    assert made.look(2.0).motion_complete[0]
+    image = made.look(2.0)
+    assert image.motion_complete[0]
+    assert image.reason == ["", ""]
 
 
 @pytest.mark.parametrize(
@@ -43,6 +46,7 @@ def test_the_limit_type_says_how_to_stop(limit: LimitType, servo_on: bool, overr
     made.axes.jog(0, Profile(-2.0, 20.0, 20.0))
     image = made.look(1.0)
     assert image.position[0] == pytest.approx(-0.5 - overrun, abs=0.005)
+    assert image.reason[0].startswith("negative soft limit -0.5 is reached")
     assert image.servo_on[0] == servo_on
     assert image.operation[0] == Operation.IDLE
 
@@ -90,6 +94,8 @@ def test_too_large_a_following_error_stops_the_axis() -> None:
     assert image.operation[0] == Operation.IDLE
     assert not image.motion_complete[0]
     assert image.position[0] > 0
+    assert image.reason == ["following error 0.000402 is above 0.0004", ""]
     made.axes.clear_alarm(0, 1.0)
+    assert made.look().reason == ["", ""]
     made.axes.move(0, -1.0, Profile(1.0, 8.0, 8.0))
     assert made.look(3.0).motion_complete[0]

@@ -78,6 +78,7 @@ def test_an_alarm_drops_the_servo_and_refuses_everything_until_cleared() -> None
     image = made.look()
     assert image.amp_alarm[0]
     assert image.alarm_code[0] == 0x7500
+    assert image.reason == ["error 0x7500", ""]
     assert not image.servo_on[0]
     assert image.servo_on[1]
     with pytest.raises(NotReady, match="axis 0: the drive is in alarm 29952"):
@@ -86,6 +87,7 @@ def test_an_alarm_drops_the_servo_and_refuses_everything_until_cleared() -> None
     image = made.look(1.0)
     assert not image.amp_alarm[0]
     assert image.alarm_code[0] == 0
+    assert image.reason == ["", ""]
     assert not image.servo_on[0]  # nothing comes back by itself
     made.axes.servo(0, True, 1.0)
     made.axes.move(0, 0.0, PROFILE)
@@ -110,3 +112,14 @@ def test_an_alarm_before_the_drive_obeys_keeps_it_off() -> None:
         made.axes.servo(0, True, 0.0)
     made.faults.trip(0, 1)
     assert not made.look(0.1).servo_on[0]
+
+
+def test_a_lost_slave_hides_an_alarm_until_it_is_back() -> None:
+    made = rig()
+    made.faults.trip(0, 0x3210)
+    assert made.look().reason == ["DC link over-voltage", ""]
+    made.faults.disconnect(0)
+    assert made.look().reason == ["slave 0 does not answer: cable or power supply", ""]
+    with made.simulation.world.lock:
+        made.simulation.reconnect()
+    assert made.look().reason == ["DC link over-voltage", ""]
