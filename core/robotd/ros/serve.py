@@ -22,6 +22,7 @@ from robotd.ros.discovery import announce_often
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import ENABLING_NODES, check_names
 from robotd.ros.served import nodes_of
+from robotd.ros.shared_memory import remove_leftovers
 from robotd.ros.surface import ServeReport, report_of
 
 if TYPE_CHECKING:
@@ -95,6 +96,8 @@ def serve(
     """
     check_names(node_names, registry)
     announce_often()
+    if leftovers := remove_leftovers():
+        log.info("leftovers of killed processes removed from shared memory", segments=leftovers)
     events: SimpleQueue[Event] = SimpleQueue()
     with (
         _stop_signals(events),

@@ -1,0 +1,59 @@
+"""Leftovers of killed processes in shared memory.
+
+Fast DDS makes a segment of half a megabyte for each process in /dev/shm, and beside it a file that
+the owner keeps locked for as long as it lives. Nobody removes the two of a process that was killed:
+a robot that a supervisor kills and restarts would fill the memory.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+FOLDER = Path("/dev/shm")  # noqa: S108 - where Fast DDS keeps them
+YOUNG_S = 10.0  # a file that was just made may not be locked yet
+_LOCK = re.compile(r"fastrtps_[0-9a-f]{16}_el")
+
+
+def remove_leftovers(folder: Path = FOLDER) -> int:
+    """Remove the segments whose owners are dead; how many there were. Any thread.
+
+    What is of another user, and what is in use, stays.
+    """
+    removed = 0
+    for lock in _orphans(folder):
+        try:
+            lock.with_name(lock.name.removesuffix("_el")).unlink(missing_ok=True)
+            lock.unlink(missing_ok=True)
+        except OSError:
+            continue
+        removed += 1
+    return removed
+
+
+def _orphans(folder: Path) -> Iterator[Path]:
+    """The lock files that nobody holds, of this user."""
+    for path in folder.glob("fastrtps_*_el"):
+        try:
+            if _LOCK.fullmatch(path.name) and _is_orphan(path):
+                yield path
+        except OSError:
+            continue  # gone in the meantime, or not ours
+
+
+def _is_orphan(path: Path) -> bool:
+    facts = path.lstat()
+    if facts.st_uid != os.geteuid() or time.time() - facts.st_mtime < YOUNG_S:
+        return False
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    finally:
+        os.close(descriptor)
+    return True
