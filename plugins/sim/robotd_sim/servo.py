@@ -165,6 +165,7 @@ class Servo:
     def place(self, axis: int, position: float, command: float, velocity: float) -> None:
         """Set the present state of one axis, outside of any dynamics."""
         self._state[:, axis] = command, position, command, velocity, 0.0
+        self._rests = False
 
     def velocity(self, axis: int) -> float:
         """Measured velocity of one axis."""
