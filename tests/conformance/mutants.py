@@ -276,6 +276,22 @@ class HealsItself(Mutant):
                 self._world.at(self._world.tick + 100, partial(clear, int(axis)))
 
 
+class ReasonThatStays(Mutant):
+    class Axes(SimAxes):
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            told = self.__dict__.setdefault("told", list(image.reason))
+            told[:] = [new or old for new, old in zip(image.reason, told, strict=True)]
+            image.reason[:] = told
+
+
+class FaultThatBlocks(Mutant):
+    class Device(SimDevice):
+        def fault(self) -> str:
+            time.sleep(0.01)
+            return super().fault()
+
+
 class ClearingEnables(Mutant):
     class Axes(SimAxes):
         def clear_alarm(self, axis: int, timeout_s: float) -> None:

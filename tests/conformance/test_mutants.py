@@ -43,6 +43,16 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
         "went away by itself",
     ),
     (
+        mutants.ReasonThatStays,
+        FAULTS + "the_reason_of_an_alarm_comes_and_goes_with_it",
+        "goes with the alarm",
+    ),
+    (
+        mutants.FaultThatBlocks,
+        "test_ageing.py::test_the_device_says_at_once_why_it_is_silent",
+        "blocks",
+    ),
+    (
         mutants.ClearingEnables,
         FAULTS + "an_alarm_stays_until_it_is_cleared_and_then_nothing_moves",
         "enabled the servo",

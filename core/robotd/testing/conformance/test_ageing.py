@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
 from robotd.cycle.execution import Outcome
 from robotd.device.bench import Bench
 from robotd.device.state import EngineState
+from robotd.errors import Unsupported
+from robotd.plugin.guard import unguarded
 from robotd.testing.conformance.rig import Rig
 from robotd.testing.conformance.stand import BenchOrSkip
 
 MakeRig = Callable[..., Rig]
+
+CALLS = 20
 
 
 def test_values_are_fresh(rig: Rig) -> None:
@@ -58,6 +64,30 @@ def test_a_dead_bus_does_not_look_alive(make_rig: MakeRig) -> None:
     bench.freeze(False)
     if engine.state is EngineState.UNKNOWN:
         rig.until(lambda: engine.ready, "the engine is ready again when values arrive")
+
+
+def test_the_device_says_at_once_why_it_is_silent(make_rig: MakeRig) -> None:
+    rig = make_rig()
+    device = unguarded(rig.parts.device)
+
+    def said() -> str:
+        began_s = time.perf_counter()
+        text = min(device.fault() for _ in range(CALLS))
+        assert (time.perf_counter() - began_s) / CALLS < rig.period_s, "fault() blocks"
+        assert "\n" not in text, "a fault is part of a line"
+        return text
+
+    said()
+    rig.up()
+    assert said() == "", "a fault while fresh values arrive"
+    if rig.bench is not None:
+        with suppress(Unsupported):
+            rig.bench.freeze(True)
+            rig.until(lambda: not rig.robot.engine.ready, "the engine is not ready")
+            said()
+            rig.bench.freeze(False)
+    rig.robot.engine.close()
+    said()
 
 
 def test_a_dead_bus_ends_a_trajectory(jointed: Rig, bench: Bench) -> None:

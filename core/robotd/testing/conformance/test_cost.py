@@ -72,9 +72,12 @@ def test_read_fills_the_arrays_that_it_is_given(rig: Rig) -> None:
     image = ProcessImage(rig.count)
     arrays = {name: id(value) for name, value in vars(image).items()
               if isinstance(value, np.ndarray)}  # fmt: skip
+    reasons = image.reason
     rig.periods(1)
     rig.parts.driver.read(image)
     assert {name: id(getattr(image, name)) for name in arrays} == arrays
+    assert image.reason is reasons
+    assert [type(reason) for reason in reasons] == [str] * rig.count
     for values in (
         image.position,
         image.velocity,

@@ -28,6 +28,17 @@ def test_an_alarm_is_shown_with_its_code(rig: Rig, bench: Bench) -> None:
     assert not rig.image.alarm_code[1:].any()
 
 
+def test_the_reason_of_an_alarm_comes_and_goes_with_it(rig: Rig, bench: Bench) -> None:
+    assert not any(rig.image.reason), "a reason without an alarm"
+    bench.trip(0, ALARM)
+    rig.until(lambda: bool(rig.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    rig.periods(5)
+    assert "\n" not in rig.image.reason[0], "a reason is part of a line"
+    assert not any(rig.image.reason[1:]), "the reason is shown on another axis too"
+    rig.robot.axes.clear_alarm(0)
+    rig.until(lambda: not rig.image.reason[0], "the reason goes with the alarm", 1.0)
+
+
 def test_an_alarm_ends_the_motion_of_its_axis_alone(rig: Rig, bench: Bench) -> None:
     targets = rig.image.position_command + rig.travel()
     rig.move(rig.all, targets)
@@ -103,6 +114,7 @@ def test_a_drive_that_is_lost_is_offline(make_rig: MakeRig) -> None:
     BenchOrSkip.of(rig).disconnect(0)
     rig.until(lambda: bool(rig.image.offline[0]), "the lost drive is offline", 2.0)
     assert not rig.image.offline[1:].any()
+    assert not any(rig.image.reason[1:])
     with pytest.raises(NotReady):
         rig.move([0], rig.image.position_command + rig.travel())
 

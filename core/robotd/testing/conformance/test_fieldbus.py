@@ -59,6 +59,15 @@ def test_the_drives_are_operational(rig: Rig) -> None:
     assert sum(network.total_axes for network in networks) >= rig.count
     drives = [slave for network in networks for slave in network.slaves if slave.axes]
     assert all(slave.state == OPERATIONAL and not slave.offline for slave in drives)
+    assert not any(slave.fault for slave in drives)
+
+
+def test_what_is_told_of_it_is_text(rig: Rig) -> None:
+    driver = fieldbus_of(rig)
+    for network in map(driver.network_state, range(driver.masters)):
+        texts = [*network.details, *network.details.values(), *(s.fault for s in network.slaves)]
+        assert {type(text) for text in texts} <= {str}
+        assert not any("\n" in text for text in texts)
 
 
 def test_a_lost_slave_is_shown(make_rig: MakeRig) -> None:
