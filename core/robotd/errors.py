@@ -18,6 +18,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+MAX_SHOWN = 50
+"""Problems of one file that a text lists. A hostile file can have a million."""
+
 
 class RobotdError(Exception):
     """Root of the tree. ``str(error)`` is a sentence fit for a user.
@@ -57,11 +60,14 @@ class DescriptorError(RobotdError):
 
     @classmethod
     def join(cls, errors: Iterable[DescriptorError]) -> DescriptorError:
-        """One error whose text lists every error on a line of its own."""
+        """One error whose text lists the errors on lines of their own, the first 50 of them."""
         problems = list(errors)
         if len(problems) == 1:
             return problems[0]
-        joined = cls("\n".join(str(error) for error in problems))
+        lines = [str(error) for error in problems[:MAX_SHOWN]]
+        if hidden := len(problems) - len(lines):
+            lines.append(f"and {hidden} more problems")
+        joined = cls("\n".join(lines))
         joined.path, joined.line, joined.key = problems[0].path, problems[0].line, problems[0].key
         return joined
 

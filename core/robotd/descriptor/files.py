@@ -26,10 +26,14 @@ def is_folder(path: Path) -> bool:
 
 def read_limited(path: Path, max_bytes: int) -> bytes:
     """The bytes of a regular file of at most ``max_bytes``. Raises DescriptorError."""
-    if _mode(path) and not is_file(path):  # a named pipe would block for ever
+    # Looked at before, because opening alone starts some devices; and after, because the name
+    # may have come to mean another file. O_NONBLOCK: a named pipe would wait for its writer.
+    if _mode(path) and not is_file(path):
         raise DescriptorError("not a regular file", path=path)
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=_open_without_waiting) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise DescriptorError("not a regular file", path=path)
             data = file.read(max_bytes + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the name
         reason = getattr(error, "strerror", None) or error
@@ -37,6 +41,10 @@ def read_limited(path: Path, max_bytes: int) -> bytes:
     if len(data) > max_bytes:
         raise DescriptorError(f"larger than the limit of {max_bytes:_} bytes", path=path)
     return data
+
+
+def _open_without_waiting(name: str, flags: int) -> int:
+    return os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY)
 
 
 def _mode(path: Path) -> int:

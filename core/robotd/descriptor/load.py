@@ -19,6 +19,7 @@ from robotd.errors import DescriptorError
 
 FILE_NAME = "robot.yaml"
 MAX_EXTENDS = 8
+MAX_VARIANTS = 32  # each is checked, whichever is asked for
 
 _FILE_KEYS = ("parameters_file", "urdf")
 _NOT_IN_A_VARIANT = ("schema", "name", "extends", "variants", "default_variant")
@@ -100,9 +101,15 @@ def validate_section(descriptor: RobotDescriptor, section: str, model: type[Mode
 
 
 def _variants(tree: Node) -> tuple[list[str], str | None]:
-    """Names of the variants, and the default one; what is malformed is left to the model."""
+    """Names of the variants, and the default one; what is malformed is left to the model.
+
+    Raises DescriptorError: more than ``MAX_VARIANTS``.
+    """
     variants = tree.value.get("variants")
     names = list(variants.value) if variants and isinstance(variants.value, dict) else []
+    if variants and len(names) > MAX_VARIANTS:
+        what = f"{len(names)} variants, the limit is {MAX_VARIANTS}"
+        raise DescriptorError(what, path=variants.path, line=variants.line, key="variants")
     default = tree.value.get("default_variant")
     return names, default.value if default and default.value in names else None
 

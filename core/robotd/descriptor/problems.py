@@ -15,6 +15,7 @@ from robotd.errors import DescriptorError
 
 Model = TypeVar("Model", bound=BaseModel)
 
+_MAX_FINDINGS = 200  # more than a text shows; each costs a search for the nearest known word
 _CONSEQUENCE = "default_factory_not_called"  # of another finding, which is reported
 _BOUNDS = {
     "greater_than": ("must be greater than {gt:g}", "gt"),
@@ -40,9 +41,9 @@ def validate(
 def problems_of(
     model: type[BaseModel], error: ValidationError, tree: Node | None, keys: Sequence[str | int]
 ) -> list[DescriptorError]:
-    """One DescriptorError per finding of ``error``, each with its place in the file."""
+    """One DescriptorError per finding of ``error``, each with its place; of a flood the first."""
     findings = [found for found in error.errors() if found["type"] != _CONSEQUENCE]
-    return [_problem(model, found, tree, keys) for found in findings]
+    return [_problem(model, found, tree, keys) for found in findings[:_MAX_FINDINGS]]
 
 
 def join(problems: Iterable[DescriptorError]) -> DescriptorError:

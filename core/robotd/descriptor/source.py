@@ -2,7 +2,7 @@
 
 A strict subset of YAML: one document, string keys, no tags, no aliases, no key twice, and the
 plain scalars of JSON (so ``yes`` is a word and ``1e-3`` a number). What is refused is refused
-with its line, all of it at once.
+with its line, all of it at once. Everything has a limit, so that no file takes long.
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ from robotd.errors import DescriptorError
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
+MAX_VALUES = 10_000  # 1000 points of a trajectory of 6 joints are 8000
+MAX_KEY = 100  # characters
+MAX_TEXT = 4096  # characters; the longest path that Linux takes
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _WORDS: dict[str, bool | None] = {
@@ -90,6 +93,7 @@ class _Builder:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._values = 0
         self.problems: list[DescriptorError] = []
 
     def document(self, events: Iterator[Any]) -> Node:
@@ -108,6 +112,9 @@ class _Builder:
     def _node(self, event: Any, events: Iterator[Any], line: int, depth: int) -> Node:
         if depth > MAX_DEPTH:
             raise self._error(f"nested deeper than {MAX_DEPTH} levels", event)
+        self._values += 1
+        if self._values > MAX_VALUES:
+            raise self._error(f"more than {MAX_VALUES:_} values", event)
         if isinstance(event, yaml.AliasEvent):
             self._refuse(f"alias *{event.anchor}: use variants or extends instead", event)
             return Node(None, self._path, line)
@@ -119,7 +126,7 @@ class _Builder:
         elif isinstance(event, yaml.SequenceStartEvent):
             value = self._sequence(events, depth)
         else:
-            value = _plain_scalar(event.value) if event.implicit[0] else event.value
+            value = self._scalar(event)
         return Node(value, self._path, line)
 
     def _mapping(self, events: Iterator[Any], depth: int) -> dict[str, Node]:
@@ -130,6 +137,8 @@ class _Builder:
                 break
             if not isinstance(key, yaml.ScalarEvent):
                 raise self._error("a key must be a word", key)
+            if len(key.value) > MAX_KEY:
+                raise self._error(f"a key is longer than {MAX_KEY} characters", key)
             line = _line(key)
             child = self._node(next(events), events, line, depth + 1)
             if key.value in children:
@@ -145,6 +154,12 @@ class _Builder:
                 break
             children.append(self._node(event, events, _line(event), depth + 1))
         return children
+
+    def _scalar(self, event: Any) -> bool | int | float | str | None:
+        text: str = event.value
+        if len(text) > MAX_TEXT:
+            raise self._error(f"a text is longer than {MAX_TEXT} characters", event)
+        return _plain_scalar(text) if event.implicit[0] else text
 
     def _error(self, message: str, event: Any) -> DescriptorError:
         return DescriptorError(message, path=self._path, line=_line(event))

@@ -31,11 +31,12 @@ from robotd.descriptor.wmx_parameters import (
 )
 from robotd.errors import DescriptorError
 
-MAX_BYTES = 8_000_000
+MAX_BYTES = 4_000_000
 """A complete file has 1.1 MB."""
 VERSION = "1.00"
 
-_MAX_PROBLEMS = 50
+_MAX_PROBLEMS = 1000  # then reading ends: each costs a search for the nearest known word
+_SHOWN = 40  # characters of a value or a word
 _NUMBER = re.compile(r"\s*[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,3})?\s*", re.ASCII)
 
 
@@ -129,7 +130,7 @@ class _Reader:
             what = f"given before, on line {lines[axis]}"
             self._refuse(what, line, f"{key}.{leaf.tag}")
         elif len(leaf) or not _NUMBER.fullmatch(text):
-            what = f"must be a number (value {text[:40]!r})"
+            what = f"must be a number (value {text[:_SHOWN]!r})"
             self._refuse(what, line, f"{key}.{leaf.tag}")
         values[axis], lines[axis] = _number(text), line
 
@@ -156,18 +157,17 @@ class _Reader:
         for axis, text in gear_problems(dict(_named(columns))):
             self._refuse(text, self._axes.lines[row][axis], f"axis{axis}.AxisParam")
         if self._problems:
-            shown = self._problems[:_MAX_PROBLEMS]
-            hidden = len(self._problems) - len(shown)
-            more = [DescriptorError(f"and {hidden} more problems", path=self._path)]
-            raise DescriptorError.join(shown + (more if hidden else []))
+            raise DescriptorError.join(self._problems)
 
     def _unknown(self, element: Any, known: tuple[str, ...], key: str) -> None:
         tag = element.tag if isinstance(element.tag, str) else str(element)
-        what = f"unknown element <{tag}>{did_you_mean(tag, known)}"
+        what = f"unknown element <{tag[:_SHOWN]}>{did_you_mean(tag, known)}"
         self._refuse(what, element.sourceline, key)
 
     def _refuse(self, what: str, line: int, key: str) -> None:
         self._problems.append(DescriptorError(what, path=self._path, line=line or None, key=key))
+        if len(self._problems) == _MAX_PROBLEMS:
+            raise DescriptorError.join(self._problems)
 
 
 def _named(columns: list[tuple[Parameter, Column]]) -> Iterator[tuple[str, Column]]:

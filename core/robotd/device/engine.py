@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from robotd.descriptor import EngineSettings
+from robotd.descriptor.files import is_file
 from robotd.device.drivers import DeviceDriver
 from robotd.device.state import EngineState
 from robotd.errors import (
@@ -189,8 +190,8 @@ class Engine:
         """Apply a parameter file now, all of it or nothing. The file must exist."""
         if not self._has_parameters:
             raise Unsupported("parameter files", self._backend)
-        if not path.is_file():
-            raise OperationError(f"parameter file {path} does not exist")
+        if not is_file(path):
+            raise OperationError(f"parameter file {path} does not exist, or is no file")
         with self._lock:
             self.require_ready()
             self._driver.load_parameters(path)
@@ -273,7 +274,7 @@ class Engine:
 
     def _check_parameters_file(self) -> None:
         path = self.parameters_file
-        if path is not None and self._has_parameters and not path.is_file():
+        if path is not None and self._has_parameters and not is_file(path):
             raise DescriptorError("parameter file does not exist", path=path)
 
     def _apply_parameters_file(self) -> None:

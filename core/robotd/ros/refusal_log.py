@@ -9,6 +9,9 @@ from robotd.log import get_logger
 
 log = get_logger("commands")
 
+MAX_KNOWN = 256  # axes that are remembered
+MAX_AXES = 128  # of one message
+
 _NUMBERS = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
@@ -16,7 +19,8 @@ class RefusalLog:
     """Logs the first refusal of each kind until a command on the same axes is accepted again.
 
     Two refusals are of one kind when they concern the same axes of the same topic and their
-    texts differ in numbers only. One thread: the executor's.
+    texts differ in numbers only. A flood of ever other axes is cut off until a command is
+    accepted, so that no client can fill the memory or the disk. One thread: the executor's.
     """
 
     def __init__(self) -> None:
@@ -24,12 +28,21 @@ class RefusalLog:
 
     def refused(self, topic: str, axes: Sequence[int], reason: str) -> None:
         """A message on ``topic`` was not obeyed."""
-        kinds = self._known.setdefault((topic, tuple(axes)), set())
+        concerned = (topic, tuple(axes[:MAX_AXES]))
+        if concerned not in self._known:
+            if len(self._known) == MAX_KNOWN:
+                return
+            self._known[concerned] = set()
+            if len(self._known) == MAX_KNOWN:
+                log.warning("refusals of other axes are hidden until a command is accepted")
+        kinds = self._known[concerned]
         kind = _NUMBERS.sub("#", reason)
         if kind not in kinds:
             kinds.add(kind)
-            log.warning("command refused", topic=topic, axes=list(axes), reason=reason)
+            log.warning("command refused", topic=topic, axes=list(concerned[1]), reason=reason)
 
     def accepted(self, topic: str, axes: Sequence[int]) -> None:
         """A message on ``topic`` was obeyed: the next refusal is news again."""
-        self._known.pop((topic, tuple(axes)), None)
+        if len(self._known) == MAX_KNOWN:
+            self._known.clear()
+        self._known.pop((topic, tuple(axes[:MAX_AXES])), None)

@@ -136,6 +136,19 @@ def test_refusals(robots: Path, old: str, new: str, expected: str) -> None:
     assert expected in "\n".join(refusal(robots, ARM.replace(old, new, 1)))
 
 
+def test_variants_are_counted_before_they_are_checked(robots: Path) -> None:
+    variants = "".join(f"  v{number}: {{}}\n" for number in range(40))
+    found = refusal(robots, ARM.replace("  one: ", f"{variants}  one: "))
+    assert found == ["15: variants: 42 variants, the limit is 32"]
+
+
+def test_of_a_flood_of_mistakes_the_first_are_told(robots: Path) -> None:
+    found = refusal(robots, ARM + "".join(f"key{number}: 1\n" for number in range(5000)))
+    assert found[0] == "18: key0: unknown key"
+    assert len(found) == 51
+    assert re.fullmatch(r"and \d+ more problems", found[-1])
+
+
 def test_a_robot_without_joints_must_say_how_many_axes(robots: Path) -> None:
     assert "axes: missing" in refusal(robots, "schema: 1\nname: bare\n")[0]
     bare = write(robots, "bare", "schema: 1\nname: bare\naxes: 2\n")

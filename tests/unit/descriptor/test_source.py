@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from robotd.descriptor.source import MAX_BYTES, read_yaml
+from robotd.descriptor.source import MAX_BYTES, MAX_VALUES, read_yaml
 from robotd.errors import DescriptorError
 
 BOMB = "a: &a [x, x]\n" + "".join(f"b{i}: &b{i} [*a, *a]\n" for i in range(9))
@@ -31,7 +31,7 @@ def read(tmp_path: Path, text: str | bytes) -> object:
         ("true", True),
         ("'1'", "1"),
         ("[1, a, null]", [1, "a", None]),
-        ("9" * 5000, float("inf")),
+        ("9" * 4096, float("inf")),
     ],
 )
 def test_plain_scalars_are_those_of_json(tmp_path: Path, text: str, value: object) -> None:
@@ -64,6 +64,9 @@ def test_every_value_knows_its_line(tmp_path: Path) -> None:
         ("a: " + "[" * 100_000, 1, "deeper than 20"),
         (b"a: \xff", None, "not UTF-8"),
         (b"a: \0", None, "not valid YAML"),
+        ("a:\n" + "- []\n" * MAX_VALUES, MAX_VALUES, "more than 10_000 values"),
+        ("a: 1\n? " + "b" * 101 + "\n: 1", 2, "a key is longer than 100 characters"),
+        ("a: 1\nb: " + "9" * 4097, 2, "a text is longer than 4096 characters"),
         ("a: x\n" + "#" * MAX_BYTES, None, "larger than the limit of 1_000_000"),
     ],
 )

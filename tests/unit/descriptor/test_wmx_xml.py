@@ -183,6 +183,16 @@ def test_a_flood_of_refusals_is_cut(tmp_path: Path, full_text: str) -> None:
     assert len(str(caught.value).splitlines()) == 51
 
 
+@pytest.mark.parametrize("element", ["<AxisPolaritx/>", f"<{'x' * 40_000}/>", "<MaxTrqLimit/>"])
+def test_a_file_full_of_mistakes_is_not_read_to_its_end(tmp_path: Path, element: str) -> None:
+    body = element * ((MAX_BYTES - 1000) // len(element))
+    begin_s = time.process_time()
+    with pytest.raises(DescriptorError) as caught:
+        read(tmp_path, axis_file(f"<AxisParam>{body}</AxisParam>"))
+    assert time.process_time() - begin_s < 2.0
+    assert len(str(caught.value)) < 20_000
+
+
 @pytest.mark.parametrize("axis", ["-1", "128", "", "1.0", "x", "٣"])
 def test_an_axis_that_does_not_exist(tmp_path: Path, axis: str) -> None:
     with pytest.raises(DescriptorError, match=r"xml:2: .*Axis must be a whole number from 0 to"):
@@ -205,7 +215,7 @@ def test_an_axis_that_does_not_exist(tmp_path: Path, axis: str) -> None:
         ),
         ("<!DOCTYPE x><Parameters/>", "DOCTYPE is not allowed"),
         ("<a>" * 10_000, "not valid XML"),
-        (b" " * (MAX_BYTES + 1), "larger than the limit of 8_000_000 bytes"),
+        (b" " * (MAX_BYTES + 1), "larger than the limit of 4_000_000 bytes"),
     ],
 )
 def test_hostile_files(tmp_path: Path, content: str | bytes, message: str) -> None:

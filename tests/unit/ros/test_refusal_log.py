@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from structlog.testing import capture_logs
 
-from robotd.ros.refusal_log import RefusalLog
+from robotd.ros.refusal_log import MAX_AXES, MAX_KNOWN, RefusalLog
 
 
 def test_the_same_refusal_is_logged_once_whatever_its_numbers() -> None:
@@ -36,3 +36,16 @@ def test_after_an_accepted_command_the_refusal_is_news_again() -> None:
         log.accepted("position", [1])
         log.refused("position", [1], "servo is off")
     assert len(lines) == 2
+
+
+def test_a_flood_of_ever_other_axes_is_cut_off_until_a_command_is_accepted() -> None:
+    log = RefusalLog()
+    with capture_logs() as lines:
+        for axis in range(10 * MAX_KNOWN):
+            log.refused("velocity", [axis] * (2 * MAX_AXES), "an axis is outside 0..5")
+    assert len(lines) == MAX_KNOWN + 1
+    assert all(len(line.get("axes", ())) <= MAX_AXES for line in lines)
+    with capture_logs() as lines:
+        log.accepted("velocity", [0])
+        log.refused("velocity", [9999], "an axis is outside 0..5")
+    assert len(lines) == 1
