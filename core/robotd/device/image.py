@@ -40,6 +40,8 @@ class ProcessImage:
         values, flags, numbers: the arrays above are the rows of these three blocks, whose order
             is that of ``VALUES``, of ``FLAGS``, and alarm code, mode, operation. A copy of a
             block costs no more than one of an array.
+        commands, measured: rows of ``values``: position and velocity as commanded; position,
+            velocity and torque as measured.
         reason: the device's own words for an alarm, for a drive that does not answer, or for a
             stop that nobody commanded, until the next command; "" where it has none.
         stamp_ns: monotonic time of the last ``read``; 0 before the first.
@@ -68,6 +70,7 @@ class ProcessImage:
         self.stamp_ns = 0
         self.fresh_ns = 0
         self.values: FloatArray = np.full((len(VALUES), axes), np.nan)
+        self.commands, self.measured = self.values[:2], self.values[2:]
         self.flags: BoolArray = np.zeros((len(FLAGS), axes), bool)
         self.numbers: IntArray = np.zeros((3, axes), np.int64)
         for names, block in ((VALUES, self.values), (FLAGS, self.flags)):

@@ -77,9 +77,11 @@ class SimDevice(DeviceDriver):
             simulation.silence()
 
     def state(self) -> EngineState:
-        with self.simulation.world.lock:
-            self.simulation.world.advance()
-            return self.simulation.engine
+        simulation = self.simulation
+        if simulation.engine is EngineState.RUNNING:  # communication may be due to begin
+            with simulation.world.lock:
+                simulation.world.advance()
+        return simulation.engine
 
     def fault(self) -> str:
         return NO_FRAMES if self.simulation.network.frozen else ""

@@ -71,8 +71,7 @@ class SimIo(IoDriver):
 
     def read_outputs(self, byte: int, length: int) -> bytes:
         self._check(byte, length)
-        with self._simulation.world.lock:
-            return bytes(self._simulation.io.outputs[byte : byte + length])
+        return bytes(self._simulation.io.outputs[byte : byte + length])
 
     def write_outputs(self, byte: int, data: bytes) -> None:
         self._check(byte, len(data))

@@ -6,25 +6,32 @@ import numpy as np
 
 from robotd.plugin.api import CommandMode, ProcessImage
 from robotd_sim.simulation import Simulation
+from robotd_sim.state import Flags
 
 
 class Readout:
     """Fills process images; allocates nothing per axis. Hold the world's lock.
 
-    Axes that do not answer keep their last values, as a receive buffer does.
+    Axes that do not answer keep their last values, as a receive buffer does. An image that shows
+    what there is already costs a comparison: mostly the drives' states, at rest all of it.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         axes, options = simulation.axes, simulation.options
+        self._image: ProcessImage | None = None  # the one that was filled last
+        self._fresh_ns = 0  # its own, then
+        self._states: object = None  # what it shows, see ``snapshot``
+        self._motion: object = None
         self._fresh = ProcessImage(axes)  # values as they are received
-        self._online = np.zeros(axes, bool)
-        self._follows = np.zeros(axes, bool)
+        self._follows: Flags = np.zeros(axes, bool)  # its position command is what it measures
         self._random = np.random.default_rng(options.seed)
         self._velocity_noise, self._torque_noise = (
             options.velocity_noise_rad_s,
             options.torque_noise_nm,
         )
+        self._noisy = bool(self._velocity_noise or self._torque_noise)
+        self._some_follow = False
         lows, highs = np.full(axes, np.inf), np.full(axes, -np.inf)
         for axis, switch in options.home_switches.items():
             lows[axis] = switch.position_rad - switch.width_rad / 2
@@ -33,19 +40,25 @@ class Readout:
         self._switches = bool(options.home_switches) or simulation.guards.has_switches
 
     def fill(self, image: ProcessImage) -> None:
-        simulation, states = self._simulation, self._simulation.states
+        simulation = self._simulation
         if simulation.network.frozen:
             return
+        if image is not self._image or image.fresh_ns != self._fresh_ns:
+            self._image, self._states, self._motion = image, None, None
+        states = simulation.communicating, simulation.states.snapshot()
+        if states != self._states:
+            self._states, self._motion = states, None
+            self._show_states(image)
         if simulation.communicating:
             image.fresh_ns = simulation.world.now_ns
-            np.logical_not(states.connected, image.offline)
-            if simulation.all_connected:
-                self._receive(image)
-            else:
-                self._receive(self._fresh)
-                self._keep_offline(image)
-        else:
-            image.offline[:] = True
+            motion = simulation.servo.snapshot()
+            if motion != self._motion or self._noisy:
+                self._motion = motion
+                self._show_motion(image)
+        self._fresh_ns = image.fresh_ns
+
+    def _show_states(self, image: ProcessImage) -> None:
+        states = self._simulation.states
         image.servo_on[:] = states.servo_on
         image.amp_alarm[:] = states.amp_alarm
         image.alarm_code[:] = states.alarm_code
@@ -54,24 +67,32 @@ class Readout:
         image.mode[:] = states.mode_feedback
         image.operation[:] = states.operation
         image.reason[:] = states.reason
+        image.offline[:] = True
+        if self._simulation.communicating:
+            np.logical_not(states.connected, image.offline)
+        # Without a position loop the engine lets the commanded position follow the measured one.
+        self._follows[:] = (states.mode_feedback != CommandMode.POSITION) | ~states.servo_on
+        self._some_follow = bool(self._follows.any())
+
+    def _show_motion(self, image: ProcessImage) -> None:
+        if self._simulation.all_connected:
+            self._receive(image)
+        else:
+            self._receive(self._fresh)
+            self._keep_offline(image)
 
     def _receive(self, image: ProcessImage) -> None:
         """The measured and commanded values of all axes into ``image``."""
-        servo, states, follows = self._simulation.servo, self._simulation.states, self._follows
+        servo = self._simulation.servo
         self._simulation.scaling.quantise(servo.position, image.position)
-        servo.measure_velocity(image.velocity)
-        servo.measure_torque(image.velocity, image.torque)
+        servo.measure(image.measured[1:])
         if self._torque_noise:
             image.torque += self._torque_noise * self._random.standard_normal(servo.axes)
         if self._velocity_noise:
             image.velocity += self._velocity_noise * self._random.standard_normal(servo.axes)
-        image.position_command[:] = servo.command
-        image.velocity_command[:] = servo.command_velocity
-        # Without a position loop the engine lets the commanded position follow the measured one.
-        np.not_equal(states.mode_feedback, CommandMode.POSITION, follows)
-        np.copyto(image.position_command, image.position, where=follows)
-        np.logical_not(states.servo_on, follows)
-        np.copyto(image.position_command, image.position, where=follows)
+        image.commands[:] = servo.commands
+        if self._some_follow:
+            np.copyto(image.position_command, image.position, where=self._follows)
         if self._switches:
             self._read_switches(image)
 

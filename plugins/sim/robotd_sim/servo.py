@@ -48,6 +48,7 @@ class Servo:
     Attributes:
         position, command, command_velocity, command_acceleration: views, shape (n,).
         watched: the first two of them as one view, shape (2, n).
+        commands: commanded position and velocity as one view, shape (2, n).
         coefficients: p, v, h, j about the tick ``origin``, shape (4, n).
         settle_ticks: how long the slowest axis needs to come to rest after its command.
     """
@@ -63,17 +64,19 @@ class Servo:
         self.command_velocity, self.command_acceleration = self._state[3], self._state[4]
         self._filtered, self._commanded = self._state[:3], self._state[2:]
         self.watched = self._state[1:3]  # measured and commanded position
+        self.commands = self._state[2:4]
         self.coefficients: FloatArray = np.zeros((4, axes))
         self._bases = [_basis(tick_s * count) for count in range(_SPAN + 1)]
         self._shifts = [_shift(tick_s * count) for count in range(_SPAN + 1)]
         self._weights: FloatArray = np.zeros((3, axes))
         self._terms: FloatArray = np.zeros((3, axes))
         # What is measured is a weighted sum of y, c, c' and c''.
-        self._speed: FloatArray = np.zeros((4, axes))
-        self._torque: FloatArray = np.zeros((4, axes))
-        self._products: FloatArray = np.zeros((4, axes))
+        self._readings: FloatArray = np.zeros((2, 4, axes))
+        self._speed, self._torque = self._readings
+        self._products: FloatArray = np.zeros((2, 4, axes))
         self._friction: FloatArray = np.zeros(axes)
         self._rests = False
+        self._changes = 0  # of what an axis measures in the same state
         self._closed, self._free = [False] * axes, np.ones(axes, bool)
         for axis in range(axes):
             self.close_loop(axis, closed=False)
@@ -119,7 +122,7 @@ class Servo:
             self.origin = tick
         else:
             self.rebase(tick)
-        np.copyto(self.coefficients[:2], self._state[2:4], where=where)
+        np.copyto(self.coefficients[:2], self.commands, where=where)
         np.copyto(self.coefficients[2:], bent, where=where)
 
     def follow(
@@ -133,6 +136,7 @@ class Servo:
         """Position loop on, or off: the axis then is its own command (it coasts)."""
         gain, forward = float(self._gain[axis]), float(self._mechanics.feedforward[axis])
         self._closed[axis] = closed
+        self._changes += 1
         if not self._free[axis]:
             self._weights[:, axis] = 0.0, 1.0, 0.0
             self._speed[:, axis] = self._torque[:, axis] = self._friction[axis] = 0.0
@@ -171,23 +175,24 @@ class Servo:
         """Measured velocity of one axis."""
         return float(self._speed[:, axis] @ self._state[1:, axis])
 
-    def measure_velocity(self, out: FloatArray) -> None:
-        """Measured velocity of all axes into ``out``."""
-        np.multiply(self._speed, self._state[1:], self._products)
-        np.add.reduce(self._products, 0, out=out)
-
-    def measure_torque(self, velocity: FloatArray, out: FloatArray) -> None:
-        """Torque of the motors into ``out``; ``velocity`` is the measured one."""
+    def measure(self, out: FloatArray) -> None:
+        """Measured velocities and torques of the motors into the two rows of ``out``, (2, n)."""
+        np.multiply(self._readings, self._state[1:], self._products)
+        np.add.reduce(self._products, 1, out=out)
+        velocity, torque = out
         slip = self._terms[0]
         np.maximum(velocity, -_STICTION_RAD_S, out=slip)
         np.minimum(slip, _STICTION_RAD_S, out=slip)
         np.multiply(slip, self._friction, slip)
-        np.multiply(self._torque, self._state[1:], self._products)
-        np.add.reduce(self._products, 0, out=out)
-        np.add(out, slip, out)
+        np.add(torque, slip, torque)
+
+    def snapshot(self) -> tuple[int, bytes]:
+        """Equals another one if every axis would measure the same now as then."""
+        return self._changes, self._state.tobytes()
 
     def relabel(self, scale: FloatArray, shift: FloatArray) -> None:
         """Change the units: every position becomes position · scale + shift."""
+        self._changes += 1
         self._state *= scale
         self._state[:3] += shift
         self.coefficients *= scale

@@ -56,7 +56,7 @@ class Simulation:
         )  # fmt: skip
         self.servo = Servo(mechanics, options.tick_s)
         self.world = World(clock, self.servo, options.max_catch_up_s)
-        self.states = AxisStates.of(self.axes)
+        self.states = AxisStates(self.axes)
         self.engine = EngineState.IDLE
         self.failures_left = options.fail_open
         self.all_connected = True

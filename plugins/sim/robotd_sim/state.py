@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Self
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,9 +11,10 @@ Flags = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
 class AxisStates:
     """Flags and numbers of shape (n_axes,), changed in place under the world's lock.
+
+    At first all axes are connected, off and idle.
 
     Attributes:
         connected: the drive's slave answers; with communication up, the axis is online.
@@ -27,40 +25,17 @@ class AxisStates:
             array: one text per axis.
     """
 
-    servo_on: Flags
-    servo_wanted: Flags
-    amp_alarm: Flags
-    connected: Flags
-    home_done: Flags
-    motion_complete: Flags
-    following_alarm: Flags
-    alarm_code: Numbers
-    mode: Numbers
-    mode_feedback: Numbers
-    operation: Numbers
-    reason: list[str]
+    def __init__(self, axes: int) -> None:
+        self._flags: Flags = np.zeros((7, axes), bool)
+        self._numbers: Numbers = np.zeros((4, axes), np.int64)
+        self.servo_on, self.servo_wanted, self.amp_alarm, self.connected = self._flags[:4]
+        self.home_done, self.motion_complete, self.following_alarm = self._flags[4:]
+        self.alarm_code, self.mode, self.mode_feedback, self.operation = self._numbers
+        self.reason = [""] * axes
+        self.connected[:] = True
+        self.mode[:] = self.mode_feedback[:] = CommandMode.POSITION
+        self.operation[:] = Operation.IDLE
 
-    @classmethod
-    def of(cls, axes: int) -> Self:
-        """All axes connected, off and idle."""
-
-        def flags() -> Flags:
-            return np.zeros(axes, bool)
-
-        def numbers(value: int) -> Numbers:
-            return np.full(axes, value, np.int64)
-
-        return cls(
-            servo_on=flags(),
-            servo_wanted=flags(),
-            amp_alarm=flags(),
-            connected=~flags(),
-            home_done=flags(),
-            motion_complete=flags(),
-            following_alarm=flags(),
-            alarm_code=numbers(0),
-            mode=numbers(CommandMode.POSITION),
-            mode_feedback=numbers(CommandMode.POSITION),
-            operation=numbers(Operation.IDLE),
-            reason=[""] * axes,
-        )
+    def snapshot(self) -> tuple[bytes, bytes, tuple[str, ...]]:
+        """Equals another one if nothing has changed since."""
+        return self._flags.tobytes(), self._numbers.tobytes(), tuple(self.reason)
