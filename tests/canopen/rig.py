@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -10,13 +13,20 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock, wait_until
 from robotd.cycle.execution import Execution
+from robotd.device.drivers import NetworkState
+from robotd.device.image import ProcessImage
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.guard import unguarded
 from robotd.robot import Robot
 from robotd_canopen.device import CanopenDevice
+from robotd_canopen.fieldbus import CanopenFieldbus
 from robotd_canopen.inject import inject
 from robotd_canopen.master import Master
+from robotd_canopen.simulate import simulated_network
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
+
+STEEP_RAD_S2 = 60.0  # beyond every ramp that is configured (10 and 40), below any jump
+SPAN = 5  # periods over which a ramp is measured
 
 
 class Rig:
@@ -53,6 +63,37 @@ class Rig:
         names = self.robot.joint_names
         return TrajectoryRequest.from_rows(names, [seconds], [[target] * len(names)])
 
+    def device_state(self) -> NetworkState:
+        """As the fieldbus driver tells it, whatever the state of the engine."""
+        return CanopenFieldbus(self.master).network_state(0)
+
+    def break_bus(self) -> None:
+        """The adapter is unplugged."""
+        opened = self.master.bus._can
+        assert opened is not None
+        opened.shutdown()
+
+    def pause_cycle(self, seconds: float) -> None:
+        """Let the cycle stand, as on a computer that does something else."""
+        stood = threading.Event()
+
+        def stand(image: ProcessImage) -> None:
+            if not stood.is_set():
+                time.sleep(seconds)
+                stood.set()
+
+        self.robot.cycle.every(1000, "pause", stand)
+        assert stood.wait(seconds + 5)
+
+    def second_network(self) -> SimulatedNetwork:
+        """The same nodes once more, on the same bus."""
+        return simulated_network(self.robot.descriptor, self.master.options)
+
+    def threads(self) -> list[threading.Thread]:
+        """Those that must never end: cycle, receive thread, simulated drives."""
+        found = [self.robot.cycle._thread, self.master.bus._thread, self.network._thread]
+        return [thread for thread in found if thread is not None]
+
     def follow(self, seconds: float, target: float) -> Execution:
         """Run a trajectory of one point to its end, whatever that is."""
         with self.robot.follower.follow(self.request(seconds, target)) as execution:
@@ -61,3 +102,41 @@ class Rig:
 
     def positions(self) -> FloatArray:
         return np.array(self.image.copy().position)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """How a trajectory ended, and the steepest ramp of the axes that were well."""
+
+    execution: Execution
+    steepest_rad_s2: float
+
+
+def broken(rig: Rig, fault: str | Callable[[], None], healthy: Sequence[int] = (0,)) -> Stop:
+    """A trajectory during which ``fault`` happens; returns when the ``healthy`` axes stand.
+
+    They are still switched on then.
+    """
+    chosen = list(healthy)
+    times_ns: list[int] = []
+    speeds: list[FloatArray] = []
+
+    def note(image: ProcessImage) -> None:
+        times_ns.append(image.stamp_ns)
+        speeds.append(image.velocity[chosen].copy())
+
+    with rig.robot.follower.follow(rig.request(1.5, 0.8)) as execution:
+        rig.robot.cycle.every(1000, "speeds", note)
+        rig.until(lambda: rig.image.position[0] > 0.2)
+        if callable(fault):
+            fault()
+        else:
+            rig.inject(fault)
+        assert execution.wait(5)
+    rig.until(lambda: not rig.image.operation[chosen].any())
+    rig.until(lambda: bool((np.abs(rig.image.velocity[chosen]) < 0.01).all()))
+    assert rig.image.servo_on[chosen].all()
+    count = min(len(times_ns), len(speeds))
+    spans_s = (np.array(times_ns[SPAN:count]) - np.array(times_ns[: count - SPAN])) * 1e-9
+    changes = np.abs(np.array(speeds[SPAN:count]) - np.array(speeds[: count - SPAN]))
+    return Stop(execution, float((changes / spans_s[:, np.newaxis]).max(initial=0.0)))

@@ -5,77 +5,119 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.canopen.conftest import SMALL, OpenRig
-from tests.canopen.rig import Rig
+from tests.canopen.rig import STEEP_RAD_S2, Rig, broken
 
-from robotd.cycle.execution import Execution, Outcome
+from robotd.cycle.execution import Outcome
+from robotd.device.axes import Move
+from robotd.device.drivers import Profile
 from robotd.device.state import EngineState
-from robotd.errors import ConnectError, DeviceTimeout
+from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
+
+WINDOW = {"startup": [{"object": "0x6065", "value": 2000}], "counts_per_rad": 1e5}
 
 
-def broken(rig: Rig, line: str) -> Execution:
-    """A trajectory during which ``line`` happens; returns when all axes stand."""
-    with rig.robot.follower.follow(rig.request(1.5, 0.8)) as execution:
-        rig.until(lambda: rig.image.position[0] > 0.2)
-        rig.inject(line)
-        assert execution.wait(5)
-    healthy = [0, 1, 3, 4, 5]
-    rig.until(lambda: not rig.image.operation[healthy].any())
-    rig.until(lambda: bool((np.abs(rig.image.velocity[healthy]) < 0.01).all()))
-    assert rig.image.servo_on[healthy].all()
-    return execution
-
-
-def recover(rig: Rig) -> None:
+def recover(rig: Rig, node: int = 2) -> None:
     """What an operator does."""
-    rig.inject("3 heal")
+    rig.inject(f"{node} heal")
     rig.robot.engine.start_communication()
     rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
     rig.robot.enable_joints()
-    assert rig.follow(0.5, 0.1).outcome is Outcome.SUCCEEDED
+    execution = rig.follow(0.5, 0.1)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
 
 @pytest.mark.parametrize(
-    ("line", "reason"),
+    ("fault", "cause"),
     [
-        ("3 silence", "joint3 (node 3): TPDO"),
-        ("3 reboot", "joint3 (node 3)"),
-        ("3 drop 1.0", "joint3 (node 3): TPDO"),
+        ("silence", "TPDO 3 has not come for"),
+        ("drop 1.0", "TPDO 3 has not come for"),
+        ("late 2.0", "TPDO 3 has not come for"),
+        ("reboot", "it was reset and has lost its configuration"),
+        ("stop", "it went to stopped by itself"),
     ],
 )
-def test_a_lost_drive(open_rig: OpenRig, line: str, reason: str) -> None:
-    with open_rig() as rig:
-        execution = broken(rig, line)
-        assert execution.outcome is Outcome.FAULT
-        assert reason in execution.message
-        assert rig.robot.engine.state is EngineState.UNKNOWN
-        assert not rig.robot.engine.ready
-        assert rig.image.offline[2]
+def test_a_lost_drive(open_rig: OpenRig, fault: str, cause: str) -> None:
+    with open_rig(SMALL) as rig:
+        stop = broken(rig, f"2 {fault}")
+        assert stop.execution.outcome is Outcome.FAULT
+        assert f"drive is offline (node 2: {cause}" in stop.execution.message
+        assert stop.steepest_rad_s2 < STEEP_RAD_S2
+        engine = rig.robot.engine
+        assert engine.state is EngineState.UNKNOWN
+        assert f"elbow (node 2): {cause}" in engine.fault
+        assert list(rig.image.offline) == [False, True, False]
+        assert not engine.ready
+        with pytest.raises(NotReady, match=r"elbow \(node 2\)"):
+            engine.require_ready()
+        slaves = {slave.id: slave for slave in rig.device_state().slaves}
+        assert cause in slaves[2].fault
+        assert slaves[2].offline
+        assert not slaves[1].fault
         recover(rig)
 
 
-@pytest.mark.parametrize("line", ["3 trip 0x3210", "3 block"])
-def test_a_drive_that_trips(open_rig: OpenRig, line: str) -> None:
-    options = {"startup": [{"object": "0x6065", "value": 2000}]}
-    defaults = {"counts_per_rad": 1e5, **options}
-    with open_rig(axis_defaults=defaults) as rig:
-        execution = broken(rig, line)
-        assert execution.outcome is Outcome.FAULT
-        assert "joint3" in execution.message
-        code = 0x3210 if "trip" in line else 0x8611
-        assert rig.image.alarm_code[2] == code
-        note = rig.robot.fieldbus.network_state(0).note
-        assert f"node 3: EMCY 0x{code:04X}" in note
+@pytest.mark.parametrize(
+    ("fault", "alarm"),
+    [
+        ("trip 0x3210", "amplifier alarm 12816 (node 2: EMCY 0x3210 DC link over-voltage)"),
+        ("block", "amplifier alarm 34321 (node 2: EMCY 0x8611 following error)"),
+    ],
+)
+def test_a_drive_that_trips(open_rig: OpenRig, fault: str, alarm: str) -> None:
+    with open_rig(SMALL, axis_defaults=WINDOW) as rig:
+        stop = broken(rig, f"2 {fault}")
+        assert stop.execution.outcome is Outcome.FAULT
+        assert f": {alarm}" in stop.execution.message
+        assert stop.steepest_rad_s2 < STEEP_RAD_S2
+        assert rig.robot.engine.ready, "the network itself is well"
+        with pytest.raises(RobotdError, match="EMCY"):
+            rig.robot.axes.move([Move(1, 0.0, Profile(1.0, 5.0, 5.0))])
+        state = rig.device_state()
+        assert "node 2: EMCY" in state.note
+        assert "EMCY" in state.slaves[1].fault
+        assert state.details["latest EMCY"].startswith("node 2: EMCY")
         recover(rig)
+        state = rig.device_state()
+        assert state.details["EMCY in force"] == "none"
+        assert "node 2: EMCY 0x0000 no error" in state.details["latest EMCY"]
 
 
 def test_a_statusword_that_lies_is_not_switched_on_again(open_rig: OpenRig) -> None:
-    with open_rig(engine={"servo_timeout_s": 1.0}) as rig:
-        execution = broken(rig, "3 statusword 0x0250")
-        assert execution.outcome is Outcome.FAULT
-        assert "joint3" in execution.message
-        assert not rig.image.servo_on[2]
-        with pytest.raises(ConnectError, match=r"joint3 \(node 3\).*statusword 0x0250"):
+    with open_rig(SMALL, engine={"servo_timeout_s": 0.5}) as rig:
+        stop = broken(rig, "2 statusword 0x0250")
+        assert stop.execution.outcome is Outcome.FAULT
+        assert "elbow" in stop.execution.message
+        assert rig.image.reason[1] == "node 2: statusword 0x0250 (switch on disabled)"
+        assert not rig.image.servo_on[1]
+        with pytest.raises(ConnectError, match=r"elbow \(node 2\).*statusword 0x0250"):
             rig.robot.enable_joints()
+        recover(rig)
+
+
+def test_a_wrong_identity_after_a_reset(open_rig: OpenRig) -> None:
+    identity = {"vendor_id": 0x1234}
+    with open_rig(SMALL, axis_defaults={"counts_per_rad": 1e5, "identity": identity}) as rig:
+        broken(rig, "2 reboot")
+        rig.inject("2 identity 0x4321")
+        with pytest.raises(ConnectError, match=r"vendor_id.*is 0x00004321, expected is 0x00001234"):
+            rig.robot.engine.start_communication()
+        rig.inject("2 identity 0x1234")
+        recover(rig)
+
+
+def test_objects_that_refuse_hurt_only_who_writes_them(open_rig: OpenRig) -> None:
+    move = Move(1, 0.2, Profile(0.6, 3.0, 3.0))
+    with open_rig(SMALL, sdo_timeout_s=0.05) as rig:
+        with rig.robot.follower.follow(rig.request(0.8, 0.4)) as execution:
+            rig.inject("2 abort 0x6081 0x08000022")
+            rig.inject("2 timeout 0x6083")
+            assert execution.wait(5)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+        with pytest.raises(RobotdError, match=r"elbow \(node 2\).*0x6081.*abort 0x08000022"):
+            rig.robot.axes.move([move])
+        rig.network.call(rig.drive(2).faults.sdo_aborts.clear)
+        with pytest.raises(DeviceTimeout, match=r"elbow \(node 2\).*0x6083.*no answer"):
+            rig.robot.axes.move([move])
         recover(rig)
 
 
@@ -86,51 +128,22 @@ def test_late_and_some_lost_pdos_are_lived_with(open_rig: OpenRig) -> None:
         assert rig.follow(0.8, 0.4).outcome is Outcome.SUCCEEDED
 
 
-def test_an_emergency_is_kept(open_rig: OpenRig) -> None:
-    with open_rig(SMALL, enable=False) as rig:
-        rig.inject("2 emcy 0xFF12")
-        rig.until(lambda: bool(rig.master.emergencies.history))
-        assert "0xFF12 (vendor specific)" in str(rig.master.emergencies.history[-1])
+def test_an_emergency_alone_stops_nothing_and_is_kept(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as rig:
+        with rig.robot.follower.follow(rig.request(0.6, 0.3)) as execution:
+            rig.inject("2 emcy 0xFF12")
+            assert execution.wait(5)
+        assert execution.outcome is Outcome.SUCCEEDED
+        assert "node 2: EMCY 0xFF12 vendor specific" in rig.device_state().details["latest EMCY"]
 
 
-def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
-    with open_rig(enable=False, sdo_timeout_s=0.05) as rig:
-        rig.robot.engine.stop_communication()
-        for line in ("2 abort 0x1017 0x06090030", "3 timeout 0x1A00", "4 identity 0x99"):
-            rig.inject(line)
-        with pytest.raises(ConnectError) as caught:
-            rig.robot.engine.start_communication()
-        text = str(caught.value)
-        assert "joint2 (node 2)" in text
-        assert "writing 0x1017:00 (Producer heartbeat time)" in text
-        assert "abort 0x06090030, value range of parameter exceeded" in text
-        assert "joint3 (node 3)" in text
-        assert "no answer within 0.05 s, 3 tries" in text
-        assert "joint1" not in text
-        for node in (2, 3):
-            rig.inject(f"{node} heal")
-        rig.robot.engine.start_communication()
-        assert rig.robot.engine.ready
-
-
-def test_a_wrong_identity_is_refused(open_rig: OpenRig) -> None:
-    identity = {"vendor_id": 0x1234}
-    defaults = {"counts_per_rad": 1e5, "identity": identity}
-    with open_rig(axis_defaults=defaults, enable=False) as rig:
-        rig.robot.engine.close()
-        rig.device._simulate()
-        rig.inject("2 identity 0x4321")
-        with pytest.raises(ConnectError, match=r"vendor_id.*is 0x00004321, expected is 0x00001234"):
-            rig.robot.engine.open()
-
-
-def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:
-    with open_rig(enable=False, allow_partial=True, sdo_timeout_s=0.05) as rig:
-        rig.robot.engine.stop_communication()
-        rig.inject("6 silence")
-        rig.robot.engine.start_communication()
-        assert rig.robot.engine.ready
-        rig.until(lambda: list(rig.image.offline) == [False] * 5 + [True])
+def test_a_bus_that_goes_away(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as rig:
+        stop = broken(rig, rig.break_bus, healthy=())
+        assert stop.execution.outcome is Outcome.FAULT
+        assert "failed: CanOperationError" in stop.execution.message
+        assert "failed: CanOperationError" in rig.robot.engine.fault
+        recover(rig)
 
 
 def test_the_drives_stop_when_the_daemon_is_gone(open_rig: OpenRig) -> None:
@@ -138,18 +151,16 @@ def test_the_drives_stop_when_the_daemon_is_gone(open_rig: OpenRig) -> None:
         rig.robot.cycle.stop()
         drives = [rig.drive(node).drives[0] for node in range(1, 7)]
         rig.until(lambda: all(drive.get(0x603F) == 0x8130 for drive in drives))
-        rig.master.state = EngineState.RUNNING  # nobody is left who could stop it in order
+        rig.master.end()  # nobody is left who could stop it in order
 
 
-def test_a_bus_that_goes_away(open_rig: OpenRig) -> None:
+def test_a_pause_of_the_computer_loses_no_drive(open_rig: OpenRig) -> None:
+    """Heartbeats that wait to be read are no silence."""
     with open_rig(SMALL) as rig:
-        rig.master.bus._can.shutdown()  # type: ignore[union-attr]
-        rig.until(lambda: not rig.robot.engine.ready)
-        assert any("failed" in fault for fault in rig.master.faults)
-        rig.robot.engine.start_communication()
-        rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
-        rig.robot.enable_joints()
-        assert rig.follow(0.5, 0.1).outcome is Outcome.SUCCEEDED
+        rig.pause_cycle(1.0)
+        rig.until(lambda: rig.robot.engine.ready)
+        assert not rig.master.supervision.faults
+        assert np.isfinite(rig.positions()).all()
 
 
 def test_a_servo_that_does_not_go_on_says_why(open_rig: OpenRig) -> None:

@@ -34,6 +34,7 @@ TARGET_VELOCITY, INTERPOLATION = 0x60FF, 0x60C1
 log = get_logger("canopen")
 
 _RESTS_RAD_S = 0.01  # measured speed of a standing axis
+_GENERIC_ERROR = 0x1000  # of a drive that has no number for its fault
 _RESTING = 3  # SYNCs at that speed that make a standstill
 
 
@@ -114,8 +115,12 @@ class Axis:
     def error_code(self) -> int:
         return int(self._feedback.columns[ERROR_CODE][self.number])
 
-    def transmit(self, bus: Bus, period_s: float) -> None:
-        """Cycle: this SYNC's RPDOs, to take effect with the next SYNC."""
+    def transmit(self, bus: Bus, period_s: float, periods: int = 1) -> None:
+        """Cycle: this SYNC's RPDOs, to take effect with the next SYNC.
+
+        ``periods`` have passed since the SYNC before; the drive's own profiles have gone on.
+        """
+        self.estimate.advance(periods * period_s)
         self._advance(period_s)
         word = self.control | self.bits
         if self.mode is OperationMode.INTERPOLATED_POSITION and self.powered:
@@ -143,7 +148,8 @@ class Axis:
         image.offline[number] = not known
         image.servo_on[number] = powered
         image.amp_alarm[number] = alarm
-        image.alarm_code[number] = (self.error_code() or 0x1000) if alarm else 0
+        image.alarm_code[number] = (self.error_code() or _GENERIC_ERROR) if alarm else 0
+        image.reason[number] = self._reason(known=known, alarm=alarm)
         image.home_done[number] = self.home_done
         image.motion_complete[number] = self.complete
         image.mode[number] = self.command_mode
@@ -222,7 +228,6 @@ class Axis:
 
     def _advance(self, period_s: float) -> None:
         """The setpoint of the next SYNC, as far as nobody streams it."""
-        self.estimate.advance(period_s)
         if self.operation is Operation.POSITION:
             self._shake_hands(period_s)
         if self.operation is Operation.IDLE:
@@ -236,6 +241,15 @@ class Axis:
             slower = abs(self.target_velocity) < abs(self.velocity)
             ramp = self.deceleration if slower else self.acceleration
             self.velocity = _towards(self.velocity, self.target_velocity, ramp * period_s)
+
+    def _reason(self, *, known: bool, alarm: bool) -> str:
+        """Why the axis cannot move, beginning with the node; "" if it can."""
+        node = self.node
+        if not known:
+            return f"node {node.id}: {node.fault or 'its PDOs have not come yet'}"
+        if alarm:
+            return f"node {node.id}: {node.alarm_text(self.error_code())}"
+        return f"node {node.id}: {self.lost}" if self.lost else ""
 
     def _is_needed(self, common: bool, velocity: bool, target: bool) -> bool:
         """Whether an RPDO is sent in the present mode, by what it holds."""

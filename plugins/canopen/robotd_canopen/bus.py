@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import can
 
 from robotd.plugin.api import Clock, ConnectError, get_logger
+from robotd_canopen.bus_load import wire_bits
+from robotd_canopen.error_frame import error_frame_text
 from robotd_canopen.options import BusOptions
 from robotd_canopen.simulated.realtime import request_realtime
 
@@ -36,6 +38,7 @@ class Counters:
 
     received: int = 0
     sent: int = 0
+    data_bytes: int = 0
     malformed: int = 0
     error_frames: int = 0
     receive_errors: int = 0
@@ -51,7 +54,9 @@ class Bus:
 
     Attributes:
         fault: why the bus cannot be used, None while it can; stays until ``open``.
-        last_malformed: the latest frame that made no sense, as text.
+        last_malformed: the latest frame that made no sense, as text; "" without one.
+        last_error: what the latest error frame of the controller said; "" without one.
+        load: part of the bit rate that frames took between the last two ``measure_load``.
         seen: COB-IDs that have been received since ``open``.
     """
 
@@ -59,8 +64,10 @@ class Bus:
         self.name = str(options.channel)
         self.bitrate = options.bitrate
         self.fault: str | None = None
-        self.last_malformed = ""
+        self.last_malformed = self.last_error = ""
+        self.load = 0.0
         self.counters = Counters()
+        self._load_from = (0, 0.0)
         self.seen: set[int] = set()
         self._options = options
         self._clock = clock
@@ -92,6 +99,7 @@ class Bus:
             path = f"canopen → {options.interface}:{options.channel}"
             raise ConnectError("the CAN bus cannot be opened", {path: reason}) from error
         self.fault, self.counters, self._failures = None, Counters(), 0
+        self.last_malformed = self.last_error = ""
         self.seen.clear()
         self._ending = threading.Event()
         self._can = opened
@@ -133,6 +141,7 @@ class Bus:
             self._failed(f"sending on {self.name} failed: {type(error).__name__}: {error}")
             return False
         self.counters.sent += 1
+        self.counters.data_bytes += message.dlc
         return True
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -144,6 +153,15 @@ class Bus:
         message.is_remote_frame = remote
         if not self.send(message):
             raise can.CanOperationError(self.fault or f"the bus {self.name} is not open")
+
+    def measure_load(self, now_ns: int) -> None:
+        """Bring ``load`` up to date; called by the cycle every so often."""
+        counters = self.counters
+        bits = wire_bits(counters.received + counters.sent, counters.data_bytes)
+        since_ns, before = self._load_from
+        self._load_from = (now_ns, bits)
+        if since_ns and bits >= before:
+            self.load = (bits - before) / ((now_ns - since_ns) * 1e-9 * self.bitrate)
 
     def _receive(self, opened: can.BusABC, ending: threading.Event) -> None:
         request_realtime(self._priority)
@@ -161,8 +179,10 @@ class Bus:
                 continue
             self._failures = 0
             counters.received += 1
+            counters.data_bytes += message.dlc
             if message.is_error_frame:
                 counters.error_frames += 1
+                self.last_error = error_frame_text(message)
                 continue
             handler = handlers.get(message.arbitration_id)
             if handler is None or message.is_remote_frame or message.is_extended_id:

@@ -15,6 +15,11 @@ def frame_bits(data_bytes: int) -> int:
     return 47 + 8 * data_bytes + (34 + 8 * data_bytes - 1) // 4
 
 
+def wire_bits(frames: int, data_bytes: int) -> float:
+    """Bits of so many frames with so many data bytes in all, worst case of each."""
+    return frames * (47 + 33 / 4) + data_bytes * 10
+
+
 def bus_load(
     synchronous: Iterable[tuple[int, float]],
     sync_period_s: float,

@@ -16,7 +16,6 @@ from robotd.plugin.api import (
     wait_until,
 )
 from robotd_canopen.axis import Axis
-from robotd_canopen.emcy import error_text
 from robotd_canopen.modes import CYCLIC, STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
 from robotd_canopen.states import FAULTY, TOWARDS_ENABLED, Control, DriveState, Status
 
@@ -82,8 +81,8 @@ class Commands:
             axis.control = int(Control.DISABLE_VOLTAGE)
             if not cleared:
                 raise DeviceTimeout(
-                    f"{axis.node.name}: alarm {self.alarm_text()} is still there after"
-                    f" {timeout_s:g} s"
+                    f"{axis.node.name}: the alarm is still there after {timeout_s:g} s:"
+                    f" {self.alarm_text()}"
                 )
 
     def set_mode(self, mode: CommandMode) -> None:
@@ -205,12 +204,11 @@ class Commands:
     def require_online(self) -> None:
         node = self._axis.node
         if not node.online:
-            raise NotReady(node.fault or f"{node.name} is offline")
+            raise NotReady(node.complaint)
 
     def alarm_text(self) -> str:
-        """The drive's error code in words, and the emergency that came with it."""
-        axis = self._axis
-        return f"{error_text(axis.error_code())}{axis.node.emergency_text()}"
+        """Why the drive is in alarm."""
+        return self._axis.node.alarm_text(self._axis.error_code())
 
     def _run_homing(self, timeout_s: float) -> None:
         axis = self._axis
@@ -294,7 +292,7 @@ class Commands:
 
     def _require_no_alarm(self) -> None:
         if self._axis.state in FAULTY:
-            raise NotReady(f"{self._axis.node.name}: the drive is in alarm {self.alarm_text()}")
+            raise NotReady(f"{self._axis.node.name}: the drive is in alarm: {self.alarm_text()}")
 
     def _status(self) -> str:
         axis = self._axis

@@ -81,11 +81,13 @@ class CanopenDevice(DeviceDriver):
             if node.online:
                 self._try(node, partial(node.watch_master, watch=False))
                 self._try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
-            node.online, node.fault = False, ""
-        master.state = EngineState.RUNNING
+        master.end()
 
     def state(self) -> EngineState:
         return self.master.state
+
+    def fault(self) -> str:
+        return self.master.supervision.fault()
 
     def scan_network(self) -> str:
         """Who is there, of those who should be."""

@@ -11,6 +11,7 @@ import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from robotd.plugin.api import DescriptorError
+from robotd_canopen.options import AxisOptions, NodeOptions, parse_object
 
 GENERIC_DRIVE = "generic_402.eds"
 GENERIC_IO = "generic_401.eds"
@@ -58,3 +59,10 @@ def describe(dictionary: ObjectDictionary, index: int, sub: int) -> str:
 def on_axis(index: int, axis_offset: int) -> int:
     """The number of a profile object on one axis of a multi-axis drive."""
     return index + axis_offset * AXIS_STEP if index in PROFILE_AREA else index
+
+
+def startup_writes(options: NodeOptions) -> list[tuple[int, int, int]]:
+    """Index, subindex and value of each start-up object, on the node's own axis."""
+    offset = options.axis_offset if isinstance(options, AxisOptions) else 0
+    objects = [(*parse_object(write.object), write.value) for write in options.startup]
+    return [(on_axis(index, offset), sub, value) for index, sub, value in objects]

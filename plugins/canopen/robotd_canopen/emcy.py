@@ -76,11 +76,11 @@ _CODES = {
 
 
 def error_text(code: int) -> str:
-    """``0x3210 (DC link over-voltage)``; of the vendor's range only the number is known."""
+    """``0x3210 DC link over-voltage``; of the vendor's range only the number is known."""
     if code >= 0xFF00:
-        return f"0x{code:04X} (vendor specific)"
+        return f"0x{code:04X} vendor specific"
     text = _CODES.get(code) or _CLASSES.get(code >> 8) or _CLASSES.get(code >> 8 & 0xF0)
-    return f"0x{code:04X} ({text or 'reserved'})"
+    return f"0x{code:04X} {text or 'reserved'}"
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,14 @@ class Emergency:
         """The node says that its errors are gone."""
         return self.code >> 8 == 0
 
-    def __str__(self) -> str:
+    @property
+    def text(self) -> str:
+        """``EMCY 0x3210 DC link over-voltage``."""
         detail = f", vendor data {self.data.hex(' ')}" if any(self.data) else ""
-        return f"node {self.node}: EMCY {error_text(self.code)}{detail}"
+        return f"EMCY {error_text(self.code)}{detail}"
+
+    def __str__(self) -> str:
+        return f"node {self.node}: {self.text}"
 
 
 class EmergencyLog:

@@ -21,6 +21,7 @@ _NEVER = -1
 _EVENT_DRIVEN = 240
 
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 class Feedback:
@@ -49,6 +50,7 @@ class Feedback:
             for pdo in axis.tpdos
             if pdo.transmission <= _EVENT_DRIVEN
         ]
+        self._owners = np.array([number for number, _ in self.pdos], np.int64)
         self.seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
         self._turns = np.array([pdo.transmission for _, pdo in self.pdos], np.int64)
         least = math.ceil(stale_s / sync_period_s)
@@ -100,9 +102,12 @@ class Feedback:
         late = self.syncs - self.seen > self._turns + 1
         return any(late[slot] for slot, (owner, _) in enumerate(self.pdos) if owner == axis)
 
-    def missed(self) -> int:
-        """SYNCs for which the most silent drive owes an answer; 0 while all is well."""
-        known = self.seen != _NEVER
+    def missed(self, offline: BoolArray) -> int:
+        """SYNCs for which the most silent drive owes an answer; 0 while all is well.
+
+        Drives of ``offline`` axes (n,) owe nothing. Without any other: all SYNCs.
+        """
+        known = (self.seen != _NEVER) & ~offline[self._owners]
         owed = self.syncs - self.seen - self._turns
         return max(0, int(owed.max(initial=0, where=known))) if known.any() else self.syncs
 

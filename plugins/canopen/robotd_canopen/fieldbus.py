@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robotd.plugin.api import EngineState, FieldbusDriver, NetworkState, SlaveInfo
+from robotd_canopen.details import details
 from robotd_canopen.master import Master
 from robotd_canopen.nmt import AL_STATES, NmtState
 from robotd_canopen.node import Node
@@ -38,13 +39,14 @@ class CanopenFieldbus(FieldbusDriver):
             packet_timeout=sum(node.lost_heartbeats for node in nodes),
             slaves=slaves,
             note=self._note(),
+            details=details(network),
         )
 
     def reset_statistics(self, master: int) -> None:
         counters = self._master.bus.counters
         counters.malformed = counters.error_frames = 0
         counters.receive_errors = counters.send_errors = 0
-        self._master.sync_jitter_ns = 0
+        self._master.sync.jitter_ns = 0
         for node in self._master.nodes.values():
             node.lost_heartbeats = 0
 
@@ -63,7 +65,12 @@ class CanopenFieldbus(FieldbusDriver):
             revision=revision,
             serial=serial,
             axes=sum(axis.node is node for axis in self._master.axes),
+            fault=self._fault(node),
         )
+
+    def _fault(self, node: Node) -> str:
+        active = self._master.emergencies.active.get(node.id)
+        return node.fault or (active.text if active is not None else "")
 
     def _size(self, direction: Direction) -> int:
         return sum(
@@ -71,16 +78,10 @@ class CanopenFieldbus(FieldbusDriver):
         )
 
     def _note(self) -> str:
-        network, counters = self._master, self._master.bus.counters
-        parts = [
-            f"CANopen on {network.bus.name}, states are NMT states",
-            f"computed bus load {network.layout.bus_load:.0%}",
-            f"{counters.received} frames received, {counters.sent} sent",
-            f"{counters.malformed} malformed, {counters.error_frames} error frames",
-            f"largest SYNC deviation {network.sync_jitter_ns / 1e6:.2f} ms",
-        ]
-        parts += [str(emergency) for emergency in network.emergencies.active.values()]
-        parts += [node.fault for node in network.nodes.values() if node.fault]
+        network = self._master
+        parts = [f"CANopen on {network.bus.name}, states are NMT states"]
+        parts += [str(emergency) for emergency in list(network.emergencies.active.values())]
+        parts += [network.supervision.fault()] if network.supervision.lost else []
         return "; ".join(parts)
 
 

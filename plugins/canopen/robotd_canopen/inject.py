@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robotd_canopen.simulated import DriveNode, SimulatedNetwork, SimulatedNode
+from robotd_canopen.simulated.node import STOPPED
 
 HELP = """\
 NODE silence              sends and hears nothing
@@ -17,6 +18,8 @@ NODE timeout INDEX        does not answer requests for an object
 NODE identity VENDOR      has another vendor id
 NODE late SECONDS         sends its PDOs later
 NODE drop PART            loses a part of its PDOs, 0 to 1
+NODE garble PART          sends a part of its frames as garbage, 0 to 1
+NODE stop                 goes to the NMT state stopped by itself
 NODE block                the motor does not move
 NODE heal                 none of the above any more"""
 
@@ -80,6 +83,14 @@ def _drop(node: SimulatedNode, words: list[str]) -> None:
     node.faults.pdo_drop = float(words[0])
 
 
+def _garble(node: SimulatedNode, words: list[str]) -> None:
+    node.faults.garbled = float(words[0])
+
+
+def _stop(node: SimulatedNode, words: list[str]) -> None:
+    node.state = STOPPED
+
+
 def _block(node: SimulatedNode, words: list[str]) -> None:
     node.faults.blocked = True
 
@@ -99,6 +110,8 @@ _FAULTS: dict[str, Fault] = {
     "identity": _identity,
     "late": _late,
     "drop": _drop,
+    "garble": _garble,
+    "stop": _stop,
     "block": _block,
     "heal": _heal,
 }

@@ -41,7 +41,7 @@ class CanopenIo(IoDriver):
         for number in nodes:
             node = self._master.nodes[number]
             if not node.online:
-                raise NotReady(node.fault or f"{node.name} is offline")
+                raise NotReady(node.complaint)
 
     def _check(self, failed: list[int]) -> None:
         if failed:

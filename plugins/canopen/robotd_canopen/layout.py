@@ -19,6 +19,7 @@ from robotd_canopen.dictionary import (
     empty_dictionary,
     on_axis,
     read_eds,
+    startup_writes,
     variable,
 )
 from robotd_canopen.options import (
@@ -70,6 +71,12 @@ class NetworkLayout:
     sync_period_s: float
     cycles_per_sync: int
     bus_load: float
+
+    @property
+    def node_ids(self) -> set[int]:
+        """Of drives and modules."""
+        drives, modules = (axis.options for axis in self.axes), (one.options for one in self.io)
+        return {drive.node for drive in drives} | {module.node for module in modules}
 
     def pdos(self, node: int | None = None) -> list[Pdo]:
         """The PDOs of one node, or of all."""
@@ -172,8 +179,7 @@ def _dictionary(
     except DescriptorError as error:
         problems.append(_error(robot, f"{key}.eds", str(error)))
         return empty_dictionary()
-    for number, write in enumerate(node.startup):
-        index, sub = parse_object(write.object)
+    for number, (index, sub, _) in enumerate(startup_writes(node)):
         found = variable(dictionary, index, sub)
         if found is None or not found.writable:
             what = f"{describe(dictionary, index, sub)} is not in the EDS, or cannot be written"

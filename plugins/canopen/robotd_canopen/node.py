@@ -9,9 +9,10 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.plugin.api import Clock, OperationError, RobotdError, wait_until
 from robotd_canopen.bus import Bus
-from robotd_canopen.emcy import Emergency, EmergencyLog
+from robotd_canopen.dictionary import startup_writes
+from robotd_canopen.emcy import Emergency, EmergencyLog, error_text
 from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
-from robotd_canopen.options import CanopenOptions, NodeOptions, parse_object
+from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
 from robotd_canopen.sdo import Sdo, SdoAbort
 
@@ -27,9 +28,10 @@ class Node:
     Attributes:
         name: for people, ``joint2 (node 2)``.
         online: brought up, and nothing has been missed since.
-        fault: why it is not online, "" while it is or before it was asked.
-        state: NMT state of its last heartbeat; ``heard_ns`` is when that came, 0: never.
-        rebooted: it has lost its configuration, and must be brought up again.
+        fault: why it is not online, without its name; "" while it is or before it was asked.
+        state: NMT state of its last heartbeat.
+        configured: it has been brought up and has not been reset since.
+        startup: objects and values that are written while it starts.
         identity: what it answered: vendor, product, revision, serial; empty: not asked.
     """
 
@@ -49,11 +51,12 @@ class Node:
         self.online = False
         self.fault = ""
         self.state = NmtState.UNKNOWN
-        self.heard_ns = 0
         self.lost_heartbeats = 0
-        self.rebooted = False
+        self.configured = False
         self.identity: tuple[int, ...] = ()
-        self.startup = list(options.startup)
+        self.startup = startup_writes(options)
+        self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
+        self._has_booted = False
         self._bus, self._clock, self._common = bus, clock, common
         self._wanted = options.identity
         self._profile = profile
@@ -63,8 +66,19 @@ class Node:
         bus.subscribe(_HEARTBEAT + self.id, self._on_heartbeat)
         bus.subscribe(_EMCY + self.id, self._on_emergency)
 
+    @property
+    def complaint(self) -> str:
+        """What to tell somebody who wants it online."""
+        return f"{self.name}: {self.fault or 'offline'}"
+
+    def share(self, options: NodeOptions) -> None:
+        """A further axis of the drive."""
+        self.startup += startup_writes(options)
+
     def identify(self) -> None:
         """Profile and identity. Raises OperationError or DeviceTimeout naming step and object."""
+        self.command(NmtCommand.PRE_OPERATIONAL)  # a stopped node answers no SDO
+        asked, answered = self.sdo.requests, self.sdo.answers
         with _step("identity"):
             profile = self.sdo.read(0x1000) & 0xFFFF
             if profile != self._profile:
@@ -72,6 +86,8 @@ class Node:
                     f"device type 0x1000 is CiA {profile}, expected is CiA {self._profile}"
                 )
             self.identity = tuple(self._identity_part(sub) for sub in range(1, 5))
+            if self.sdo.answers - answered > self.sdo.requests - asked:
+                raise OperationError("more answers than questions: two nodes have this id")
         for sub, key in enumerate(_IDENTITY):
             wanted, have = getattr(self._wanted, key), self.identity[sub]
             if wanted is not None and wanted != have:
@@ -91,19 +107,19 @@ class Node:
             for pdo in pdos:
                 configure(self.sdo, pdo)
         with _step("start-up objects"):
-            for write in self.startup:
-                self.sdo.write(*parse_object(write.object), write.value)
+            for index, sub, value in self.startup:
+                self.sdo.write(index, sub, value)
 
     def start(self) -> None:
         """OPERATIONAL, and wait until its heartbeat says so. Raises OperationError."""
-        self.state, self.rebooted = NmtState.UNKNOWN, False
+        self.state, self._has_booted, self._silence_ns = NmtState.UNKNOWN, False, 0
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self._clock):
             raise OperationError(
                 f"NMT start: the node is {self.state.name.lower()}, not operational,"
                 f" after {_START_S:g} s"
             )
-        self.fault, self.online = "", True
+        self.fault, self.online, self.configured = "", True, True
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node alone."""
@@ -118,19 +134,29 @@ class Node:
             if error.code != _UNKNOWN_OBJECT:
                 raise
 
-    def missing(self, now_ns: int, limit_ns: int) -> str:
-        """Why the node must be given up; "" while all is well. Cycle."""
+    def missing(self, period_ns: int, limit_ns: int) -> str:
+        """Why the node must be given up; "" while all is well. Cycle, ``period_ns`` later."""
+        self._silence_ns += period_ns
+        if self._heartbeats != self._seen_heartbeats:
+            self._seen_heartbeats, self._silence_ns = self._heartbeats, 0
+        if self._has_booted:
+            return "it was reset and has lost its configuration"
         if self.state is not NmtState.OPERATIONAL:
             return f"it went to {self.state.name.lower().replace('_', '-')} by itself"
-        if now_ns - self.heard_ns > limit_ns:
+        if self._silence_ns > limit_ns:
             self.lost_heartbeats += self.online
-            return f"no heartbeat for {(now_ns - self.heard_ns) / 1e6:.0f} ms"
+            return f"no heartbeat for {self._silence_ns / 1e6:.0f} ms"
         return ""
 
     def emergency_text(self) -> str:
         """The emergency in force, with a leading comma; "" when there is none."""
         active = self._emergencies.active.get(self.id)
-        return f", {active}" if active is not None else ""
+        return f", {active.text}" if active is not None else ""
+
+    def alarm_text(self, error_code: int) -> str:
+        """Why a drive is in alarm: its emergency, else the code of object 0x603F."""
+        active = self._emergencies.active.get(self.id)
+        return active.text if active is not None else f"error code {error_text(error_code)}"
 
     def _identity_part(self, sub: int) -> int:
         try:
@@ -140,8 +166,10 @@ class Node:
 
     def _on_heartbeat(self, data: bytearray, time_ns: int) -> None:
         self.state = heartbeat_state(data)
-        self.heard_ns = time_ns
-        self.rebooted |= self.state is not NmtState.OPERATIONAL and self.online
+        self._heartbeats += 1
+        self._has_booted |= self.state is NmtState.BOOT_UP
+        if self.state is not NmtState.OPERATIONAL:
+            self.configured = False
 
     def _on_emergency(self, data: bytearray, time_ns: int) -> None:
         self._emergencies.add(Emergency.decode(self.id, data, time_ns))

@@ -148,7 +148,9 @@ class CanopenOptions(BackendOptions):
     )
     master_node: NodeId = Field(127, description="Node id whose heartbeat is ours.")
     heartbeat_s: float = Field(0.1, ge=0.01, le=10, description="Heartbeat of all nodes.")
-    heartbeat_timeout_s: Positive = Field(0.4, description="Silence after which a node is lost.")
+    heartbeat_timeout_s: Positive = Field(
+        0.5, description="Silence after which a node is lost, and after which it loses us."
+    )
     sdo_timeout_s: Positive = Field(0.3, description="Time for one answer.")
     sdo_tries: int = Field(3, ge=1, le=10, description="Attempts before a node is given up.")
     stream_timeout_s: Positive = Field(

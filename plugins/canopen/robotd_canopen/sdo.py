@@ -32,6 +32,9 @@ class SdoAbort(OperationError):
 class Sdo:
     """SDO client of one node. Any worker thread; transfers of one node follow each other.
 
+    Attributes:
+        requests, answers: transfers that were tried, and frames that came back.
+
     Args:
         path: the node's name in error texts, ``can0 → joint2 (node 3)``.
         timeout_s: for each answer.
@@ -48,6 +51,7 @@ class Sdo:
         tries: int = 3,
     ) -> None:
         self.dictionary = dictionary
+        self.requests = self.answers = 0
         self._path = path
         self._tries = tries
         self._timeout_s = timeout_s
@@ -89,6 +93,7 @@ class Sdo:
         reason = ""
         with self._lock:
             for _ in range(self._tries):
+                self.requests += 1
                 try:
                     if data is None:
                         return bytes(self._client.upload(index, sub))
@@ -113,4 +118,5 @@ class Sdo:
     def _on_response(self, data: bytearray, time_ns: int) -> None:
         if len(data) != 8:
             raise ValueError(f"an SDO answer has 8 bytes, this one {len(data)}")
+        self.answers += 1
         self._client.on_response(0, data, 0.0)  # type: ignore[no-untyped-call]

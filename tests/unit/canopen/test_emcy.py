@@ -6,11 +6,11 @@ from robotd_canopen.emcy import Emergency, EmergencyLog, error_text
 @pytest.mark.parametrize(
     ("code", "text"),
     [
-        (0x3210, "0x3210 (DC link over-voltage)"),
-        (0x2311, "0x2311 (current, device output side)"),
-        (0x8611, "0x8611 (following error)"),
-        (0xFF07, "0xFF07 (vendor specific)"),
-        (0x1234, "0x1234 (generic error)"),
+        (0x3210, "0x3210 DC link over-voltage"),
+        (0x2311, "0x2311 current, device output side"),
+        (0x8611, "0x8611 following error"),
+        (0xFF07, "0xFF07 vendor specific"),
+        (0x1234, "0x1234 generic error"),
     ],
 )
 def test_codes_in_words(code: int, text: str) -> None:

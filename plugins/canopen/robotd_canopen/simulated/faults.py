@@ -17,7 +17,9 @@ class Faults:
         sdo_silent: objects of which requests are not answered.
         pdo_delay_s: TPDOs are sent this much later.
         pdo_drop: part of the TPDOs that get lost, 0 to 1.
+        garbled: part of its frames, PDOs and SDO answers included, that come as garbage, 0 to 1.
         blocked: the motor does not move.
+        garbled_frames: how many have come as garbage.
     """
 
     silent: bool = False
@@ -26,7 +28,9 @@ class Faults:
     sdo_silent: set[tuple[int, int | None]] = field(default_factory=set)
     pdo_delay_s: float = 0.0
     pdo_drop: float = 0.0
+    garbled: float = 0.0
     blocked: bool = False
+    garbled_frames: int = 0
     random: Random = field(default_factory=lambda: Random(1))  # noqa: S311 - repeatable, no secret
 
     def heal(self) -> None:
@@ -46,3 +50,10 @@ class Faults:
     def drops_pdo(self) -> bool:
         """Whether the TPDO to be sent now gets lost."""
         return self.pdo_drop > 0 and self.random.random() < self.pdo_drop
+
+    def garble(self, data: bytes) -> bytes:
+        """What becomes of ``data`` on its way."""
+        if self.garbled > 0 and self.random.random() < self.garbled:
+            self.garbled_frames += 1
+            return self.random.randbytes(self.random.randint(0, 8))
+        return data

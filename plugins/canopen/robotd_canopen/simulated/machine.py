@@ -60,9 +60,10 @@ class Machine:
     def synchronise(self, now_ns: int, period_s: float) -> None:
         """A SYNC has come at ``now_ns``: one period has passed, or more if some were lost."""
         period_ns = round(period_s * NANOSECONDS)
-        periods = max(1, round((now_ns - self._seen_ns) / period_ns))
-        self._seen_ns = now_ns
-        self._advance(periods * period_ns)
+        periods = (now_ns - self._seen_ns) // period_ns
+        # A SYNC may be late but never early: the drives' time is that of the least late ones.
+        self._seen_ns = self._seen_ns + periods * period_ns if periods else now_ns
+        self._advance(max(1, periods) * period_ns)
 
     def free_run(self, now_ns: int) -> None:
         """There is no SYNC: time goes on by itself."""

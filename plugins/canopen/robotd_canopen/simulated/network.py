@@ -22,8 +22,11 @@ from robotd_canopen.simulated.realtime import request_realtime
 log = logging.getLogger(__name__)
 
 _SYNC, _NMT, _HEARTBEAT = 0x080, 0x000, 0x700
+_NODE = 0x7F  # bits of a COB-ID that hold the node, in the predefined connection set
 _RPDOS = range(0x180, 0x580)
 _STEP_NS = 10_000_000  # how often time is looked at without traffic
+_LATEST_NS = 10 * _STEP_NS  # and at least, whatever the traffic
+_LONGEST_WAIT_S = 5.0  # beyond it the computer's clock was set
 _SYNC_LOST_NS = 100_000_000  # without SYNC for so long the drives' time goes on by itself
 
 Action = Callable[[], None]
@@ -104,8 +107,8 @@ class SimulatedNetwork(canopen.Network):
             raise failures[0]
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """The library's SDO server and EMCY producer send by this."""
-        self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        """The library's SDO servers send by this."""
+        self._put(can_id, self.members[can_id & _NODE].faults.garble(data))
 
     def _boot(self) -> None:
         for node in self.members.values():
@@ -126,7 +129,9 @@ class SimulatedNetwork(canopen.Network):
                 if message is not None:
                     self._receive(message)
                 self._send_delayed()
-                if time.monotonic_ns() >= due_ns:
+                # What waits to be read comes first: a computer that paused is no silent master.
+                over_ns = time.monotonic_ns() - due_ns
+                if over_ns >= 0 and (message is None or over_ns > _LATEST_NS):
                     due_ns = self._tick() + _STEP_NS
             except Exception as error:  # noqa: BLE001 - nothing that arrives may end the thread
                 if self._ending.wait(0.001):
@@ -136,7 +141,7 @@ class SimulatedNetwork(canopen.Network):
     def _receive(self, message: can.Message) -> None:
         if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
             return
-        cob_id, data, now_ns = message.arbitration_id, bytes(message.data), time.monotonic_ns()
+        cob_id, data, now_ns = message.arbitration_id, bytes(message.data), _arrival_ns(message)
         if cob_id == _SYNC:
             self._sync(now_ns)
         elif cob_id in _RPDOS:
@@ -198,9 +203,18 @@ class SimulatedNetwork(canopen.Network):
                 self._count += 1
                 heapq.heappush(self._delayed, (due_ns, self._count, cob_id, data))
                 return
-        self.send_message(cob_id, data)
+        self._put(cob_id, faults.garble(data))
 
     def _send_delayed(self) -> None:
         while self._delayed and self._delayed[0][0] <= time.monotonic_ns():
             _, _, cob_id, data = heapq.heappop(self._delayed)
-            self.send_message(cob_id, data)
+            self._put(cob_id, data)
+
+    def _put(self, cob_id: int, data: bytes) -> None:
+        self._bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+
+def _arrival_ns(message: can.Message) -> int:
+    """When ``message`` came, monotonic: it may have waited for this thread."""
+    waited_s = time.time() - message.timestamp if message.timestamp else 0.0
+    return time.monotonic_ns() - round(min(max(waited_s, 0.0), _LONGEST_WAIT_S) * NANOSECONDS)

@@ -1,0 +1,61 @@
+"""Bringing nodes up: every failure is told, with node, step, object and abort code."""
+
+from __future__ import annotations
+
+import pytest
+from tests.canopen.conftest import SMALL, OpenRig
+
+from robotd.errors import ConnectError
+
+
+def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
+    with open_rig(enable=False, sdo_timeout_s=0.05) as rig:
+        rig.robot.engine.stop_communication()
+        for line in ("2 abort 0x1017 0x06090030", "3 timeout 0x1A00"):
+            rig.inject(line)
+        with pytest.raises(ConnectError) as caught:
+            rig.robot.engine.start_communication()
+        text = str(caught.value)
+        assert "joint2 (node 2): heartbeat: " in text
+        assert "writing 0x1017:00 (Producer heartbeat time)" in text
+        assert "abort 0x06090030, value range of parameter exceeded" in text
+        assert "joint3 (node 3): PDO configuration: " in text
+        assert "no answer within 0.05 s, 3 tries" in text
+        assert "joint1" not in text
+        for node in (2, 3):
+            rig.inject(f"{node} heal")
+        rig.robot.engine.start_communication()
+        assert rig.robot.engine.ready
+
+
+def test_a_wrong_identity_is_refused(open_rig: OpenRig) -> None:
+    identity = {"vendor_id": 0x1234}
+    defaults = {"counts_per_rad": 1e5, "identity": identity}
+    with open_rig(SMALL, axis_defaults=defaults, enable=False) as rig:
+        rig.robot.engine.close()
+        rig.device._simulate()
+        rig.inject("2 identity 0x4321")
+        with pytest.raises(ConnectError, match=r"vendor_id.*is 0x00004321, expected is 0x00001234"):
+            rig.robot.engine.open()
+
+
+def test_two_nodes_with_one_id_are_refused(open_rig: OpenRig) -> None:
+    with open_rig(SMALL, enable=False) as rig:
+        rig.robot.engine.close()
+        with rig.second_network(), pytest.raises(ConnectError, match="two nodes have this id"):
+            rig.robot.engine.open()
+        rig.robot.engine.open()
+
+
+def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:
+    with open_rig(enable=False, allow_partial=True, sdo_timeout_s=0.05) as rig:
+        rig.robot.engine.stop_communication()
+        rig.inject("6 silence")
+        rig.robot.engine.start_communication()
+        assert rig.robot.engine.ready
+        rig.until(lambda: list(rig.image.offline) == [False] * 5 + [True])
+        assert "no answer" in rig.image.reason[5]
+        rig.inject("6 heal")
+        rig.robot.engine.stop_communication()
+        rig.robot.engine.start_communication()
+        rig.until(lambda: not rig.image.offline.any())
