@@ -174,6 +174,33 @@ def test_patched_and_plain_message_say_the_same() -> None:
     assert read_back(patched, JointState) == plain.payload()
 
 
+@pytest.mark.parametrize("joints", [1, 6, 7])
+def test_rows_of_one_view_are_what_a_subscriber_reads(joints: int) -> None:
+    fields = ("position", "velocity", "effort")
+    numbers = np.arange(3.0 * joints).reshape(3, joints)
+    patched = PatchedMessage(joint_state(joints), [fields])
+    plain = PlainMessage(joint_state(joints), [fields])
+    for message in (patched, plain):
+        message.view(fields)[:] = numbers
+    read = read_back(patched, JointState)
+    assert read == plain.payload()
+    for field, row in zip(fields, numbers, strict=True):
+        assert list(getattr(read, field)) == row.tolist()
+
+
+@pytest.mark.parametrize("fields", [("position", "effort", "velocity"), ("position", "name")])
+def test_rows_that_do_not_lie_evenly_are_refused(fields: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match=r"do not lie evenly|not numeric"):
+        PatchedMessage(joint_state(), [fields])
+
+
+def test_rows_of_several_lengths_are_refused() -> None:
+    message = joint_state()
+    message.effort = [0.0]
+    with pytest.raises(LayoutError, match="position, effort: do not lie evenly"):
+        PatchedMessage(message, [("position", "effort")])
+
+
 @pytest.fixture
 def context(monkeypatch: pytest.MonkeyPatch) -> Iterator[Context]:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")

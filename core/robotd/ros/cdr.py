@@ -11,12 +11,14 @@ a destroyed publisher with it; the public function is the better bargain.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.clock import Clock, ROSClock
 from rclpy.exceptions import InvalidHandle
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message, serialize_message
@@ -33,6 +35,9 @@ _ALIGNMENT_BYTES = 8
 _ROUNDS = 24
 _NANOSECONDS = 1_000_000_000
 
+View = str | tuple[str, ...]
+"""A path, or those of several fields of equal length and type, which become rows of one array."""
+
 
 class LayoutError(ValueError):
     """The serialized form of a message cannot be patched; ``HotPublisher`` then does without."""
@@ -41,8 +46,11 @@ class LayoutError(ValueError):
 class HotMessage(Protocol):
     """A message of constant shape whose numbers change. One thread owns it: the cycle."""
 
-    def view(self, path: str) -> NDArray[Any]:
-        """The numbers of ``path``, shape (count,); what is written here is published."""
+    def view(self, what: View) -> NDArray[Any]:
+        """The numbers of a path, shape (count,), or of several, shape (paths, count).
+
+        What is written here is published.
+        """
 
     def stamp(self, time_ns: int) -> None:
         """Set every ``builtin_interfaces/Time`` of the message; ns since the epoch."""
@@ -61,18 +69,20 @@ class PatchedMessage:
 
     Raises:
         ValueError: a path does not exist or does not mean numbers of one type.
-        LayoutError: a field was not found in the bytes, or reading back gave something else.
+        LayoutError: a field was not found in the bytes, the fields of one view do not lie evenly,
+            or reading back gave something else.
     """
 
-    def __init__(self, template: Any, views: Iterable[str]) -> None:
-        times = list(time_paths(template))
-        paths = [*views, *(f"{path}.{part}" for path in times for part in ("sec", "nanosec"))]
+    def __init__(self, template: Any, views: Iterable[View]) -> None:
+        views, times = list(views), list(time_paths(template))
+        paths = _paths(views)
+        paths += (f"{path}.{part}" for path in times for part in ("sec", "nanosec"))
         fields = [MessageField(template, path) for path in paths]
         originals = [field.get() for field in fields]
         try:
             offsets = _find(template, fields)
             self._buffer = _aligned_copy(serialize_message(template))
-            self._views = {
+            self._views: dict[View, NDArray[Any]] = {
                 field.path: np.ndarray(field.count, field.dtype, self._buffer, offset)
                 for field, offset in zip(fields, offsets, strict=True)
             }
@@ -83,9 +93,12 @@ class PatchedMessage:
         for field, original in zip(fields, originals, strict=True):
             self._views[field.path][:] = original
         self._times = [(self._views[f"{t}.sec"], self._views[f"{t}.nanosec"]) for t in times]
+        for several in views:
+            if isinstance(several, tuple):
+                self._views[several] = self._block(several)
 
-    def view(self, path: str) -> NDArray[Any]:
-        return self._views[path]
+    def view(self, what: View) -> NDArray[Any]:
+        return self._views[what]
 
     def stamp(self, time_ns: int) -> None:
         seconds, nanoseconds = divmod(time_ns, _NANOSECONDS)
@@ -95,6 +108,17 @@ class PatchedMessage:
 
     def payload(self) -> bytes:
         return self._buffer.tobytes()
+
+    def _block(self, paths: tuple[str, ...]) -> NDArray[Any]:
+        """Arrays of one length lie evenly in CDR, so a strided array covers them."""
+        rows = [self._views[path] for path in paths]
+        base = self._buffer.ctypes.data
+        offsets = [row.ctypes.data - base for row in rows]
+        steps = set(np.diff(offsets).tolist()) or {rows[0].nbytes}
+        if len(steps) > 1 or len({(row.dtype, row.shape) for row in rows}) > 1:
+            raise LayoutError(f"{', '.join(paths)}: do not lie evenly, at {offsets}")
+        shape, strides = (len(rows), len(rows[0])), (steps.pop(), rows[0].itemsize)
+        return np.ndarray(shape, rows[0].dtype, self._buffer, offsets[0], strides)
 
     def _verify(self, template: Any, fields: list[MessageField]) -> None:
         """Patch other numbers than the ones in the bytes, read back, compare with the template."""
@@ -114,17 +138,22 @@ class PlainMessage:
         ValueError: a path does not exist or does not mean numbers of one type.
     """
 
-    def __init__(self, template: Any, views: Iterable[str]) -> None:
+    def __init__(self, template: Any, views: Iterable[View]) -> None:
+        views = list(views)
         self._message = template
-        self._fields = [MessageField(template, path) for path in views]
-        self._values = {field.path: field.get() for field in self._fields}
+        self._fields = [MessageField(template, path) for path in _paths(views)]
+        self._values: dict[View, NDArray[Any]] = {f.path: f.get() for f in self._fields}
+        for several in views:
+            if isinstance(several, tuple):
+                block = self._values[several] = np.stack([self._values[path] for path in several])
+                self._values.update(zip(several, block, strict=True))
         self._times = [
             (MessageField(template, f"{path}.sec"), MessageField(template, f"{path}.nanosec"))
             for path in time_paths(template)
         ]
 
-    def view(self, path: str) -> NDArray[Any]:
-        return self._values[path]
+    def view(self, what: View) -> NDArray[Any]:
+        return self._values[what]
 
     def stamp(self, time_ns: int) -> None:
         parts = np.array(divmod(time_ns, _NANOSECONDS))
@@ -138,6 +167,12 @@ class PlainMessage:
         return self._message
 
 
+def stamp_ns(clock: Clock) -> int:
+    """``clock.now()`` in ns, at a third of its 2 us where ROS time is the system's. Any thread."""
+    follows_topic = isinstance(clock, ROSClock) and clock.ros_time_is_active
+    return int(clock.now().nanoseconds) if follows_topic else time.time_ns()
+
+
 class HotPublisher:
     """A publisher and its one message. Made in any thread, then owned by the cycle thread.
 
@@ -147,26 +182,29 @@ class HotPublisher:
     Args:
         publisher: from ``Node.create_publisher``, of the template's type.
         template: the message with its constant strings and array lengths; not shared.
-        views: paths that ``view`` is going to be asked for.
+        views: what ``view`` is going to be asked for.
 
     Raises:
         ValueError: a path does not exist or does not mean numbers of one type.
     """
 
-    def __init__(self, publisher: Publisher, template: Any, views: Iterable[str]) -> None:
-        paths = list(views)
+    def __init__(self, publisher: Publisher, template: Any, views: Iterable[View]) -> None:
+        views = list(views)
         self._publisher = publisher
         self._lost = False
         self._message: HotMessage
         try:
-            self._message = PatchedMessage(template, paths)
+            self._message = PatchedMessage(template, views)
         except LayoutError as error:
             log.warning("publishing ordinary messages", topic=publisher.topic, reason=str(error))
-            self._message = PlainMessage(template, paths)
+            self._message = PlainMessage(template, views)
 
-    def view(self, path: str) -> NDArray[Any]:
-        """The numbers of ``path``, shape (count,): keep it, write into it, publish."""
-        return self._message.view(path)
+    def view(self, what: View) -> NDArray[Any]:
+        """The numbers of a path, shape (count,), or of several, shape (paths, count).
+
+        Keep it, write into it, publish.
+        """
+        return self._message.view(what)
 
     def stamp(self, time_ns: int) -> None:
         """Set every time stamp in the message; ns since the epoch."""
@@ -183,6 +221,10 @@ class HotPublisher:
                 log.warning("publishing failed", topic=self._publisher.topic, reason=str(error))
         else:
             self._lost = False
+
+
+def _paths(views: Iterable[View]) -> list[str]:
+    return [path for view in views for path in ((view,) if isinstance(view, str) else view)]
 
 
 def _aligned_copy(data: bytes) -> NDArray[np.uint8]:

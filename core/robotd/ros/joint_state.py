@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from robotd.arrays import FloatArray
 from robotd.device.gripper import Gripper
-from robotd.device.image import ProcessImage
+from robotd.device.image import ProcessImage, columns
 from robotd.robot import Robot
-from robotd.ros.cdr import HotPublisher
+from robotd.ros.cdr import HotPublisher, stamp_ns
 
 DEPTH = 10
 
@@ -56,62 +56,61 @@ class JointStateTopics:
         self._node = node
         self._engine = robot.engine
         self._clock = node.get_clock()
-        self._axes = np.array(robot.joint_axes, np.int64)
-        self._joints = len(self._axes)
+        self._axes = columns(robot.joint_axes)
+        self._joints = len(robot.joint_axes)
         self._names = list(names)
         self._fingers = fingers
-        self._position = np.zeros(len(names))
-        self._velocity = np.zeros(len(names))
-        self._effort = np.full(len(names), np.nan)  # nothing measures the fingers' force
+        self._finger_m = 0.0
         self._stamped: list[HotPublisher] = []
         self._unstamped: list[HotPublisher] = []
-        self._copies: list[tuple[FloatArray, FloatArray]] = []
+        self._views: list[FloatArray] = []  # of each message, (fields, names)
 
     def add_joint_states(self, topic: str) -> None:
         """Stamped JointState; effort in N·m, NaN where it is not known."""
-        self._stamped.append(self._joint_state(topic, effort=True))
+        self._stamped.append(self._joint_state(topic, ("position", "velocity", "effort")))
 
     def add_unstamped(self, topic: str) -> None:
         """JointState with a zero stamp; no effort, since its reader takes it as a command."""
-        self._unstamped.append(self._joint_state(topic, effort=False))
+        self._unstamped.append(self._joint_state(topic, ("position", "velocity")))
 
     def add_positions(self, topic: str) -> None:
         """Float64MultiArray of the positions, in the order of the names."""
-        template = Float64MultiArray(data=self._position.tolist())
-        message = HotPublisher(self._publisher(Float64MultiArray, topic), template, ["data"])
-        self._copies.append((message.view("data"), self._position))
-        self._unstamped.append(message)
+        template = Float64MultiArray(data=[0.0] * len(self._names))
+        self._unstamped.append(self._publisher(topic, template, ("data",)))
 
     def publish(self, image: ProcessImage) -> None:
         if not self._engine.ready:
             return
         joints = self._joints
-        self._position[:joints] = image.position[self._axes]
-        self._velocity[:joints] = image.velocity[self._axes]
-        self._effort[:joints] = image.torque[self._axes]
-        if self._fingers is not None:
-            self._position[joints:] = self._fingers.position_m(image.stamp_ns)
-        for view, values in self._copies:
-            view[:] = values
-        now_ns = self._clock.now().nanoseconds
+        measured = image.measured[:, self._axes]
+        for view in self._views:
+            view[:, :joints] = measured[: len(view)]
+        self._move_fingers(image.stamp_ns)
+        now_ns = stamp_ns(self._clock)
         for message in self._stamped:
             message.stamp(now_ns)
             message.publish()
         for message in self._unstamped:
             message.publish()
 
-    def _joint_state(self, topic: str, *, effort: bool) -> HotPublisher:
-        values = {"position": self._position, "velocity": self._velocity}
-        if effort:
-            values["effort"] = self._effort
-        template = JointState(
-            name=self._names, **{field: array.tolist() for field, array in values.items()}
-        )
-        message = HotPublisher(self._publisher(JointState, topic), template, values)
-        self._copies += [(message.view(field), array) for field, array in values.items()]
-        return message
+    def _move_fingers(self, time_ns: int) -> None:
+        position_m = self._fingers.position_m(time_ns) if self._fingers else 0.0
+        if position_m != self._finger_m:
+            self._finger_m = position_m
+            for view in self._views:
+                view[0, self._joints :] = position_m
 
-    def _publisher(self, message_type: type, topic: str) -> Publisher:
-        publisher = self._node.create_publisher(message_type, topic, DEPTH)
+    def _joint_state(self, topic: str, fields: tuple[str, ...]) -> HotPublisher:
+        rest = [0.0] * len(self._names)
+        template = JointState(name=self._names, position=rest, velocity=rest)
+        if "effort" in fields:
+            template.effort = [math.nan] * len(rest)  # nothing measures the fingers' force
+        return self._publisher(topic, template, fields)
+
+    def _publisher(self, topic: str, template: Any, fields: tuple[str, ...]) -> HotPublisher:
+        """``fields`` are the first of position, velocity and effort."""
+        publisher = self._node.create_publisher(type(template), topic, DEPTH)
         self.topics.append(publisher.topic_name)
-        return publisher
+        message = HotPublisher(publisher, template, [fields])
+        self._views.append(message.view(fields))
+        return message

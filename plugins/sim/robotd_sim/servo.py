@@ -1,4 +1,4 @@
-"""Command and response of all axes, tick by tick, in four calls of NumPy a tick.
+"""Command and response of all axes, tick by tick, in five calls of NumPy a tick.
 
 Command: between events each axis' command is a polynomial of time, p + v·t + h·t² + j·t³, so
 one product of a (3, 4) basis with the (4, n) coefficients gives position, velocity and
@@ -87,6 +87,7 @@ class Servo:
             self._before, self.command, self._commanded, self.coefficients)  # fmt: skip
         weights, filtered, terms, position = (
             self._weights, self._filtered, self._terms, self.position)  # fmt: skip
+        of_before, of_position, of_command = terms
         self._rests = False
         for now in range(tick + 1, stop + 1):
             if now - self.origin > _SPAN:
@@ -94,7 +95,8 @@ class Servo:
             before[:] = command
             np.dot(self._bases[now - self.origin], coefficients, commanded)
             np.multiply(weights, filtered, terms)
-            np.add.reduce(terms, 0, out=position)
+            np.add(of_before, of_position, position)  # of three rows faster than ``add.reduce``
+            np.add(position, of_command, position)
             if check is not None and check():
                 return now, True
         return stop, False
