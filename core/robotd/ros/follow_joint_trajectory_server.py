@@ -26,7 +26,7 @@ from robotd.ros.convert_trajectory import (
 from robotd.ros.host import RosHost
 from robotd.ros.manipulator_state import joint_count
 from robotd.ros.parameters import Parameters
-from robotd.ros.service import add_service
+from robotd.ros.service import SERVICE_QOS, add_service
 
 log = get_logger("trajectory")
 
@@ -91,6 +91,9 @@ class FollowJointTrajectoryServer(Node):
             goal_callback=lambda goal: GoalResponse.ACCEPT,
             handle_accepted_callback=self._accepted,
             cancel_callback=self._cancel,
+            goal_service_qos_profile=SERVICE_QOS,
+            cancel_service_qos_profile=SERVICE_QOS,
+            result_service_qos_profile=SERVICE_QOS,
             result_timeout=RESULT_KEPT_S,
         )
 

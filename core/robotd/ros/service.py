@@ -24,6 +24,9 @@ from robotd.ros.host import RosHost
 
 log = get_logger("ros")
 
+# The usual depth, 10, loses unheard what comes beyond it before the executor has looked.
+SERVICE_QOS = QoSProfile(depth=1000)
+
 ServiceHandler = Callable[[Any, Any], Any]
 
 
@@ -57,7 +60,7 @@ def add_service(
         def answer_now(request: Any, _: Any) -> Any:
             return _answer(service_type, name, handler, request)
 
-        return node.create_service(service_type, name, answer_now)
+        return node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
     return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
 
 
@@ -94,7 +97,9 @@ def _add_deferred_service(
     *,
     urgent: bool,
 ) -> Service:
-    service = node.create_service(service_type, name, lambda request, _: request)
+    service = node.create_service(
+        service_type, name, lambda request, _: request, qos_profile=SERVICE_QOS
+    )
     send_now = service.send_response
 
     def send(response: Any, header: Any) -> None:
