@@ -156,8 +156,9 @@ class Axis:
         image.operation[number] = self.operation
         self._report_command(image, known=known)
         inputs = int(self._feedback.columns[INPUTS][number])
-        image.negative_limit[number] = inputs & 1
-        image.positive_limit[number] = inputs & 2
+        ends = bool(inputs & 1), bool(inputs & 2)  # as the drive counts
+        low, high = ends if self.scaling.polarity > 0 else (ends[1], ends[0])
+        image.negative_limit[number], image.positive_limit[number] = low, high
         image.home_switch[number] = inputs & 4
 
     def brake(self, deceleration: float) -> None:

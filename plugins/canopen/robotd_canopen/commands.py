@@ -79,6 +79,7 @@ class Commands:
                 self._wait(partial(self._was_sent, int(word)), _STEP_S)
             cleared = self._wait(lambda: axis.state not in FAULTY, timeout_s)
             axis.control = int(Control.DISABLE_VOLTAGE)
+            axis.lost = ""
             if not cleared:
                 raise DeviceTimeout(
                     f"{axis.node.name}: the alarm is still there after {timeout_s:g} s:"

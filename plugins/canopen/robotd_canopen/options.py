@@ -90,6 +90,15 @@ class NodeOptions(Section):
     startup: tuple[SdoWrite, ...] = Field((), description="Objects written at start, in order.")
 
 
+class SimulatedSwitches(Section):
+    """Switches of a simulated axis, rad (or m) of the joint from power-on; null: none."""
+
+    negative_limit_rad: float | None = Field(None, description="Closed here and below.")
+    positive_limit_rad: float | None = Field(None, description="Closed here and above.")
+    home_rad: float | None = Field(None, description="Middle of the home switch.")
+    home_width_rad: Positive = Field(0.02, description="Width of the home switch.")
+
+
 class AxisOptions(NodeOptions):
     """One axis of a drive."""
 
@@ -117,6 +126,9 @@ class AxisOptions(NodeOptions):
         10.0, description="Ramp of a controlled stop that no command gave one."
     )
     quick_stop_deceleration_rad_s2: Positive = Field(40.0, description="Ramp of a quick stop.")
+    simulated_switches: SimulatedSwitches = Field(
+        SimulatedSwitches(), description="Switches of the simulated axis."
+    )
     rpdos: tuple[PdoOptions, ...] = Field((), description="PDOs to the drive; empty: the default.")
     tpdos: tuple[PdoOptions, ...] = Field((), description="PDOs of the drive; empty: the default.")
 

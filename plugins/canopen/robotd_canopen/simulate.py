@@ -18,6 +18,7 @@ from robotd_canopen.simulated import (
     Scale,
     SimulatedNetwork,
     SimulatedNode,
+    Switches,
 )
 
 _RATED_NM = 100.0  # where the descriptor has no rated torque
@@ -58,7 +59,18 @@ def _model(motor: int, axis: AxisOptions, rated_torque_nm: float | None) -> Driv
         axis.acceleration_per_rad_s2 or counts,
         axis.polarity,
     )
-    return DriveModel(motor, scale, axis.axis_offset, rated_torque_nm or _RATED_NM)
+    rated_nm = rated_torque_nm or _RATED_NM
+    return DriveModel(motor, scale, axis.axis_offset, rated_nm, _switches(axis))
+
+
+def _switches(axis: AxisOptions) -> Switches:
+    """From the way the joint counts to the way the drive does."""
+    given = axis.simulated_switches
+    ends = given.negative_limit_rad, given.positive_limit_rad
+    if axis.polarity > 0:
+        return Switches(*ends, given.home_rad, given.home_width_rad)
+    low, high, home = (None if one is None else -one for one in (*reversed(ends), given.home_rad))
+    return Switches(low, high, home, given.home_width_rad)
 
 
 def _identity(wanted: Identity) -> dict[int, int]:

@@ -176,7 +176,7 @@ class Drive:
         self.put(0x606C, round(machine.velocity(motor) * scale.velocity * scale.polarity))
         torque = 1000 * machine.torque(motor) / self._model.rated_torque_nm
         self.put(0x6077, max(-32768, min(32767, round(torque * scale.polarity))))
-        self.put(0x60FD, self._model.switches.inputs(machine.position(motor)))
+        self.put(0x60FD, self.motion.inputs())
 
     def _supervise(self, period_s: float) -> None:
         window, error = self.get(0x6065), abs(self.get(0x60F4))
@@ -184,7 +184,8 @@ class Drive:
         self._following_error_s = self._following_error_s + period_s if late else 0.0
         if late and self._following_error_s * 1000 > self.get(0x6066):
             self.trip(_FOLLOWING_ERROR)
-        inputs, speed = self.get(0x60FD), self._machine.command(self._model.motor)[1]
+        speed = self._machine.command(self._model.motor)[1] * self._model.scale.polarity
+        inputs = self.get(0x60FD)
         outwards = (inputs & 1 and speed < 0) or (inputs & 2 and speed > 0)
         if outwards and self.motion.mode is not Mode.HOMING:
             self.trip(_REFERENCE_LIMIT)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from robotd.plugin.api import Profile
+from robotd_canopen.simulated.homing import METHODS, Phase, Search
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.scale import Scale, Switches
 from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
@@ -53,6 +54,7 @@ class Motion:
         self._zero = 0  # counts at which the encoder stands at position 0
         self._target: float | None = None  # set-point that a halt has put aside
         self._speed: float | None = None
+        self._search: Search | None = None
         self._obey = {
             Mode.PROFILE_POSITION: self._profile_position,
             Mode.PROFILE_VELOCITY: self._profile_velocity,
@@ -71,9 +73,13 @@ class Motion:
         """Motor position at which the encoder stands at 0."""
         return self._to_position(0)
 
+    def inputs(self) -> int:
+        """Object 0x60FD: the switches where the motor is."""
+        return self._switches.inputs(self._scale.polarity * self._machine.position(self._motor))
+
     def begin(self) -> None:
         """Operation enabled: stand, with nothing to do."""
-        self._target, self._speed = None, None
+        self._target = self._speed = self._search = None
         self.target_reached, self.mode_bit, self.error_bit = True, False, False
         if not self._machine.moves(self._motor):
             self._machine.hold(self._motor, self._machine.command(self._motor)[0])
@@ -88,13 +94,13 @@ class Motion:
 
     def quick_stop(self, then: Callable[[], None] | None = None) -> None:
         """Brake with object 0x6085 and call ``then`` at rest."""
-        self._target = self._speed = None
+        self._target = self._speed = self._search = None
         self._brake(self._ramp(0x6085), then)
 
     def _change(self, mode: Mode) -> None:
         """A running motion comes to rest with the ramp of the mode that it was in."""
         self.mode = mode
-        self._target = self._speed = None
+        self._target = self._speed = self._search = None
         self.mode_bit = self.error_bit = False
         self.target_reached = True
         if self._machine.moves(self._motor) and mode is not Mode.PROFILE_VELOCITY:
@@ -136,47 +142,44 @@ class Motion:
         self.mode_bit = abs(actual) < _AT_REST
 
     def _homing(self, rising: int, word: int, period_s: float) -> None:
-        if not rising & _SET_POINT:
-            return
-        method = self._get(0x6098)
+        if rising & _SET_POINT:
+            self._begin_homing(self._get(0x6098))
+        elif self._search is not None and word & _SET_POINT:
+            self._search_on(self._search)
+        elif self._search is not None:
+            self._search = None
+            self._brake(self._ramp(0x609A))
+
+    def _begin_homing(self, method: int) -> None:
         self.target_reached = self.mode_bit = self.error_bit = False
         if method in _HERE:
             self._attained()
-            return
-        switch = self._switch(method)
-        if switch is None:
+            self.target_reached = True
+        elif method in METHODS:
+            fast, creep = (self._get(0x6099, sub) / self._scale.velocity for sub in (1, 2))
+            self._search = Search(METHODS[method], fast, creep)
+        else:
             self.error_bit = self.target_reached = True
-            return
-        self._seek(switch)
 
-    def _seek(self, switch: float) -> None:
-        """To the switch with the first speed of 0x6099, and on to its edge with the second."""
-        ramp = self._ramp(0x609A)
-        fast = Profile(self._get(0x6099, 1) / self._scale.velocity, ramp, ramp)
-        slow = Profile(self._get(0x6099, 2) / self._scale.velocity, ramp, ramp)
-        creep = 0.005 if self._machine.command(self._motor)[0] > switch else -0.005
-
-        def edge() -> None:
-            position, velocity = self._machine.command(self._motor)
-            plan = plan_move(position, velocity, switch, slow, ramp)
-            self._machine.plan(self._motor, plan, self._attained)
-
+    def _search_on(self, search: Search) -> None:
+        """One period of a homing that moves; home is where the motor is when the switch opens."""
+        before = search.phase
+        search.step(self.inputs())
+        if search.phase is Phase.FOUND and before is not Phase.FOUND:
+            self._attained()
         position, velocity = self._machine.command(self._motor)
-        plan = plan_move(position, velocity, switch - creep, fast, ramp)
-        self._machine.plan(self._motor, plan, edge)
+        wanted = search.velocity * self._scale.polarity
+        if wanted != self._speed:
+            self._speed, ramp = wanted, self._ramp(0x609A)
+            self._machine.plan(self._motor, plan_velocity(position, velocity, wanted, ramp, ramp))
+        elif search.phase in (Phase.FOUND, Phase.FAILED) and self._rests():
+            self._search, self._speed = None, None
+            self.target_reached, self.error_bit = True, search.phase is Phase.FAILED
 
     def _attained(self) -> None:
         raw = self.counts(self._machine.position(self._motor)) + self._zero
         self._zero = raw - self._get(0x607C)
-        self.target_reached = self.mode_bit = True
-
-    def _switch(self, method: int) -> float | None:
-        """Where the switch of a homing method is: 17, 18 limits, 19 to 30 the home switch."""
-        if method in (1, 17):
-            return self._switches.negative_limit
-        if method in (2, 18):
-            return self._switches.positive_limit
-        return self._switches.home if 3 <= method <= 14 or 19 <= method <= 30 else None
+        self.mode_bit = True
 
     def _cyclic_position(self, rising: int, word: int, period_s: float) -> None:
         self._follow(self._unwrapped(self._get(0x607A)), word, period_s)

@@ -17,7 +17,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Switches:
-    """Where switches close, rad (or m); None: there is no such switch."""
+    """Where switches close, rad (or m) as the drive counts; None: there is no such switch."""
 
     negative_limit: float | None = None
     positive_limit: float | None = None
