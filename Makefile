@@ -2,6 +2,7 @@
 PYTHON  ?= python3
 ROBOT   ?= cr3a
 BACKEND ?= sim
+MINUTES ?= 60
 ARGS    ?=
 
 SHELL       := /bin/bash
@@ -77,6 +78,10 @@ bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tests.bench
 	@$(say) 'tests.bench $(ARGS)'
 	exec .venv/bin/python -m tests.bench $(ARGS)
 
+soak: $(ready) ## load ROBOT on BACKEND for MINUTES and see what grows
+	@$(say) 'tests.endurance.soak, $(MINUTES) min'
+	exec .venv/bin/python -m tests.endurance.soak --minutes $(MINUTES) --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
+
 venv: $(ready) ## make .venv or bring it up to date
 	@:
 
@@ -114,4 +119,4 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
-.PHONY: help run test backends lint bench venv clean
+.PHONY: help run test backends lint bench soak venv clean
