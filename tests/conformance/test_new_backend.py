@@ -1,4 +1,8 @@
-"""A stranger's way: generate a package, install it by pip into an empty environment, check it."""
+"""A stranger's way: generate a package, install it by pip into an environment, check and serve it.
+
+The environment is new and sees what the one of this test has installed, robotd among it: what is
+tested is the installation of the generated package, not that of ROS.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,10 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+from control_msgs.action import FollowJointTrajectory
+from sensor_msgs.msg import JointState
+from tests.ros.robot_process import Client, RobotProcess
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 NAME = "acme_bus"
 
@@ -30,7 +38,7 @@ def run(*command: str | Path, cwd: Path) -> str:
 
 @pytest.fixture
 def python(tmp_path: Path) -> Path:
-    """A new environment that sees what this one has installed, robotd among it."""
+    """A new environment that sees what this one has installed."""
     run(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv", cwd=tmp_path)
     python = tmp_path / "venv" / "bin" / "python"
     site = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=tmp_path)
@@ -40,12 +48,19 @@ def python(tmp_path: Path) -> Path:
     return python
 
 
-@pytest.mark.timeout(180)
-def test_a_generated_package_installs_and_passes_at_once(python: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def installed(python: Path, tmp_path: Path) -> Path:
+    """The same with the generated package."""
     run(python, "-m", "robotd", "new-backend", NAME, cwd=tmp_path)
     package = tmp_path / "robotd-acme-bus"
     offline = ("--no-index", "--no-deps", "--no-build-isolation", "--quiet")
     run(python, "-m", "pip", "install", *offline, package, cwd=tmp_path)
+    return python
+
+
+@pytest.mark.timeout(180)
+def test_a_generated_package_passes_at_once(installed: Path, tmp_path: Path) -> None:
+    python = installed
     robotd = (python, "-m", "robotd")
     assert f"'{NAME}' (robotd_acme_bus of robotd-acme-bus 0.1.0)" in run(
         *robotd, "backends", "--check", NAME, cwd=tmp_path
@@ -57,6 +72,27 @@ def test_a_generated_package_installs_and_passes_at_once(python: Path, tmp_path:
     assert "verdict: passed" in report
     assert "tested on 9" in report
     assert junit.read_text(encoding="utf-8").count("<testcase") > 90
+
+
+@pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # of an old lark in ROS
+def test_a_generated_package_is_served(installed: Path) -> None:
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
+    point = JointTrajectoryPoint(positions=[0.3] * 6)
+    point.time_from_start.sec = 1
+    goal.trajectory.points = [point]
+    with RobotProcess(backend=NAME, python=installed) as process:
+        process.wait_ready()
+        client = Client(process.domain)
+        try:
+            states = client.listen(JointState, "/joint_states")
+            result = client.send_goal(goal).result()[1]
+            assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
+            state = client.next(states)
+            assert list(state.position[:6]) == pytest.approx([0.3] * 6, abs=1e-3)
+        finally:
+            client.close()
+        assert process.end() == 0, process.output
 
 
 def test_the_generated_code_is_in_order(python: Path, tmp_path: Path) -> None:

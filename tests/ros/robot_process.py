@@ -55,6 +55,7 @@ class RobotProcess:
         domain: int | None = None,
         robot: str = "cr3a",
         backend: str = BACKEND,
+        python: str | Path = sys.executable,
     ) -> None:
         self._exit = ExitStack()
         self.domain = self._exit.enter_context(own_domain()) if domain is None else domain
@@ -65,7 +66,7 @@ class RobotProcess:
             "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{self.domain}",  # an engine of its own
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments],
+            [python, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments],
             stdout=self._log,
             stderr=subprocess.STDOUT,
             env=environment,
