@@ -118,9 +118,8 @@ def _watch(
     start_s = time.monotonic()
     for number in range(1, round(seconds) + 1):
         time.sleep(max(0.0, start_s + number - time.monotonic()))
-        for process in (daemon.process, *(each._process for each in clients)):
-            if process.poll() is not None:
-                raise RuntimeError(f"{process.args} ended early: status {process.returncode}")
+        if (status := daemon.process.poll()) is not None:
+            raise RuntimeError(f"robotd ended: status {status}: {daemon.output[-1000:]}")
         row = _row(daemon.process.pid, monitor, _added(clients)) | {
             "time_s": time.monotonic() - start_s
         }
@@ -143,7 +142,7 @@ def _row(pid: int, monitor: Monitor, counts: Counter[str]) -> dict[str, float]:
 
 
 def _added(clients: Sequence[Program]) -> Counter[str]:
-    return sum((newest(each.output) for each in clients), Counter())
+    return sum(map(newest, clients), Counter())
 
 
 def _ends_of(monitor: Monitor, descriptor: RobotDescriptor) -> tuple[CycleLook, CycleLook, float]:

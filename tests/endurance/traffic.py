@@ -6,6 +6,7 @@ Prints what it has counted as a line of JSON, once a second and when it has ende
 from __future__ import annotations
 
 import json
+import os
 import random
 import signal
 import threading
@@ -14,12 +15,15 @@ from collections.abc import Callable
 from typing import Any
 
 import click
+from tests.bench.process import Program
 from tests.endurance.calls import ServiceCalls
 from tests.endurance.goals import Goals
 from tests.endurance.twists import Twists
 from tests.ros.robot_process import Client
 
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+
+TAIL_BYTES = 16384  # more than one line; the output of an hour need not be read each second
 
 KINDS: dict[str, Callable[..., Any]] = {"calls": ServiceCalls, "goals": Goals, "twists": Twists}
 
@@ -58,10 +62,20 @@ def main(kind: str, robot: str, variant: str | None, domain: int, seed: int, rat
     client.close()
 
 
-def newest(output: str) -> Counter[str]:
-    """The last line of a client's output that is complete; empty before the first."""
-    lines = output[: output.rfind("\n") + 1].splitlines()
-    return Counter(json.loads(lines[-1])) if lines else Counter()
+def newest(program: Program) -> Counter[str]:
+    """The last line of a client's output that is complete; empty before the first.
+
+    Raises RuntimeError, with what it says of it, when the client has ended by itself.
+    """
+    if program._process.poll():
+        raise RuntimeError(f"a client ended: {_tail(program._errors.fileno())}")
+    *lines, _ = ["", *_tail(program._output.fileno()).split("\n")]
+    return Counter(json.loads(lines[-1])) if lines[-1] else Counter()
+
+
+def _tail(descriptor: int) -> str:
+    size = os.fstat(descriptor).st_size
+    return os.pread(descriptor, TAIL_BYTES, max(0, size - TAIL_BYTES)).decode("utf-8", "replace")
 
 
 if __name__ == "__main__":
