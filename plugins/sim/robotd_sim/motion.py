@@ -118,6 +118,7 @@ class Motion:
     def _stream_timed_out(self) -> None:
         for axis in np.flatnonzero(self.stream.following):
             self.brake(int(axis), self._stop_deceleration(int(axis)))
+            self._states.reason[axis] = "setpoints stayed away"
 
     def _command(self, axis: int) -> tuple[float, float]:
         return float(self._servo.command[axis]), float(self._servo.command_velocity[axis])
