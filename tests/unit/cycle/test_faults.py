@@ -117,7 +117,9 @@ def test_a_cycle_that_stood_too_long_is_named_as_the_reason(rig: Rig) -> None:
         rig.stall(0.3)
         rig.end(execution)
     assert_fault(execution, "joint1 at 0.")
-    assert execution.message.endswith("stopped by the device after the cycle had stood for 302 ms (setpoints stayed away)")
+    assert execution.message.endswith(
+        "stopped by the device after the cycle had stood for 302 ms (setpoints stayed away)"
+    )
     assert_works(rig)
 
 
