@@ -12,6 +12,7 @@ from robotd.descriptor import (
     validate_section,
     write_wmx_parameters,
 )
+from robotd.descriptor.files import read_limited
 from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import (
@@ -85,6 +86,7 @@ __all__ = [
     "get_logger",
     "hookimpl",
     "load_robot_descriptor",
+    "read_limited",
     "read_wmx_parameters",
     "validate_section",
     "wait_until",

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import io
 from configparser import Error as ConfigParserError
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
-import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
+from canopen.objectdictionary.eds import import_eds
 
-from robotd.plugin.api import DescriptorError
+from robotd.plugin.api import DescriptorError, read_limited
 from robotd_canopen.options import AxisOptions, NodeOptions, parse_object
 
 GENERIC_DRIVE = "generic_402.eds"
 GENERIC_IO = "generic_401.eds"
+MAX_BYTES = 2_000_000  # of an EDS file; the generic drive has 40 kB
+MAX_SHOWN = 200  # characters of a reason
 AXIS_STEP = 0x800  # distance of the profile objects of two axes in one drive (CiA 402-1)
 PROFILE_AREA = range(0x6000, 0xA000)
 
@@ -30,9 +33,12 @@ def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
 def read_eds(path: Path, node: int) -> ObjectDictionary:
     """The dictionary of ``node``. Raises DescriptorError. Any thread."""
     try:
-        return canopen.import_od(str(path), node)
-    except (OSError, ValueError, KeyError, ConfigParserError) as error:
-        raise DescriptorError(f"cannot be read as an EDS: {error}", path=path) from error
+        text = io.StringIO(read_limited(path, MAX_BYTES).decode())
+        dictionary: ObjectDictionary = import_eds(text, node)  # type: ignore[no-untyped-call]
+    except (ValueError, LookupError, TypeError, OverflowError, ConfigParserError) as error:
+        what = str(error).partition("\n")[0][:MAX_SHOWN]  # a parser lists every line
+        raise DescriptorError(f"cannot be read as an EDS: {what}", path=path) from error
+    return dictionary
 
 
 def empty_dictionary() -> ObjectDictionary:
