@@ -25,6 +25,7 @@ from robotd.device.gripper import Gripper
 from robotd.device.image import ProcessImage
 from robotd.device.io import Io
 from robotd.device.state import CommandMode
+from robotd.device.travel import TravelGuard
 from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits
@@ -91,6 +92,8 @@ class Robot:
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
+        guard = TravelGuard(self.axes, driver, 1.0 / descriptor.cycle.rate_hz)
+        self.cycle.every(descriptor.cycle.rate_hz, "travel", guard.look)
         self.follower = TrajectoryFollower(
             self.axes,
             streamer,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
 from robotd.log import get_logger
-from robotd.motion.limits import AxisLimits, check_jog, check_move
+from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
 
 log = get_logger("axes")
 
@@ -56,6 +57,9 @@ class Axes:
         limits: per axis; an axis without limits (NaN) is not limited.
         names: per axis, for error texts (``joint2`` or ``axis 1``).
         clock: to wait by.
+
+    Attributes:
+        jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
     """
 
     def __init__(
@@ -72,6 +76,7 @@ class Axes:
         self.image = image
         self.limits = tuple(limits)
         self.names = tuple(names)
+        self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver
         self._engine = engine
         self._capabilities = capabilities
@@ -170,14 +175,21 @@ class Axes:
                 self._commanded_ns = self._clock.now_ns()
 
     def jog(self, jogs: Sequence[Jog]) -> None:
-        """Start or change velocity commands together; velocity 0 slows to rest."""
+        """Start or change velocity commands together; velocity 0 slows to rest.
+
+        A joint is stopped before it leaves its position limits (``TravelGuard``); a command
+        for which that would be too late is refused.
+        """
         self._require(Capability.VELOCITY_MODE, "velocity mode")
         with self._lock:
             self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
             for jog in jogs:
                 name, limits, profile = self._of(jog)
                 check_jog(name, limits, *profile)
+                position = float(self.image.position[jog.axis])
+                check_room(name, limits, position, profile[0], profile[2])
             for jog in jogs:
+                self.jog_deceleration[jog.axis] = jog.profile.deceleration
                 self._driver.jog(jog.axis, jog.profile)
                 self._commanded_ns = self._clock.now_ns()
 
@@ -256,9 +268,9 @@ class Axes:
         for axis in axes:
             if not 0 <= axis < len(self):
                 raise InvalidArgument(f"axis {axis} is outside 0..{len(self) - 1}")
-        doubled = {axis for axis in axes if list(axes).count(axis) > 1}
-        if doubled:
-            raise InvalidArgument(f"axis {min(doubled)} is given twice")
+        if len(set(axes)) < len(axes):
+            doubled = min(axis for axis, count in Counter(axes).items() if count > 1)
+            raise InvalidArgument(f"axis {doubled} is given twice")
 
     def _check_axis(self, axis: int) -> None:
         self._check_axes([axis])

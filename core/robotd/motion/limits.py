@@ -73,6 +73,36 @@ def check_jog(
     _check_speed_and_ramps(axis, limits, velocity, acceleration, deceleration)
 
 
+def room_to_stop(
+    limits: AxisLimits, position: float, velocity: float, deceleration: float
+) -> float:
+    """Distance that is left to a position limit after braking; negative where it is too late.
+
+    Args:
+        limits: of the axis.
+        position, velocity: now; the limit is the one that ``velocity`` leads to.
+        deceleration: of the stop, positive.
+    """
+    ahead = limits.upper - position if velocity > 0.0 else position - limits.lower
+    return ahead - velocity * velocity / (2.0 * deceleration) if velocity else math.inf
+
+
+def check_room(
+    axis: str, limits: AxisLimits, position: float, velocity: float, deceleration: float
+) -> None:
+    """Refuse a velocity command that could not be stopped before a position limit.
+
+    Raises:
+        InvalidArgument: naming the axis, the values and the limit.
+    """
+    if room_to_stop(limits, position, velocity, deceleration) < 0.0:
+        limit, unit = (limits.upper if velocity > 0.0 else limits.lower), limits.unit
+        raise InvalidArgument(
+            f"{axis}: from {position:.6g} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
+            f" before the limit {limit:.6g} {unit}"
+        )
+
+
 def _check_speed_and_ramps(
     axis: str, limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
 ) -> None:
