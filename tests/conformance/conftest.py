@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,24 +10,45 @@ import pytest
 from tests.conformance.mutants import Mutant
 
 InstallMutant = Callable[[type[Mutant]], str]
+InstallSource = Callable[[str], None]
+
+ROOT = Path(__file__).parents[2]
+
+
+def announce(folder: Path, name: str, target: str) -> None:
+    """Make ``target`` the backend ``name`` of a distribution in ``folder``."""
+    info = folder / f"{name.lower()}-1.0.dist-info"
+    info.mkdir()
+    metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n"
+    (info / "METADATA").write_text(metadata, encoding="utf-8")
+    entry = f"[robotd.backends]\n{name} = {target}\n"
+    (info / "entry_points.txt").write_text(entry, encoding="utf-8")
 
 
 @pytest.fixture
 def install_mutant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> InstallMutant:
-    """Make a mutant a distribution on ``sys.path``; returns the name of its backend."""
+    """Make a mutant a distribution on ``sys.path``; returns the name of its backend.
+
+    It is there for processes that a test starts, too.
+    """
 
     def install(mutant: type[Mutant]) -> str:
         name = mutant.__name__
-        info = tmp_path / f"{name.lower()}-1.0.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(
-            f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8"
-        )
-        target = f"tests.conformance.installed:{name}"
-        (info / "entry_points.txt").write_text(
-            f"[robotd.backends]\n{name} = {target}\n", encoding="utf-8"
-        )
+        announce(tmp_path, name, f"tests.conformance.installed:{name}")
         monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
         return name
+
+    return install
+
+
+@pytest.fixture
+def install_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> InstallSource:
+    """Make a module with this source the backend ``odd``, for processes that a test starts."""
+
+    def install(source: str) -> None:
+        announce(tmp_path, "odd", "odd_module")
+        (tmp_path / "odd_module.py").write_text(source, encoding="utf-8")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
 
     return install

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
 
 import pytest
+from tests.conformance.broken import (
+    HangsInClose,
+    HangsInRead,
+    HangsInServo,
+    HangsInState,
+    RaisesInRead,
+    RaisesInServo,
+    broken,
+    released,
+)
 from tests.conformance.mutants import Mutant
 
 from robotd.clock import MonotonicClock, wait_until
@@ -14,55 +23,8 @@ from robotd.descriptor import RobotDescriptor
 from robotd.device.state import EngineState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, OperationError
 from robotd.plugin import guard
-from robotd.plugin.api import ProcessImage
 from robotd.plugin.manager import Backend, PluginOrigin
 from robotd.robot import Robot
-from robotd_sim import SimAxes, SimDevice
-
-broken = threading.Event()
-released = threading.Event()
-
-
-class RaisesInRead(Mutant):
-    class Axes(SimAxes):
-        def read(self, image: ProcessImage) -> None:
-            if broken.is_set():
-                raise ZeroDivisionError("no scale")
-            super().read(image)
-
-
-class HangsInRead(Mutant):
-    class Axes(SimAxes):
-        def read(self, image: ProcessImage) -> None:
-            if broken.is_set():
-                released.wait(20.0)
-            super().read(image)
-
-
-class HangsInState(Mutant):
-    class Device(SimDevice):
-        def state(self) -> EngineState:
-            if broken.is_set():
-                released.wait(20.0)
-            return super().state()
-
-
-class HangsInServo(Mutant):
-    class Axes(SimAxes):
-        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
-            released.wait(20.0)
-
-
-class RaisesInServo(Mutant):
-    class Axes(SimAxes):
-        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
-            raise KeyError("controlword")
-
-
-class HangsInClose(Mutant):
-    class Device(SimDevice):
-        def close(self) -> None:
-            released.wait(20.0)
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,125 @@
+"""A broken plugin in a real ``robotd``: told with its name and origin, and nothing moves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from control_msgs.action import FollowJointTrajectory
+from tests.conformance import broken
+from tests.conformance.conftest import InstallMutant, InstallSource
+from tests.conformance.mutants import Mutant
+from tests.ros.robot_process import Client, Goal, RobotProcess
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from robotd.cli.exit_codes import ExitCode
+
+pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # old lark in ROS
+
+ORIGIN = "plugin 'odd' (odd_module of odd 1.0)"
+IMPORTS = "from robotd.plugin.api import BackendInfo, Capability, hookimpl\n"
+INFO = """
+@hookimpl
+def robotd_backend():
+    return BackendInfo(name="odd", summary="", capabilities=frozenset({Capability.AXES}), %s)
+"""
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        ("import not_there", "cannot be imported: ModuleNotFoundError"),
+        (IMPORTS + INFO % "api_version=7", "is written for robotd plugin API 7, this is API 1"),
+        (IMPORTS + "@hookimpl\ndef robotd_bakend(): ...", "unknown hook 'robotd_bakend'"),
+        (IMPORTS + "@hookimpl\ndef robotd_axes(devise): ...", "devise"),
+        (IMPORTS + "@hookimpl\ndef robotd_backend(): 1 / 0", "robotd_backend failed: ZeroDivision"),
+        (
+            IMPORTS
+            + INFO % ""
+            + "@hookimpl\ndef robotd_open_device(): raise OSError('no licence')",
+            "robotd_open_device failed: OSError: no licence",
+        ),
+    ],
+)
+def test_a_plugin_that_does_not_start_is_told_with_its_origin(
+    source: str, says: str, install_source: InstallSource
+) -> None:
+    install_source(source)
+    command = [sys.executable, "-m", "robotd", "--robot", "standalone", "--backend", "odd"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30)
+    assert done.returncode == ExitCode.PLUGIN, done.stdout + done.stderr
+    assert ORIGIN in done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.fixture
+def switch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file that breaks a backend."""
+    path = tmp_path / "break"
+    monkeypatch.setenv(broken.BREAK, str(path))
+    return path
+
+
+@contextmanager
+def served(name: str) -> Iterator[tuple[RobotProcess, Client]]:
+    with RobotProcess(backend=name) as process:
+        process.wait_ready()
+        client = Client(process.domain)
+        try:
+            client.wait_engine()
+            yield process, client
+        finally:
+            client.close()
+
+
+def begin_goal(client: Client) -> Goal:
+    """A goal that takes 20 s."""
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
+    point = JointTrajectoryPoint(positions=[0.5] * 6)
+    point.time_from_start.sec = 20
+    goal.trajectory.points = [point]
+    return client.send_goal(goal)
+
+
+def refusal(goal: Goal) -> str:
+    """Why it failed; it must have."""
+    result = goal.result()[1]
+    assert result.error_code != FollowJointTrajectory.Result.SUCCESSFUL
+    return str(result.error_string)
+
+
+@pytest.mark.parametrize(
+    ("backend", "ended", "refused"),
+    [
+        (
+            broken.RaisesInRead,
+            (
+                "plugin 'RaisesInRead' (tests.conformance.installed:RaisesInRead of RaisesInRead 1.0):"
+                " AxisDriver.read failed: ZeroDivisionError: no scale"
+            ),
+            "",
+        ),
+        (broken.HangsInRead, "tests.conformance.broken: HangsInRead.Axes.read, line", ""),
+        (broken.HangsInState, "tests.conformance.broken: HangsInState.Device.state, line", ""),
+        (broken.HangsInFault, "ms old", "DeviceDriver.fault does not return"),
+    ],
+    ids=lambda value: value.__name__ if isinstance(value, type) else "",
+)
+def test_a_driver_that_breaks_ends_all_motion_and_the_daemon_lives(
+    backend: type[Mutant], ended: str, refused: str, switch: Path, install_mutant: InstallMutant
+) -> None:
+    with served(install_mutant(backend)) as (process, client):
+        running = begin_goal(client)
+        switch.touch()
+        assert ended in refusal(running)
+        client.wait_engine(ready=False)
+        said = refusal(begin_goal(client))
+        assert "engine is not ready (state Unknown)" in said
+        assert refused in said
+        assert process.end() == ExitCode.OK, process.output
