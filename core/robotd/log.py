@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from contextlib import suppress
 from enum import StrEnum
 from typing import TextIO, cast
 
@@ -51,9 +52,32 @@ def configure_logging(
     structlog.configure(
         processors=[*shared, *tail],
         wrapper_class=structlog.make_filtering_bound_logger(logging.getLevelName(level.upper())),
-        logger_factory=structlog.PrintLoggerFactory(stream),
+        logger_factory=structlog.PrintLoggerFactory(lossy(stream)),
         cache_logger_on_first_use=False,
     )
+
+
+def lossy(stream: TextIO) -> TextIO:
+    """``stream``, but losing what cannot be written: a full disk must not stop a robot.
+
+    It may be full, or a pipe that nobody reads any more, or closed. Any thread.
+    """
+    return cast(TextIO, _Lossy(stream))
+
+
+class _Lossy:
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.isatty = stream.isatty
+
+    def write(self, text: str) -> int:
+        with suppress(OSError, ValueError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError, ValueError):
+            self._stream.flush()
 
 
 def get_logger(name: str) -> FilteringBoundLogger:

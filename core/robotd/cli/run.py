@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from robotd.cli.summary import SIMULATED, start_summary
 from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import InvalidArgument, OperationError
+from robotd.log import lossy
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
@@ -81,12 +83,12 @@ def _serve(
     def served(report: ServeReport) -> None:
         nonlocal is_served
         is_served = True
-        click.echo(start_summary(robot, origin, report))
+        _say(start_summary(robot, origin, report))
 
     def ready() -> None:
         if faults is not None:
             faults.begin()
-        click.echo(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
+        _say(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
 
     try:
         code = server.serve(
@@ -104,6 +106,11 @@ def _serve(
             raise
         raise RosUnavailable(str(error)) from error
     return int(code)
+
+
+def _say(text: str) -> None:
+    """To standard output; that it is full or that nobody reads it must not stop the robot."""
+    click.echo(text, file=lossy(sys.stdout))
 
 
 def _made(
