@@ -7,6 +7,8 @@ accumulator; the drive itself sends 32 bits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robotd.plugin.api import FloatArray, WmxParameters
@@ -40,17 +42,18 @@ class Scaling:
         self.gain = gain.copy()
         self.origin: FloatArray = np.zeros_like(gain)
         self.home: FloatArray = np.zeros_like(gain)
-        self._inverse = 1.0 / self.gain
+        self._factors = _factors(self.gain)
 
     def counts(self, units: FloatArray) -> FloatArray:
         """Counts of a position, rounded, as a 64-bit accumulator that never lost its origin."""
         return np.rint(units * self.gain + self.origin + self.home)
 
-    def quantise(self, units: FloatArray, out: FloatArray) -> None:
-        """``units`` as the encoder reads them, in whole counts. No allocation."""
-        np.multiply(units, self.gain, out)
-        np.rint(out, out)
-        np.multiply(out, self._inverse, out)
+    def quantised(self, units: Sequence[float]) -> list[float]:
+        """``units`` as the encoders read them, in whole counts."""
+        return [
+            round(unit * gain) * inverse
+            for unit, (gain, inverse) in zip(units, self._factors, strict=True)
+        ]
 
     def change(
         self, gain: FloatArray, origin: FloatArray, home: FloatArray
@@ -62,5 +65,10 @@ class Scaling:
         moved = self.origin - origin + self.home - home
         scale = self.gain / gain
         self.gain, self.origin, self.home = gain.copy(), origin.copy(), home.copy()
-        self._inverse = 1.0 / self.gain
+        self._factors = _factors(self.gain)
         return scale, moved / self.gain
+
+
+def _factors(gain: FloatArray) -> list[tuple[float, float]]:
+    """Of each axis: counts per unit and units per count."""
+    return list(zip(gain.tolist(), (1.0 / gain).tolist(), strict=True))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from math import floor
 
 import numpy as np
@@ -32,14 +31,11 @@ class Stream:
         self.following: Flags = np.zeros(axes, bool)
         self.by_velocity: Flags = np.zeros(axes, bool)
         self.position: FloatArray = np.zeros(axes)  # the last setpoint
-        self._ends: FloatArray = np.zeros((3, axes))  # speed now, way to go, speed at the end
-        self.velocity = self._ends[2]  # of the last setpoint
-        self._bent: FloatArray = np.zeros((2, axes))
-        self._mask: Flags | bool = False  # ``following``, or whether all do
-        self._turns = False  # somebody follows by velocity
+        self.velocity: FloatArray = np.zeros(axes)
         self.end = 0.0  # tick, with its fraction, at which the last setpoint is due
         self._world, self._timeout, self._on_timeout = world, timeout, on_timeout
         self._period = period_s / world.servo.tick_s
+        self._followers: list[tuple[int, bool]] = []  # axes, and whether by velocity
         self._called = 0  # tick of the last setpoint
         self._fed = False  # there was one since the stream began
         self._watching = False
@@ -48,10 +44,9 @@ class Stream:
     def begin(self, axis: int, *, by_velocity: bool = False) -> None:
         """``axis`` follows from now on; until the first setpoint its velocity stays."""
         servo = self._world.servo
-        self.by_velocity[axis] = by_velocity
         self.position[axis], self.velocity[axis] = servo.command[axis], servo.command_velocity[axis]
-        servo.follow(axis, self._world.tick, self.position[axis], self.velocity[axis], 0.0)
-        self.following[axis] = True
+        servo.follow(axis, self._world.tick, *self._setpoint(axis), 0.0)
+        self.following[axis], self.by_velocity[axis] = True, by_velocity
         self._take_stock()
         self.end = float(self._world.tick)
         self._world.lapse = FOREVER
@@ -66,39 +61,41 @@ class Stream:
 
     def setpoint(self, position: FloatArray, velocity: FloatArray) -> None:
         """One setpoint per axis, of shape (n,); entries of axes that do not follow are ignored."""
-        tick, servo, mask = self._world.tick, self._world.servo, self._mask
-        if mask is False:
+        if not self._followers:
             return
+        tick, servo = self._world.tick, self._world.servo
         self._called, self._fed = tick, True
         late = abs(self.end - tick) > self._period / 2
         self.end = (tick if late else self.end) + self._period
         self._world.lapse = floor(self.end)
         time_s = (self.end - tick) * servo.tick_s
-        np.copyto(self.position, position, where=mask)
-        np.copyto(self.velocity, velocity, where=mask)
-        speed, way, _ = self._ends
-        speed[:] = servo.command_velocity
-        np.subtract(self.position, servo.command, way)
-        if self._turns:
-            turning = self.following & self.by_velocity
-            np.copyto(way, (speed + self.velocity) * (time_s / 2), where=turning)
-            np.add(servo.command, way, self.position, where=turning)
-        np.dot(_bend(time_s), self._ends, self._bent)
-        servo.take_over(tick, self._bent, mask)
+        targets, ends = position.tolist(), velocity.tolist()
+        starts, speeds = servo.command.tolist(), servo.command_velocity.tolist()
+        for axis, by_velocity in self._followers:
+            start, speed, end = starts[axis], speeds[axis], ends[axis]
+            way = (speed + end) / 2 * time_s if by_velocity else targets[axis] - start
+            self.position[axis], self.velocity[axis] = start + way, end
+            mean = way / time_s
+            acceleration = 2 * (3 * mean - 2 * speed - end) / time_s
+            jerk = 6 * (speed + end - 2 * mean) / time_s**2
+            servo.follow(axis, tick, start, speed, acceleration, jerk)
 
     def _go_on(self) -> None:
         """The setpoint is reached: keep its velocity until there is another."""
-        servo, mask = self._world.servo, self.following
-        servo.rebase(self._world.tick)
-        past_s = (self._world.tick - self.end) * servo.tick_s
-        np.copyto(servo.coefficients[0], self.position + self.velocity * past_s, where=mask)
-        np.copyto(servo.coefficients[1], self.velocity, where=mask)
-        np.copyto(servo.coefficients[2:], 0.0, where=mask)
+        past_s = (self._world.tick - self.end) * self._world.servo.tick_s
+        for axis, _ in self._followers:
+            position, velocity = self._setpoint(axis)
+            self._world.servo.follow(
+                axis, self._world.tick, position + velocity * past_s, velocity, 0.0
+            )
+
+    def _setpoint(self, axis: int) -> tuple[float, float]:
+        return float(self.position[axis]), float(self.velocity[axis])
 
     def _take_stock(self) -> None:
-        following = self.following
-        self._mask = bool(following.any()) and (bool(following.all()) or following)
-        self._turns = bool((following & self.by_velocity).any())
+        self._followers = [
+            (axis, bool(self.by_velocity[axis])) for axis in np.flatnonzero(self.following).tolist()
+        ]
 
     def _watch(self) -> None:
         if not self._watching:
@@ -114,10 +111,3 @@ class Stream:
             self._on_timeout()
         else:
             self._watch()
-
-
-@lru_cache(maxsize=64)  # the same few times again and again: periods are whole ticks, or nearly
-def _bend(time_s: float) -> FloatArray:
-    """(2, 3): h and j of p + v·t + h·t² + j·t³ from v, the way after ``time_s``, and v then."""
-    t = time_s
-    return np.array([[-2 / t, 3 / t**2, -1 / t], [1 / t**2, -2 / t**3, 1 / t**2]])

@@ -101,7 +101,7 @@ class World:
                 self.on_lapse()
             stop = min(due, self.lapse, agenda[0][0]) if agenda else min(due, self.lapse)
             if self.tick >= self._rest:
-                self.servo.rest(stop)
+                self.servo.rest()
                 self.tick = stop
             else:
                 self.tick, seen = self.servo.run(self.tick, min(stop, self._rest), self.watch)

@@ -51,8 +51,7 @@ class Machine:
         self._seen_ns = now_ns
         self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
-        self._measured = np.zeros((2, axes))
-        self._velocity, self._torque = self._measured
+        self._velocity, self._torque = self.servo.measure()
         for axis, position in enumerate(initial):
             self.servo.place(axis, position, position, 0.0)
             self._follow(axis, Segment(0.0, position, 0.0, 0.0))
@@ -151,7 +150,7 @@ class Machine:
     def _advance(self, elapsed_ns: int) -> None:
         self._clock.set(self._clock.now_ns() + elapsed_ns)
         self._world.advance()
-        self.servo.measure(self._measured)
+        self._velocity, self._torque = self.servo.measure()
 
 
 def _mechanics(axes: int) -> Mechanics:
