@@ -128,7 +128,11 @@ class StatusReader:
 
     @property
     def communicating(self) -> bool:
-        """As of the last ``read``."""
+        """As of the last ``read``, like ``cycle_ms``."""
+
+    @property
+    def cycle_ms(self) -> float:
+        """How long a cycle of the engine is."""
 
 class Snapshot:
     """All axes at one moment."""
@@ -195,3 +199,14 @@ class Master:
     packet_loss: int
     packet_timeout: int
     over_cycle: int
+    cycles: int
+    cyclic_frames: int
+    min_clock_interval: int
+    max_clock_interval: int
+    average_clock_interval: int
+    min_clock_difference: int
+    max_clock_difference: int
+    hot_connect: str
+    """idle, running, aborted or unknown."""
+    hot_connect_failure: str
+    """Why it was aborted; empty otherwise."""

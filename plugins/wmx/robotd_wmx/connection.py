@@ -53,6 +53,7 @@ class Connection:
         self.scaling = Scaling(robot, options)
         self._devices: dict[str, Device] = {}
         self._lost: EngineState | None = None
+        self._lost_because = ""
 
     @property
     def is_open(self) -> bool:
@@ -114,17 +115,20 @@ class Connection:
             try:
                 state = _STATES[device.state()]
             except CallError as error:
-                log.error("the engine is gone", reason=text_of(*error.args[1:3]))
-                state = self._lost = EngineState.UNKNOWN
+                state = EngineState.UNKNOWN
+                self._lose(state, f"the engine is gone: {text_of(*error.args[1:3])}")
             if state is EngineState.SHUTDOWN:
-                log.error("the engine was stopped by somebody else")
-                self._lost = state
+                self._lose(state, "the engine was stopped by somebody else")
             return state
         return self._lost
 
+    def lost_because(self) -> str:
+        """Why the engine is lost to us, in words; "" while it is not."""
+        return self._lost_because if self._devices and self._lost is not None else ""
+
     def give_up(self) -> None:
         """The engine is about to be stopped by us: nothing is commanded any more."""
-        self._lost = EngineState.SHUTDOWN
+        self._lost, self._lost_because = EngineState.SHUTDOWN, ""
 
     def others(self) -> list[str]:
         """Names of other programs' devices; empty when the engine does not tell."""
@@ -143,8 +147,13 @@ class Connection:
         if device is None:
             raise NotReady("no device of the WMX engine is open")
         if self._lost is not None:
-            raise NotReady(f"the WMX engine is {self._lost.value}: close the device, open it again")
+            reason = self._lost_because or f"the engine is {self._lost.value}"
+            raise NotReady(f"{reason}; close the device and open it again")
         return device
+
+    def _lose(self, state: EngineState, reason: str) -> None:
+        self._lost, self._lost_because = state, reason
+        log.error(reason)
 
     def _create(self, path: str, name: str) -> Device:
         for last in self._attempts():

@@ -32,7 +32,7 @@ class WmxDevice(DeviceDriver):
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
-        self._attached = False  # shared engine: whether we use its communication
+        self._attached = False  # whether we take part in the communication
 
     def open(self, path: str = "", name: str = "") -> None:
         self.connection.open(path, name or self.connection.robot.name)
@@ -53,22 +53,9 @@ class WmxDevice(DeviceDriver):
         """Ask again while the network link is not ready; a shared engine is waited for."""
         if self.connection.options.shared:
             self._await_communication(timeout_s)
-            self._attached = True
-            return
-        clock = self.connection.clock
-        end_ns = clock.now_ns() + round(timeout_s * 1e9)
-        while True:
-            wait_ms = max(1, (end_ns - clock.now_ns()) // 1_000_000)
-            try:
-                self.connection.command.start_communication(wait_ms)
-            except CallError as error:
-                again = name_of(error) == "StartCommunicationError"
-                if not again or clock.now_ns() + LINK_RETRY_NS >= end_ns:
-                    raise self._not_communicating(error) from error
-                log.warning("link not ready, trying again", reason=text_of(*error.args[1:3]))
-                clock.sleep_until_ns(clock.now_ns() + LINK_RETRY_NS)
-            else:
-                return
+        else:
+            self._request_communication(timeout_s)
+        self._attached = True
 
     def stop_communication(self, timeout_s: float) -> None:
         """A shared engine keeps communicating; we no longer take part."""
@@ -89,6 +76,16 @@ class WmxDevice(DeviceDriver):
         if state is EngineState.COMMUNICATING and detached:
             return EngineState.RUNNING
         return state
+
+    def fault(self) -> str:
+        """Who or what ended the exchange of values, as far as the engine tells."""
+        if reason := self.connection.lost_because():
+            return reason
+        if not self._attached or self.connection.state() is EngineState.COMMUNICATING:
+            return ""
+        if self._licence_invalid():
+            return LICENCE
+        return "communication was stopped by somebody else, or by the engine itself"
 
     def scan_network(self) -> str:
         """Scan every master; slaves that do not answer are named by their id."""
@@ -134,6 +131,22 @@ class WmxDevice(DeviceDriver):
     def _engine_lives(self) -> bool:
         return self.connection.state() in (EngineState.RUNNING, EngineState.COMMUNICATING)
 
+    def _request_communication(self, timeout_s: float) -> None:
+        clock = self.connection.clock
+        end_ns = clock.now_ns() + round(timeout_s * 1e9)
+        while True:
+            wait_ms = max(1, (end_ns - clock.now_ns()) // 1_000_000)
+            try:
+                self.connection.command.start_communication(wait_ms)
+            except CallError as error:
+                again = name_of(error) == "StartCommunicationError"
+                if not again or clock.now_ns() + LINK_RETRY_NS >= end_ns:
+                    raise self._not_communicating(error) from error
+                log.warning("link not ready, trying again", reason=text_of(*error.args[1:3]))
+                clock.sleep_until_ns(clock.now_ns() + LINK_RETRY_NS)
+            else:
+                return
+
     def _await_communication(self, timeout_s: float) -> None:
         def communicating() -> bool:
             return self.connection.state() is EngineState.COMMUNICATING
@@ -150,8 +163,8 @@ class WmxDevice(DeviceDriver):
 
     def _licence_invalid(self) -> bool:
         try:
-            return Snapshot(self.connection.command).licence_invalid
-        except CallError:
+            return Snapshot(self.connection.status).licence_invalid
+        except (CallError, NotReady):
             return False
 
     def _stop_engine(self) -> None:

@@ -1,4 +1,4 @@
-"""``python -m robotd_wmx.doctor``: is this machine ready for the WMX backend?
+"""Is this machine ready for the WMX backend? The checks of ``robotd wmx doctor``.
 
 Runs on a machine with the SDK before anything else does. It moves nothing, switches nothing on
 and starts no communication; with ``--engine`` it starts the engine if none runs. What it prints
@@ -13,8 +13,6 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
-
-import click
 
 if TYPE_CHECKING:
     from robotd_wmx._native import Device
@@ -170,21 +168,3 @@ def report(root: Path | None, *, engine: bool) -> tuple[list[Finding], bool]:
     for check in checks:
         findings += check(root or Path("/opt/wmx3"))
     return findings, all(finding.verdict != "failed" for finding in findings)
-
-
-@click.command()
-@click.option("--sdk", type=click.Path(path_type=Path), help="Root of the SDK to look at.")
-@click.option("--engine", is_flag=True, help="Also start the engine, unless it runs, and ask it.")
-def main(sdk: Path | None, *, engine: bool) -> None:
-    """Check this machine for the WMX backend. Nothing moves. Send back what this prints."""
-    findings, passed = report(sdk, engine=engine)
-    for finding in findings:
-        advice = f"\n           {finding.advice}" if finding.advice else ""
-        click.echo(f"{finding.verdict:>8}   {finding.what}{advice}")
-    if not engine:
-        click.echo("\nThe engine was not asked: --engine starts it and reads licence and network.")
-    sys.exit(0 if passed else 1)
-
-
-if __name__ == "__main__":
-    main()

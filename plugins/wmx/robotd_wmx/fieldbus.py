@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robotd.plugin.api import FieldbusDriver, NetworkState, SlaveInfo
 from robotd_wmx._native import Master, Slave
+from robotd_wmx.al_status import text_of_al
 from robotd_wmx.connection import Connection
 from robotd_wmx.errors import translated
 
@@ -41,6 +42,7 @@ class WmxFieldbus(FieldbusDriver):
             packet_timeout=info.packet_timeout,
             over_cycle=info.over_cycle,
             slaves=tuple(_slave(slave) for slave in info.slaves),
+            details=_details(info),
         )
 
     def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
@@ -53,8 +55,25 @@ class WmxFieldbus(FieldbusDriver):
             self._connection.diagnostics.reset_reference_clock(master)
 
     def start_hot_connect(self, master: int) -> None:
+        """Returns when it has begun; ``details`` of the network state tell how it goes on."""
         with translated(f"master {master}: hot connect"):
             self._connection.diagnostics.start_hot_connect(master)
+
+
+def _details(info: Master) -> dict[str, str]:
+    """What else the master counts. The SDK states no units: the figures are as it has them."""
+    failure = info.hot_connect_failure
+    return {
+        "hot connect": f"{info.hot_connect}: {failure}" if failure else info.hot_connect,
+        "cycles": str(info.cycles),
+        "frames in a cycle": str(info.cyclic_frames),
+        "reference clock interval (min, average, max)": (
+            f"{info.min_clock_interval}, {info.average_clock_interval}, {info.max_clock_interval}"
+        ),
+        "difference from the next DC clock (min, max)": (
+            f"{info.min_clock_difference}, {info.max_clock_difference}"
+        ),
+    }
 
 
 def _slave(slave: Slave) -> SlaveInfo:
@@ -78,4 +97,5 @@ def _slave(slave: Slave) -> SlaveInfo:
         output_address=slave.output_address,
         output_size=slave.output_size,
         axes=slave.axes,
+        fault=text_of_al(slave.al_code),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from robotd.plugin.api import Operation, ProcessImage
 from robotd_wmx._native import StatusReader
 from robotd_wmx.connection import Connection
+from robotd_wmx.engine_time import EngineTime
 from robotd_wmx.velocity_stream import VelocityStream
 
 
@@ -16,19 +17,31 @@ class Readout:
         self._stream = stream
         self._bound: tuple[object, ProcessImage] | None = None
         self._reader: StatusReader | None = None
+        self._time = EngineTime()
         self._cycle = -1
+        self._alarms = False  # whether the image has a reason for one
 
     def fill(self, image: ProcessImage) -> None:
         """Raises NotReady or CallError when the engine is gone."""
         device = self._connection.status
         if self._reader is None or self._bound != (device, image):
             self._reader, self._bound = self._bind(image), (device, image)
-        cycle = self._reader.read()
-        if self._reader.communicating and cycle != self._cycle:
-            image.fresh_ns = self._connection.clock.now_ns()
+        reader = self._reader
+        cycle = reader.read()
+        if reader.communicating and cycle != self._cycle:
+            cycle_ns, now_ns = int(reader.cycle_ms * 1e6), self._connection.clock.now_ns()
+            image.fresh_ns = self._time.of(cycle, cycle_ns, now_ns)
         self._cycle = cycle
+        if self._alarms or image.amp_alarm.any():
+            self._explain(image)
         if self._stream.active.any():
             self._mark_streaming(image)
+
+    def _explain(self, image: ProcessImage) -> None:
+        """Manuals of drives list alarms by their hexadecimal numbers; the engine has no texts."""
+        self._alarms = bool(image.amp_alarm.any())
+        for axis, alarm in enumerate(image.amp_alarm):
+            image.reason[axis] = f"0x{image.alarm_code[axis]:04X}" if alarm else ""
 
     def _mark_streaming(self, image: ProcessImage) -> None:
         """The engine knows streamed axes as idle or as executing a velocity command."""

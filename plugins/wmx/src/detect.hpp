@@ -4,6 +4,8 @@
 #include <type_traits>
 #include <utility>
 
+#include <CoreMotionApi.h>
+
 namespace robotd {
 
 template <class Control, class = void>
@@ -12,11 +14,17 @@ template <class Control>
 struct TakesTwo<Control, std::void_t<decltype(std::declval<Control>().SetServoOn(0, 1))>>
     : std::true_type {};
 
-// Asks for the servo state and does not wait for it.
+// Asks for the servo state and does not wait for it, or as short as can be: 1 ms. That this time
+// is over says nothing of the request; whoever asked watches the status.
 template <class Control>
 int request_servo(Control &control, int axis, int on) {
-    if constexpr (TakesTwo<Control>::value) return static_cast<int>(control.SetServoOn(axis, on));
-    else return static_cast<int>(control.SetServoOn(axis, on, 1));  // a time-out in ms
+    using Core = wmx3Api::CoreMotionErrorCode;
+    if constexpr (TakesTwo<Control>::value) {
+        return static_cast<int>(control.SetServoOn(axis, on));
+    } else {
+        const int code = static_cast<int>(control.SetServoOn(axis, on, 1));
+        return code == Core::ServoOnError || code == Core::WaitTimeout ? 0 : code;
+    }
 }
 
 template <class Api, class = void>

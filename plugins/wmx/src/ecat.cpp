@@ -22,6 +22,29 @@ int wire_state(EcStateMachine::T state) {
     }
 }
 
+const char *hot_connect(EcHotconnectState::T state) {
+    switch (state) {
+        case EcHotconnectState::Idle: return "idle";
+        case EcHotconnectState::Running: return "running";
+        case EcHotconnectState::Abort: return "aborted";
+        default: return "unknown";
+    }
+}
+
+const char *hot_connect_failure(EcHotconnectAbortCode::T code) {
+    switch (code) {
+        case EcHotconnectAbortCode::None: return "";
+        case EcHotconnectAbortCode::PortOpenError: return "a port could not be opened";
+        case EcHotconnectAbortCode::Timeout: return "timeout";
+        case EcHotconnectAbortCode::ScanNetworkFailed: return "the scan of the network failed";
+        case EcHotconnectAbortCode::ApplyNewTopologyError: return "the new topology was refused";
+        case EcHotconnectAbortCode::InitNewSlavesError: return "a new slave did not start";
+        case EcHotconnectAbortCode::RecalculateDcError: return "distributed clocks did not settle";
+        case EcHotconnectAbortCode::ClearDLEventError: return "a DL event could not be cleared";
+        default: return "unknown";
+    }
+}
+
 int wire_mode(EcMasterMode::T mode) {
     switch (mode) {
         case EcMasterMode::PPMode: return 1;
@@ -96,6 +119,12 @@ void bind_ecat(nb::class_<Device> &device, nb::module_ &module) {
         .def(nb::init<Device &, int>(), Unlocked())
         .def_prop_ro("state", [](const Master &self) { return wire_state(self.info->state); })
         .def_prop_ro("mode", [](const Master &self) { return wire_mode(self.info->mode); })
+        .def_prop_ro("hot_connect", [](const Master &self) {
+            return hot_connect(self.info->statisticsInfo.hcState);
+        })
+        .def_prop_ro("hot_connect_failure", [](const Master &self) {
+            return hot_connect_failure(self.info->statisticsInfo.hcAbortCode);
+        })
         .def_prop_ro("slaves", &Master::slaves, nb::rv_policy::reference_internal)
         // clang-format off
         STATISTIC("comm_period", commPeriod)
@@ -110,7 +139,14 @@ void bind_ecat(nb::class_<Device> &device, nb::module_ &module) {
         STATISTIC("max_tx_delay", maxTxDelay)
         STATISTIC("packet_loss", packetLoss)
         STATISTIC("packet_timeout", packetTimeout)
-        STATISTIC("over_cycle", overCycle);
+        STATISTIC("over_cycle", overCycle)
+        STATISTIC("cycles", cycleCounter)
+        STATISTIC("cyclic_frames", numOfCyclicFrames)
+        STATISTIC("min_clock_interval", minRefClockInterval)
+        STATISTIC("max_clock_interval", maxRefClockInterval)
+        STATISTIC("average_clock_interval", avgRefClockInterval)
+        STATISTIC("min_clock_difference", minDiffFromNextDcClock)
+        STATISTIC("max_clock_difference", maxDiffFromNextDcClock);
     // clang-format on
     device
         .def("scan_network", [](Device &self, int master) {

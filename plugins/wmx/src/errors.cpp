@@ -1,4 +1,5 @@
-// Error codes: their names in this SDK, their texts, and the exception.
+// Error codes: their names in this SDK, their texts, and the exception. error_names.inc is made
+// from the table of the codes when the binding is built: a line CODE(api, class, name) for each.
 #include "native.hpp"
 
 namespace robotd {

@@ -74,6 +74,7 @@ public:
     }
 
     bool communicating() const { return status_->engineState == EngineState::Communicating; }
+    double cycle_ms() const { return status_->cycleTimeMilliseconds[0]; }
 
 private:
     void copy(std::size_t axis, const CoreMotionAxisStatus &from) {
@@ -124,7 +125,8 @@ void bind_status(nb::module_ &module) {
                       Flags, Flags, Flags, Flags, Flags, Flags, Flags, Flags, Codes, Codes, Codes>(),
              nb::keep_alive<1, 2>())
         .def("read", &StatusReader::read)
-        .def_prop_ro("communicating", &StatusReader::communicating);
+        .def_prop_ro("communicating", &StatusReader::communicating)
+        .def_prop_ro("cycle_ms", &StatusReader::cycle_ms);
 
     nb::class_<Snapshot>(module, "Snapshot")
         .def(nb::init<Device &>(), Unlocked())

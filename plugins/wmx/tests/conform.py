@@ -1,4 +1,7 @@
-"""``robotd conform`` on the stand-in, which also plays the person at the bench."""
+"""``robotd conform`` on the stand-in, which also plays the person at the bench.
+
+``conform.py ROBOT [ARG...]``: a robot's name or file, and what ``robotd conform`` shall get.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from robotd.descriptor import load_robot_descriptor
 from standin_build import BUILD, SDK, build_plugin, build_standin
 
 TESTS = Path(__file__).resolve().parent
@@ -27,19 +31,25 @@ def environment() -> dict[str, str]:
     }
 
 
-def main() -> int:
+def main(robot: str, *arguments: str) -> int:
     build_standin()
     variables = environment()
     port = [str(SDK / "bin" / "standin-port")]
+    drives = load_robot_descriptor(robot).axes
     try:
-        subprocess.run([*port, "topology", "3", "1"], env=variables, check=True)
-        command = ["-m", "robotd", "conform", "--backend", "wmx_standin"]
-        robot = ["--robot", str(TESTS / "conform.yaml")]
-        return subprocess.call([sys.executable, *command, *robot, *sys.argv[1:]], env=variables)
+        subprocess.run([*port, "topology", str(drives), "1"], env=variables, check=True)
+        command = ["-m", "robotd", "conform", "--backend", "wmx_standin", "--robot", robot]
+        # pytest would take up the conftest.py of the folder that it is called in.
+        return subprocess.call(
+            [sys.executable, *command, *arguments],
+            env=variables,
+            cwd=BENCH,
+            stdin=subprocess.DEVNULL,
+        )
     finally:
         subprocess.run([*port, "reset"], env=variables, check=True)
         Path("/dev/shm", variables["WMX_STANDIN_SHM"]).unlink(missing_ok=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(*sys.argv[1:]))

@@ -49,4 +49,6 @@ def robotd_backend() -> BackendInfo:
 
 @hookimpl
 def robotd_bench() -> Bench:
+    """A bench in order, whatever was broken on the one before."""
+    port("mend")
     return StandinBench()

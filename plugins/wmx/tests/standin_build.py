@@ -32,9 +32,12 @@ def run(*command: str | Path, **variables: str) -> str:
     return result.stdout
 
 
-def build_standin(where: Path = BUILD / "standin", **variant: object) -> Path:
+def build_standin(
+    where: Path = BUILD / "standin", kind: str = "Release", **variant: object
+) -> Path:
     """Configure and build an edition of the SDK; returns its root."""
     options = [f"-DSTANDIN_{name.upper()}={value}" for name, value in variant.items()]
+    options.append(f"-DCMAKE_BUILD_TYPE={kind}")
     run("cmake", "-S", PLUGIN / "tests" / "standin", "-B", where, "-G", "Ninja", *options)
     run("cmake", "--build", where, "--parallel", "2")
     return where / "sdk"
@@ -52,12 +55,12 @@ def build_plugin() -> Path:
 
 def build_program(source: Path, sdk: Path = SDK) -> Path:
     """Compile a C++ program as a customer of the SDK would; returns it."""
-    program = BUILD / "programs" / source.stem
+    program = sdk.parent / "programs" / source.stem
     program.parent.mkdir(parents=True, exist_ok=True)
     run(
         "g++", "-std=c++17", "-fsigned-char", "-I", sdk / "include", source, "-o", program,
         "-L", sdk / "lib", f"-Wl,-rpath,{sdk / 'lib'}",
-        "-lcoremotionapi", "-ladvancedmotionapi", "-lioapi", "-lwmx3api", "-limdll",
+        "-lcoremotionapi", "-ladvancedmotionapi", "-lioapi", "-lecapi", "-lwmx3api", "-limdll",
     )  # fmt: skip
     return program
 

@@ -11,7 +11,7 @@ from standin_port import port
 
 
 def doctor(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-P", "-m", "robotd_wmx.doctor", *arguments]
+    command = [sys.executable, "-P", "-m", "robotd", "wmx", "doctor", *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

@@ -25,6 +25,27 @@ public:
         double totalTimeMilliseconds = 0;
         unsigned char ignoreDimensionForDistanceCalc[constants::maxSplineDimensions] = {};
     };
+    class ProfileSplineCommand {
+    public:
+        unsigned int dimensionCount = 0;
+        int axis[constants::maxSplineDimensions] = {};
+        Profile profile;
+        unsigned char ignoreDimensionForDistanceCalc[constants::maxSplineDimensions] = {};
+        unsigned int sampleMultiplier = 0;
+        unsigned char sampleMultiplierCubicDistribution = 0;
+    };
+    class VelAccLimitedSplineCommand {
+    public:
+        unsigned int dimensionCount = 0;
+        int axis[constants::maxSplineDimensions] = {};
+        double velLimit[constants::maxSplineDimensions] = {};
+        double accLimit[constants::maxSplineDimensions] = {};
+        double compositeVel = 0;
+        double compositeAcc = 0;
+        unsigned char ignoreDimensionForDistanceCalc[constants::maxSplineDimensions] = {};
+        unsigned int sampleMultiplier = 0;
+        unsigned char sampleMultiplierCubicDistribution = 0;
+    };
 
     AdvancedMotion *amApi;
     explicit AdvMotion(AdvancedMotion *owner) : amApi(owner) {}
@@ -33,14 +54,22 @@ public:
     WMX3APIFUNC FreeSplineBuffer(int channel);
     WMX3APIFUNC GetSplineBufferPoints(int channel, unsigned int *pPoints);
     WMX3APIFUNC GetSplineBytesPerPoint(unsigned int *pBytes);
-    WMX3APIFUNC StartCSplinePos(int channel, PointTimeSplineCommand *pSplineCommand,
-                                unsigned int numPoints, SplinePoint *pPoint,
-                                double *pPointTimeMilliseconds);
-    WMX3APIFUNC StartCSplinePos(int channel, TotalTimeSplineCommand *pSplineCommand,
-                                unsigned int numPoints, SplinePoint *pPoint);
-    WMX3APIFUNC StartCSplineMov(int channel, PointTimeSplineCommand *pSplineCommand,
-                                unsigned int numPoints, SplinePoint *pPoint,
-                                double *pPointTimeMilliseconds);
+    // Cubic and B-splines, to positions or by distances, timed in four ways.
+#define STANDIN_SPLINE_CALLS(name)                                                             \
+    WMX3APIFUNC name(int channel, PointTimeSplineCommand *pSplineCommand,                      \
+                     unsigned int numPoints, SplinePoint *pPoint,                              \
+                     double *pPointTimeMilliseconds);                                          \
+    WMX3APIFUNC name(int channel, TotalTimeSplineCommand *pSplineCommand,                      \
+                     unsigned int numPoints, SplinePoint *pPoint);                             \
+    WMX3APIFUNC name(int channel, ProfileSplineCommand *pSplineCommand,                        \
+                     unsigned int numPoints, SplinePoint *pPoint);                             \
+    WMX3APIFUNC name(int channel, VelAccLimitedSplineCommand *pSplineCommand,                  \
+                     unsigned int numPoints, SplinePoint *pPoint);
+    STANDIN_SPLINE_CALLS(StartCSplinePos)
+    STANDIN_SPLINE_CALLS(StartCSplineMov)
+    STANDIN_SPLINE_CALLS(StartCBSplinePos)
+    STANDIN_SPLINE_CALLS(StartCBSplineMov)
+#undef STANDIN_SPLINE_CALLS
 };
 
 class AdvVelocity {

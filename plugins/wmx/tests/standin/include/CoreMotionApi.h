@@ -3,106 +3,9 @@
 
 #include "WMX3Api.h"
 #include "standin/parameters.h"
+#include "standin/status.h"
 
 namespace wmx3Api {
-
-class AxisCompensation {
-public:
-    double pitchErrorCompensation, pitchErrorCompensation2D, backlashCompensation;
-    double totalPosCompensation;
-};
-
-class AxisSupportedFunction {
-public:
-    bool posFeedbackSupport, posCommandSupport, velocityFeedbackSupport, velocityCommandSupport;
-    bool velocityOffsetSupport, trqFeedbackSupport, trqCommandSupport, maxTrqLimitSupport;
-    bool positiveTrqLimitSupport, negativeTrqLimitSupport, maxMotorSpeedSupport;
-};
-
-class CoreMotionAxisStatus {
-public:
-    bool servoOn;
-    bool servoOffline;
-    bool ampAlarm;
-    int ampAlarmCode;
-    int masterAxis;
-    int secondMasterAxis;
-    double posCmd;
-    double actualPos;
-    double compPosCmd;
-    double compActualPos;
-    double syncPosCmd;
-    double syncActualPos;
-    int encoderCommand;
-    int encoderFeedback;
-    long long accumulatedEncoderFeedback;
-    double velocityCmd;
-    double actualVelocity;
-    double velocityLag;
-    double torqueCmd;
-    double actualTorque;
-    double actualFollowingError;
-    AxisCompensation compensation;
-    AxisSupportedFunction axisSupportedFunction;
-    OperationState::T opState;
-    DetailOperationState::T detailOpState;
-    AxisCommandMode::T axisCommandMode;
-#if STANDIN_NEWER_STATUS
-    AxisCommandMode::T axisCommandModeFeedback;
-#endif
-    AxisSyncMode::T axisSyncMode;
-    double syncOffset, syncPhaseOffset, syncGearRatio;
-    double profileTotalMilliseconds, profileAccMilliseconds, profileCruiseMilliseconds;
-    double profileDecMilliseconds, profileRemainingMilliseconds, profileCompletedMilliseconds;
-    double profileTargetPos;
-    double profileTotalDistance, profileRemainingDistance, profileCompletedDistance;
-    double intplVelocity;
-    int intplSegment;
-    bool followingErrorAlarm;
-    bool commandReady;
-    bool waitingForTrigger;
-    bool motionPaused;
-    bool motionComplete;
-    bool execSuperimposedMotion;
-    double cmdAcc;
-    bool accFlag, decFlag;
-    bool inPos, inPos2, inPos3, inPos4, inPos5;
-    bool cmdDistributionEnd;
-    bool posSet, delayedPosSet;
-    unsigned int cmdDistributionEndDelayedPosSetDiff;
-    bool positiveLS, negativeLS;
-    bool nearPositiveLS, nearNegativeLS;
-    bool externalPositiveLS, externalNegativeLS;
-    bool positiveSoftLimit, negativeSoftLimit;
-    HomeState::T homeState;
-    HomeError::T homeError;
-    double homeOffset;
-    bool homeSwitch;
-    bool homeDone;
-    bool homePaused;
-    bool cmdPosToFbPosFlag;
-    unsigned int singleTurnCounter;
-    double userOffset, userOffsetPosCmd, userOffsetActualPos;
-#if STANDIN_NEWER_STATUS
-    double userVelocityOffset, userTorqueOffset;
-    double vibrationPosMin, vibrationPosMax, vibrationPosAvg;
-    double vibrationVelMin, vibrationVelMax, vibrationVelAvg;
-    double vibrationTrqMin, vibrationTrqMax, vibrationTrqAvg;
-#endif
-    CoreMotionAxisStatus();
-};
-
-class CoreMotionStatus {
-public:
-    bool invalidLicenseError = false;
-    EngineState::T engineState = EngineState::Idle;
-    int numOfInterrupts = 0;
-    double cycleTimeMilliseconds[constants::maxInterrupts] = {};
-    long long cycleCounter[constants::maxInterrupts] = {};
-    bool emergencyStop = false;
-    EStopLevel::T emergencyStopLevel = EStopLevel::Final;
-    CoreMotionAxisStatus axesStatus[constants::maxAxes];
-};
 
 class CoreMotion;
 
@@ -165,6 +68,17 @@ public:
     WMX3APIFUNC GetSingleTurn(int axis, bool *pEnable, unsigned int *pEncoderCount);
     WMX3APIFUNC SetAxisUnit(int axis, double unit);
     WMX3APIFUNC GetAxisUnit(int axis, double *pUnit);
+    WMX3APIFUNC SetMovingAverageProfileTime(int axis, double milliseconds);
+    WMX3APIFUNC GetMovingAverageProfileTime(int axis, double *pMilliseconds);
+    WMX3APIFUNC SetVelocityFeedforwardGain(int axis, double gain);
+    WMX3APIFUNC GetVelocityFeedforwardGain(int axis, double *pGain);
+    WMX3APIFUNC SetEncoderRange(int axis, bool enable, int low, int high);
+    WMX3APIFUNC GetEncoderRange(int axis, bool *pEnable, int *pLow, int *pHigh);
+    WMX3APIFUNC SetFlightRecorderParam(FlightRecorderParam *p, FlightRecorderParam *pErr = nullptr);
+    WMX3APIFUNC GetFlightRecorderParam(FlightRecorderParam *p);
+    WMX3APIFUNC SetFlightRecorderPath(char *pPath);
+    WMX3APIFUNC SetEmergencyStopParam(EmergencyStopParam *p, EmergencyStopParam *pErr = nullptr);
+    WMX3APIFUNC GetEmergencyStopParam(EmergencyStopParam *p);
     WMX3APIFUNC SetFeedbackParam(int axis, FeedbackParam *p, FeedbackParam *pErr = nullptr);
     WMX3APIFUNC GetFeedbackParam(int axis, FeedbackParam *p);
     WMX3APIFUNC SetHomeParam(int axis, HomeParam *p, HomeParam *pErr = nullptr);
@@ -179,13 +93,28 @@ public:
     WMX3APIFUNC GetSyncParam(int axis, SyncParam *p);
     WMX3APIFUNC GetDefaultParam(SystemParam *pParam);
     WMX3APIFUNC GetDefaultAxisParam(AxisParam *pParam);
-    WMX3APIFUNC Import(char *pPath, SystemParam *pParam);
-    WMX3APIFUNC Import(char *pPath, AxisParam *pAxisParam);
-    WMX3APIFUNC Import(char *pPath, SystemParam *pParam, AxisParam *pAxisParam);
-    WMX3APIFUNC Export(char *pPath, SystemParam *pParam);
-    WMX3APIFUNC Export(char *pPath, AxisParam *pAxisParam);
-    WMX3APIFUNC Export(char *pPath, SystemParam *pParam, AxisParam *pAxisParam);
+    // Each with a path of char and of wchar_t, of one object or both, of all axes or one of them.
+#define STANDIN_FILE_CALLS(Char)                                                              \
+    WMX3APIFUNC Import(Char *pPath, SystemParam *pParam);                                     \
+    WMX3APIFUNC Import(Char *pPath, AxisParam *pAxisParam);                                   \
+    WMX3APIFUNC Import(Char *pPath, SystemParam *pParam, AxisParam *pAxisParam);              \
+    WMX3APIFUNC Import(Char *pPath, SystemParam *pParam, int axis,                            \
+                       AxisSelection *copyParamToAxes = nullptr);                             \
+    WMX3APIFUNC Import(Char *pPath, AxisParam *pAxisParam, int axis,                          \
+                       AxisSelection *copyParamToAxes = nullptr);                             \
+    WMX3APIFUNC Import(Char *pPath, SystemParam *pParam, AxisParam *pAxisParam, int axis,     \
+                       AxisSelection *copyParamToAxes = nullptr);                             \
+    WMX3APIFUNC Export(Char *pPath, SystemParam *pParam);                                     \
+    WMX3APIFUNC Export(Char *pPath, AxisParam *pAxisParam);                                   \
+    WMX3APIFUNC Export(Char *pPath, SystemParam *pParam, AxisParam *pAxisParam);              \
+    WMX3APIFUNC Export(Char *pPath, SystemParam *pParam, int axis);                           \
+    WMX3APIFUNC Export(Char *pPath, AxisParam *pAxisParam, int axis);                         \
+    WMX3APIFUNC Export(Char *pPath, SystemParam *pParam, AxisParam *pAxisParam, int axis);
+    STANDIN_FILE_CALLS(char)
+    STANDIN_FILE_CALLS(wchar_t)
+#undef STANDIN_FILE_CALLS
     WMX3APIFUNC GetAndExportAll(char *pPath);
+    WMX3APIFUNC GetAndExportAll(wchar_t *pPath);
     WMX3APIFUNC ImportAndSetAll(char *pPath, SystemParam *pParamError = nullptr,
                                 AxisParam *pAxisParamError = nullptr);
     WMX3APIFUNC ImportAndSetAll(wchar_t *pPath, SystemParam *pParamError = nullptr,
@@ -198,7 +127,9 @@ public:
     WMX3APIFUNC StartHome(int axis);
     WMX3APIFUNC StartHome(AxisSelection *pAxisSelection);
     WMX3APIFUNC Continue(int axis);
+    WMX3APIFUNC Continue(AxisSelection *pAxisSelection);
     WMX3APIFUNC Cancel(int axis);
+    WMX3APIFUNC Cancel(AxisSelection *pAxisSelection);
     WMX3APIFUNC SetCommandPos(int axis, double position);
     WMX3APIFUNC SetFeedbackPos(int axis, double position);
     WMX3APIFUNC SetCommandPosToFeedbackPos(int axis, double posChangePerCycle = 0);
@@ -222,6 +153,16 @@ public:
         Profile profile;
         JogCommand() : axis(0) {}
         JogCommand(int axis, Profile profile) : axis(axis), profile(profile) {}
+#if STANDIN_NEWER_STATUS
+        void SetRunTime(double milliseconds) { standinRunTime = milliseconds; }
+        double standinRunTime = 0;  // 0: until it is stopped
+#endif
+    };
+    class TimedJogCommand {
+    public:
+        int axis = 0;
+        double runTimeMilliseconds = 0;
+        Profile profile;
     };
     class StopCommand {
     public:
@@ -258,6 +199,8 @@ public:
     WMX3APIFUNC StartMov(unsigned int numCommands, PosCommand *pCommands);
     WMX3APIFUNC StartJog(JogCommand *pCommand);
     WMX3APIFUNC StartJog(unsigned int numCommands, JogCommand *pCommands);
+    WMX3APIFUNC StartJog(TimedJogCommand *pCommand);
+    WMX3APIFUNC StartJog(unsigned int numCommands, TimedJogCommand *pCommands);
     WMX3APIFUNC StartLinearIntplPos(LinearIntplCommand *pCommand);
     WMX3APIFUNC StartLinearIntplMov(LinearIntplCommand *pCommand);
     WMX3APIFUNC Stop(int axis);
@@ -268,6 +211,11 @@ public:
     WMX3APIFUNC ExecQuickStop(AxisSelection *pAxisSelection);
     WMX3APIFUNC ExecTimedStop(int axis, double timeMilliseconds);
     WMX3APIFUNC ExecTimedStop(AxisSelection *pAxisSelection, double timeMilliseconds);
+    WMX3APIFUNC ExecTimedStop(unsigned int numCommands, TimeCommand *pCommands);
+    WMX3APIFUNC Pause(int axis);
+    WMX3APIFUNC Pause(AxisSelection *pAxisSelection);
+    WMX3APIFUNC Resume(int axis);
+    WMX3APIFUNC Resume(AxisSelection *pAxisSelection);
     WMX3APIFUNC Wait(int axis);
     WMX3APIFUNC Wait(AxisSelection *pAxisSelection);
     WMX3APIFUNC Wait(WaitCondition *pWaitCondition);
@@ -275,7 +223,21 @@ public:
     WMX3APIFUNC Wait(AxisSelection *pAxisSelection, unsigned int waitTimeMilliseconds);
     WMX3APIFUNC Wait(WaitCondition *pWaitCondition, unsigned int waitTimeMilliseconds);
     WMX3APIFUNC OverridePos(PosCommand *pCommand);
+    WMX3APIFUNC OverridePos(unsigned int numCommands, PosCommand *pCommands);
+    WMX3APIFUNC OverrideMov(PosCommand *pCommand);
+    WMX3APIFUNC OverrideMov(unsigned int numCommands, PosCommand *pCommands);
     WMX3APIFUNC OverrideVel(PosCommand *pCommand);
+    WMX3APIFUNC OverrideVel(unsigned int numCommands, PosCommand *pCommands);
+    WMX3APIFUNC OverrideAcc(PosCommand *pCommand);
+    WMX3APIFUNC OverrideAcc(unsigned int numCommands, PosCommand *pCommands);
+    WMX3APIFUNC OverrideDec(PosCommand *pCommand);
+    WMX3APIFUNC OverrideDec(unsigned int numCommands, PosCommand *pCommands);
+    WMX3APIFUNC OverrideJerkAcc(PosCommand *pCommand);
+    WMX3APIFUNC OverrideJerkAcc(unsigned int numCommands, PosCommand *pCommands);
+    WMX3APIFUNC OverrideJerkDec(PosCommand *pCommand);
+    WMX3APIFUNC OverrideJerkDec(unsigned int numCommands, PosCommand *pCommands);
+    WMX3APIFUNC OverrideProfile(PosCommand *pCommand);
+    WMX3APIFUNC OverrideProfile(unsigned int numCommands, PosCommand *pCommands);
 };
 
 class Velocity : public CoreMotionPart {
@@ -287,15 +249,32 @@ public:
         VelCommand() : axis(0) {}
         VelCommand(int axis, Profile profile) : axis(axis), profile(profile) {}
     };
+    class TimedVelCommand {
+    public:
+        int axis = 0;
+        double runTimeMilliseconds = 0;
+        Profile profile;
+    };
+    class TimeCommand {
+    public:
+        int axis = 0;
+        double timeMilliseconds = 0;
+    };
     using CoreMotionPart::CoreMotionPart;
     WMX3APIFUNC StartVel(VelCommand *pCommand);
     WMX3APIFUNC StartVel(unsigned int numCommands, VelCommand *pCommands);
+    WMX3APIFUNC StartVel(VelCommand *pCommand, double maxTrqLimit);
+    WMX3APIFUNC StartVel(TimedVelCommand *pCommand);
+    WMX3APIFUNC StartVel(unsigned int numCommands, TimedVelCommand *pCommands);
     WMX3APIFUNC OverrideVel(VelCommand *pCommand);
+    WMX3APIFUNC OverrideVel(unsigned int numCommands, VelCommand *pCommands);
     WMX3APIFUNC Stop(int axis);
     WMX3APIFUNC Stop(AxisSelection *pAxisSelection);
     WMX3APIFUNC ExecQuickStop(int axis);
     WMX3APIFUNC ExecQuickStop(AxisSelection *pAxisSelection);
     WMX3APIFUNC ExecTimedStop(int axis, double timeMilliseconds);
+    WMX3APIFUNC ExecTimedStop(AxisSelection *pAxisSelection, double timeMilliseconds);
+    WMX3APIFUNC ExecTimedStop(unsigned int numCommands, TimeCommand *pCommands);
     WMX3APIFUNC SetMaxMotorSpeed(int axis, double rpm);
     WMX3APIFUNC GetMaxMotorSpeed(int axis, double *pRpm);
 };
@@ -343,6 +322,12 @@ public:
     WMX3APIFUNC GetVersion(int *major, int *minor, int *revision, int *fix);
     WMX3APIFUNC ExecEStop(EStopLevel::T level);
     WMX3APIFUNC ReleaseEStop();
+    WMX3APIFUNC TriggerFlightRecorder();
+    WMX3APIFUNC ResetFlightRecorder();
+#if STANDIN_NEWER_STATUS
+    WMX3APIFUNC ClearVibrationStatus(int axis);
+    WMX3APIFUNC ClearVibrationStatus(AxisSelection *pAxisSelection);
+#endif
     static WMX3APIFUNC ErrorToString(int errCode, char *pString, unsigned int size);
     static WMX3APIFUNC GetLibVersion(int *major, int *minor, int *revision, int *fix);
     bool IsDeviceValid();

@@ -9,6 +9,23 @@
 namespace wmx3Api {
 namespace ecApi {
 
+class EcSlavePdo {
+public:
+    bool enable;
+    unsigned char size;
+    unsigned short offset;
+};
+
+class EcSlavePdoInfo {
+public:
+    EcSlavePdo statusWord, modesOfOperationDisplay, positionActualValue, velocityActualValue;
+    EcSlavePdo torqueActualValue, errorCode, touchProbeStatus, touchProbePositionPos1;
+    EcSlavePdo touchProbePositionPos2, followingError, digitalInput, controlWord;
+    EcSlavePdo modesOfOperation, targetPosition, targetVelocity, targetTorque, maxTorque;
+    EcSlavePdo positiveTorqueLimit, negativeTorqueLimit, touchProbeFunction, velocityOffset;
+    EcSlavePdo torqueOffset, maxMotorSpeed, digitalOutput;
+};
+
 class EcSlaveAxisInfo {
 public:
     int axisIndex;
@@ -16,6 +33,7 @@ public:
     unsigned short digitalInputSize;
     short digitalOutputAddr;
     unsigned short digitalOutputSize;
+    EcSlavePdoInfo pdoInfo;
     EcOperationMode::T operationMode;
     unsigned char targetReached, followingError, homingError, homingAttained, halt;
 };
@@ -96,6 +114,7 @@ class Ecat {
 public:
     Ecat();
     explicit Ecat(WMX3Api *f);
+    explicit Ecat(DeviceType::T type);
     Ecat(const Ecat &other) = default;
     Ecat &operator=(const Ecat &other) = default;
 
@@ -105,19 +124,57 @@ public:
     ECAPIFUNC GetMasterInfo(int masterId, EcMasterInfo *pMaster);
     ECAPIFUNC GetMasterInfoList(EcMasterInfoList *pMasters);
     ECAPIFUNC SetUpdatePeriod(unsigned int period);
+    // Without a master it is master 0.
+    ECAPIFUNC ChangeSlaveState(int slaveId, EcStateMachine::T state, int *errorCode);
     ECAPIFUNC ChangeSlaveState(int masterId, int slaveId, EcStateMachine::T state, int *errorCode);
     ECAPIFUNC StartHotconnect();
     ECAPIFUNC StartHotconnect(int masterId);
+    ECAPIFUNC ResetRefClockInfo();
     ECAPIFUNC ResetRefClockInfo(int masterId);
+    ECAPIFUNC ResetTransmitStatisticsInfo();
     ECAPIFUNC ResetTransmitStatisticsInfo(int masterId);
+#if STANDIN_STATISTICS_COUNTS
+    ECAPIFUNC DiagnosisScan(int masterId);
+#endif
     ECAPIFUNC RegisterRead(int slaveId, int regAddr, int len, unsigned char *buff);
     ECAPIFUNC RegisterRead(int masterId, int slaveId, int regAddr, int len, unsigned char *buff);
+    ECAPIFUNC RegisterWrite(int slaveId, int regAddr, int len, unsigned char *data);
     ECAPIFUNC RegisterWrite(int masterId, int slaveId, int regAddr, int len, unsigned char *data);
+    ECAPIFUNC RegisterBroadcastRead(int masterId, int regAddr, int len, unsigned char *buff,
+                                    unsigned short *wkc);
+    ECAPIFUNC RegisterBroadcastWrite(int masterId, int regAddr, int len, unsigned char *data,
+                                     unsigned short *wkc);
     ECAPIFUNC SdoUpload(int masterId, int slaveId, int index, int subindex, int sdoBuffSize,
+                        unsigned char *sdoBuff, unsigned int *actualSize, unsigned int *errCode,
+                        unsigned int waitTime = 0);
+    ECAPIFUNC SdoUpload(int masterId, int slaveId, int index, int subindex, EcSdoType::T sdoType,
+                        int sdoBuffSize, unsigned char *sdoBuff, unsigned int *actualSize,
+                        unsigned int *errCode, unsigned int waitTime = 0, BOOL complete = FALSE);
+    ECAPIFUNC SdoUpload(int slaveId, int index, int subindex, int sdoBuffSize,
                         unsigned char *sdoBuff, unsigned int *actualSize, unsigned int *errCode,
                         unsigned int waitTime = 0);
     ECAPIFUNC SdoDownload(int masterId, int slaveId, int index, int subindex, int sdoDataSize,
                           unsigned char *sdoData, unsigned int *errCode, unsigned int waitTime = 0);
+    ECAPIFUNC SdoDownload(int masterId, int slaveId, int index, int subindex,
+                          EcSdoType::T sdoType, int sdoDataSize, unsigned char *sdoData,
+                          unsigned int *errCode, unsigned int waitTime = 0, BOOL complete = FALSE);
+    ECAPIFUNC SdoDownload(int slaveId, int index, int subindex, int sdoDataSize,
+                          unsigned char *sdoData, unsigned int *errCode, unsigned int waitTime = 0);
+    ECAPIFUNC PdoRead(int masterId, int slaveId, int index, int subindex, int pdoBuffSize,
+                      unsigned char *pdoBuff, unsigned int *actualSize);
+    ECAPIFUNC TxPdoWrite(int masterId, int slaveId, int index, int subindex, int pdoDataSize,
+                         unsigned char *pdoData, unsigned int mask = 0);
+
+    // A slave's part of the I/O images.
+    ECAPIFUNC GetInputBit(int masterId, int slaveId, int byte, int bit, unsigned char *pData);
+    ECAPIFUNC GetInputByte(int masterId, int slaveId, int byte, unsigned char *pData);
+    ECAPIFUNC GetInputBytes(int masterId, int slaveId, int byte, int size, unsigned char *pData);
+    ECAPIFUNC GetOutputBit(int masterId, int slaveId, int byte, int bit, unsigned char *pData);
+    ECAPIFUNC GetOutputByte(int masterId, int slaveId, int byte, unsigned char *pData);
+    ECAPIFUNC GetOutputBytes(int masterId, int slaveId, int byte, int size, unsigned char *pData);
+    ECAPIFUNC SetOutputBit(int masterId, int slaveId, int byte, int bit, unsigned char data);
+    ECAPIFUNC SetOutputByte(int masterId, int slaveId, int byte, unsigned char data);
+    ECAPIFUNC SetOutputBytes(int masterId, int slaveId, int byte, int size, unsigned char *pData);
     static ECAPIFUNC ErrorToString(int errCode, char *pString, unsigned int size);
     static ECAPIFUNC GetLibVersion(int *major, int *minor, int *revision, int *fix);
     bool IsDeviceValid();

@@ -32,9 +32,34 @@ public:
     WMX3APIFUNC SetOutByteEx(int addr, unsigned char data);
     WMX3APIFUNC SetOutBytesEx(int addr, int size, unsigned char *pData);
     WMX3APIFUNC SetOutBitsEx(int *pAddr, int *pBit, unsigned char *pData, int count);
-    WMX3APIFUNC GetInAnalogDataShort(int addr, short *pData);
-    WMX3APIFUNC GetOutAnalogDataShort(int addr, short *pData);
-    WMX3APIFUNC SetOutAnalogDataShort(int addr, short data);
+#define STANDIN_ANALOG_CALLS(Name, Type)                              \
+    WMX3APIFUNC GetInAnalogData##Name(int addr, Type *pData);         \
+    WMX3APIFUNC GetOutAnalogData##Name(int addr, Type *pData);        \
+    WMX3APIFUNC SetOutAnalogData##Name(int addr, Type data);          \
+    WMX3APIFUNC GetInAnalogData##Name##Ex(int addr, Type *pData);     \
+    WMX3APIFUNC GetOutAnalogData##Name##Ex(int addr, Type *pData);    \
+    WMX3APIFUNC SetOutAnalogData##Name##Ex(int addr, Type data);
+    STANDIN_ANALOG_CALLS(Char, char)
+    STANDIN_ANALOG_CALLS(UChar, unsigned char)
+    STANDIN_ANALOG_CALLS(Short, short)
+    STANDIN_ANALOG_CALLS(UShort, unsigned short)
+    STANDIN_ANALOG_CALLS(Int, int)
+    STANDIN_ANALOG_CALLS(UInt, unsigned int)
+#undef STANDIN_ANALOG_CALLS
+    WMX3APIFUNC SetOutBitMaskMode(bool enable);
+    WMX3APIFUNC SetOutBitMaskBit(int addr, int bit, unsigned char data);
+    WMX3APIFUNC SetOutBitMaskByte(int addr, unsigned char data);
+    WMX3APIFUNC SetOutBitMaskBytes(int addr, int size, unsigned char *pData);
+    WMX3APIFUNC SetOutBitMaskBits(int *pAddr, int *pBit, unsigned char *pData, int count);
+    WMX3APIFUNC GetOutBitMaskBit(int addr, int bit, unsigned char *pData);
+    WMX3APIFUNC GetOutBitMaskByte(int addr, unsigned char *pData);
+    WMX3APIFUNC GetOutBitMaskBytes(int addr, int size, unsigned char *pData);
+    WMX3APIFUNC SetInitialOutByte(int addr, unsigned char data, unsigned char enable);
+    WMX3APIFUNC SetInitialOutBytes(int addr, int size, unsigned char *pData,
+                                   unsigned char *pEnable);
+    WMX3APIFUNC GetInitialOutByte(int addr, unsigned char *pData, unsigned char *pEnable);
+    WMX3APIFUNC GetInitialOutBytes(int addr, int size, unsigned char *pData,
+                                   unsigned char *pEnable);
     static WMX3APIFUNC ErrorToString(int errCode, char *pString, unsigned int size);
     static WMX3APIFUNC GetLibVersion(int *major, int *minor, int *revision, int *fix);
     bool IsDeviceValid();

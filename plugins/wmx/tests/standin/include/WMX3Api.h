@@ -124,6 +124,7 @@ public:
     WMX3APIFUNC GetModuleSuspend(ModuleSuspend *suspend);
     WMX3APIFUNC AbortModuleSuspend();
     static WMX3APIFUNC ErrorToString(int errCode, char *pString, unsigned int size);
+    static WMX3APIFUNC ErrorToString(int errCode, wchar_t *pString, unsigned int size);
     static WMX3APIFUNC GetLibVersion(int *major, int *minor, int *revision, int *fix);
     static WMX3APIFUNC GetIMDllVersion(int *version, int *revision);
 };

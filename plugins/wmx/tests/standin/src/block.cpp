@@ -33,10 +33,7 @@ void set_up(Block &block) {
     pthread_mutexattr_setpshared(&attributes, PTHREAD_PROCESS_SHARED);
     pthread_mutexattr_setrobust(&attributes, PTHREAD_MUTEX_ROBUST);
     pthread_mutex_init(&block.mutex, &attributes);
-    block.faults = Faults{};
-    block.faults.drives = 6;
-    block.faults.io_modules = 1;
-    block.faults.communication_ms = 20;
+    block.faults = Faults();
     block.auto_quit = true;
     block.magic = MAGIC;
 }
@@ -62,6 +59,13 @@ Block *map_block() {
     return block;
 }
 }  // namespace
+
+Faults::Faults() {
+    std::memset(static_cast<void *>(this), 0, sizeof *this);
+    drives = 6;
+    io_modules = 1;
+    communication_ms = hot_connect_ms = 20;
+}
 
 std::int64_t now_ns() {
     timespec time{};
@@ -100,6 +104,9 @@ void reset_engine(Block &block) {
     block.axis = Config::AxisParam();
     std::memset(block.inputs, 0, sizeof block.inputs);
     std::memset(block.outputs, 0, sizeof block.outputs);
+    std::memset(block.writable, 0xFF, sizeof block.writable);
+    std::memset(block.has_initial, 0, sizeof block.has_initial);
+    block.masked = false;
     block.suspend = ModuleSuspend();
     for (auto &channel : block.channels) channel.points = 0, channel.running = false;
     for (int axis = 0; axis < AXES; axis++) {
@@ -112,6 +119,7 @@ void reset_engine(Block &block) {
     }
     block.slave_count = 0;
     block.cycle = block.communicate_ns = 0;
+    block.hot_connect = ecApi::EcHotconnectState::Idle;
     block.packet_loss = block.over_cycle = block.max_delay = 0;
 }
 

@@ -41,7 +41,8 @@ struct Axis {
     double command, velocity, torque_percent;
     Path path;
     double time_s;     // on the path
-    double acc, dec;   // of the running command
+    double speed, acc, dec;  // of the running command
+    int run_cycles;    // until a timed command is stopped; 0: until somebody stops it
     bool completes;    // the running command sets motionComplete when it ends
     bool stuck;        // fault: the motor does not follow
     int channel;       // spline channel that moves the axis, -1: none
@@ -81,8 +82,9 @@ struct Slave {
 
 struct Faults {  // survive a restart of the engine, so that they can be set before it starts
     int device_locked, process_locked, communication_refused, name_refused;
-    int idle_ms, communication_ms, drives, io_modules;
+    int idle_ms, communication_ms, hot_connect_ms, hot_connect_abort, drives, io_modules;
     bool licence_expired, loop_back, frozen;
+    Faults();  // none
 };
 
 struct Block {
@@ -102,10 +104,15 @@ struct Block {
     Config::SystemParam system;
     Config::AxisParam axis;
     unsigned char inputs[constants::maxIoInSize], outputs[constants::maxIoOutSize];
+    unsigned char writable[constants::maxIoOutSize];  // bits, where masks are on
+    unsigned char initial[constants::maxIoOutSize], has_initial[constants::maxIoOutSize];
+    bool masked;
     ModuleSuspend suspend;
     Slave slaves[SLAVES];
     int slave_count;
     unsigned int packet_loss, over_cycle, max_delay;
+    ecApi::EcHotconnectState::T hot_connect;
+    std::int64_t hot_connect_ns;  // when it ends
     Channel channels[CHANNELS];
 };
 

@@ -38,17 +38,19 @@ int check_profile(const Profile &profile, bool may_be_zero) {
 }
 
 void begin(Block &block, int axis, const Path &path, OperationState::T state, int detail,
-           bool completes, Ramps slopes) {
+           bool completes, Ramps slopes, double speed = 0) {
     Axis &mine = block.axes[axis];
     CoreMotionAxisStatus &status = block.status.axesStatus[axis];
     mine.path = path;
     mine.time_s = 0;
+    mine.run_cycles = 0;
+    mine.speed = speed;
     mine.acc = slopes.acc;
     mine.dec = slopes.dec;
     mine.completes = completes;
     status.opState = state;
     status.detailOpState = static_cast<DetailOperationState::T>(detail);
-    status.motionComplete = false;
+    status.motionComplete = status.motionPaused = false;
     status.profileTargetPos = path.target;
     status.profileTotalMilliseconds = path.duration_s * 1000;
 }
@@ -118,11 +120,13 @@ int start_move(Block &block, int axis, double target, const Profile &profile) {
     const Ramps slopes = ramps(profile, profile.velocity);
     const Path path = path_to(mine.command, mine.velocity, target, profile.velocity, slopes.acc,
                               slopes.dec);
-    begin(block, axis, path, OperationState::Pos, DetailOperationState::Pos, true, slopes);
+    begin(block, axis, path, OperationState::Pos, DetailOperationState::Pos, true, slopes,
+          profile.velocity);
     return ErrorCode::None;
 }
 
-int start_speed(Block &block, int axis, const Profile &profile, OperationState::T state) {
+int start_speed(Block &block, int axis, const Profile &profile, OperationState::T state,
+                double run_ms) {
     const bool jog = state == OperationState::Jog;
     const auto mode = jog ? AxisCommandMode::Position : AxisCommandMode::Velocity;
     if (int code = check_motion(block, axis, mode)) return code;
@@ -139,6 +143,38 @@ int start_speed(Block &block, int axis, const Profile &profile, OperationState::
         path_to_speed(mine.command, mine.velocity, profile.velocity, slopes.acc, slopes.dec);
     begin(block, axis, path, state,
           jog ? DetailOperationState::Jog : DetailOperationState::Velocity, false, slopes);
+    block.axes[axis].run_cycles = static_cast<int>(std::ceil(run_ms / 1000 / CYCLE_S));
+    return ErrorCode::None;
+}
+
+int pause_move(Block &block, int axis) {
+    if (int code = check_motion(block, axis, AxisCommandMode::Position)) return code;
+    CoreMotionAxisStatus &status = block.status.axesStatus[axis];
+    if (status.opState != OperationState::Pos) return Core::NotPosState;
+    Axis &mine = block.axes[axis];
+    mine.path = path_to_speed(mine.command, mine.velocity, 0, mine.dec, mine.dec);
+    mine.time_s = 0;
+    status.motionPaused = true;
+    return ErrorCode::None;
+}
+
+int resume_move(Block &block, int axis) {
+    if (int code = check_motion(block, axis, AxisCommandMode::Position)) return code;
+    const CoreMotionAxisStatus &status = block.status.axesStatus[axis];
+    if (!status.motionPaused) return Core::AxisNotPaused;
+    const Axis &mine = block.axes[axis];
+    const Profile profile = Profile::SetupTrapezoidal(mine.speed, mine.acc, mine.dec);
+    return start_move(block, axis, status.profileTargetPos, profile);
+}
+
+// Invented: the axis stays where it is, as if it pressed against something.
+int start_torque(Block &block, int axis, double percent) {
+    if (int code = check_motion(block, axis, AxisCommandMode::Torque)) return code;
+    if (!(std::fabs(percent) <= block.axis.maxTrqLimit[axis])) return Core::TorqueArgumentOutOfRange;
+    CoreMotionAxisStatus &status = block.status.axesStatus[axis];
+    status.torqueCmd = percent;
+    status.opState = OperationState::Trq;
+    status.detailOpState = DetailOperationState::Trq;
     return ErrorCode::None;
 }
 
@@ -227,6 +263,8 @@ void interrupt(Block &block, int axis) {
     }
     mine.velocity = 0;
     mine.completes = false;
+    status.torqueCmd = 0;
+    status.motionPaused = false;
     status.opState = OperationState::Idle;
     status.detailOpState = DetailOperationState::Idle;
     status.motionComplete = status.posSet = status.delayedPosSet = false;

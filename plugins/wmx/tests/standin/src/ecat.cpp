@@ -2,20 +2,12 @@
 #include <cstring>
 
 #include "client.hpp"
+#include "slaves.hpp"
 
 using namespace standin;
 
 namespace {
-constexpr int DRIVE_PDO = 16, IO_BYTES = 8;
-
-template <class Command>
-int with_slave(const WMX3Api *api, int master, int slave, Command command) {
-    return with_engine(api, [&](Block &block) -> int {
-        if (master != 0 || slave < 0 || slave >= block.slave_count) return ErrorCode::IDOutOfRange;
-        if (block.slaves[slave].lost) return ecApi::EcErrorCode::SlaveStateBelowPreop;
-        return command(block, block.slaves[slave]);
-    });
-}
+constexpr int DRIVE_PDO = 16;
 
 void describe(const Block &block, int index, ecApi::EcSlaveInfo &info) {
     using ecApi::EcStateMachine;
@@ -48,6 +40,11 @@ void describe(const Block &block, ecApi::EcMasterStatisticsInfo &info) {
     info.cycleCounter = block.cycle;
     info.packetLoss = block.packet_loss;
     info.overCycle = block.over_cycle;
+    info.numOfCyclicFrames = 1;
+    info.minRefClockInterval = info.maxRefClockInterval = info.avgRefClockInterval = 1'000'000;
+    info.hcState = block.hot_connect;
+    if (info.hcState == ecApi::EcHotconnectState::Abort)
+        info.hcAbortCode = static_cast<ecApi::EcHotconnectAbortCode::T>(block.faults.hot_connect_abort);
     info.txDelay = info.minTxDelay = 9000;
     info.maxTxDelay = block.max_delay;
     info.ringNum = 1;
@@ -63,6 +60,7 @@ namespace ecApi {
 
 Ecat::Ecat() : wmx3Api(nullptr) {}
 Ecat::Ecat(WMX3Api *f) : wmx3Api(f) {}
+Ecat::Ecat(DeviceType::T) : wmx3Api(nullptr) {}
 bool Ecat::IsDeviceValid() { return wmx3Api && wmx3Api->IsDeviceValid(); }
 ECAPIFUNC Ecat::ErrorToString(int errCode, char *pString, unsigned int size) {
     return error_text(errCode, "ErrorCode EcErrorCode", pString, size);
@@ -106,6 +104,9 @@ ECAPIFUNC Ecat::GetMasterInfoList(EcMasterInfoList *pMasters) {
 ECAPIFUNC Ecat::SetUpdatePeriod(unsigned int period) {
     return period ? ErrorCode::None : ErrorCode::ArgumentOutOfRange;
 }
+ECAPIFUNC Ecat::ChangeSlaveState(int slaveId, EcStateMachine::T state, int *errorCode) {
+    return ChangeSlaveState(0, slaveId, state, errorCode);
+}
 ECAPIFUNC Ecat::ChangeSlaveState(int masterId, int slaveId, EcStateMachine::T, int *errorCode) {
     if (errorCode) *errorCode = 0;
     return with_slave(wmx3Api, masterId, slaveId, [](Block &, Slave &) { return 0; });
@@ -115,15 +116,20 @@ ECAPIFUNC Ecat::StartHotconnect(int masterId) {
     return with_engine(wmx3Api, [&](Block &block) -> int {
         if (masterId != 0) return ErrorCode::IDOutOfRange;
         if (!communicating(block)) return ErrorCode::CommNotStarted;
-        for (Slave &slave : block.slaves) slave.lost = false;
+        if (block.hot_connect == EcHotconnectState::Running)
+            return EcErrorCode::OtherOperationIsRunning;
+        block.hot_connect = EcHotconnectState::Running;
+        block.hot_connect_ns = now_ns() + block.faults.hot_connect_ms * 1'000'000ll;
         return ErrorCode::None;
     });
 }
+ECAPIFUNC Ecat::ResetRefClockInfo() { return ResetRefClockInfo(0); }
 ECAPIFUNC Ecat::ResetRefClockInfo(int masterId) {
     return with_engine(wmx3Api, [&](Block &) -> int {
         return masterId == 0 ? ErrorCode::None : ErrorCode::IDOutOfRange;
     });
 }
+ECAPIFUNC Ecat::ResetTransmitStatisticsInfo() { return ResetTransmitStatisticsInfo(0); }
 ECAPIFUNC Ecat::ResetTransmitStatisticsInfo(int masterId) {
     return with_engine(wmx3Api, [&](Block &block) -> int {
         if (masterId != 0) return ErrorCode::IDOutOfRange;
@@ -132,47 +138,9 @@ ECAPIFUNC Ecat::ResetTransmitStatisticsInfo(int masterId) {
     });
 }
 
-ECAPIFUNC Ecat::RegisterRead(int slaveId, int regAddr, int len, unsigned char *buff) {
-    return RegisterRead(0, slaveId, regAddr, len, buff);
-}
-ECAPIFUNC Ecat::RegisterRead(int masterId, int slaveId, int regAddr, int len, unsigned char *buff) {
-    return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
-        if (regAddr < 0 || len < 1 || regAddr + len > REGISTERS)
-            return ErrorCode::ArgumentOutOfRange;
-        std::memcpy(buff, slave.registers + regAddr, len);
-        return ErrorCode::None;
-    });
-}
-ECAPIFUNC Ecat::RegisterWrite(int masterId, int slaveId, int regAddr, int len,
-                              unsigned char *data) {
-    return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
-        if (regAddr < 0 || len < 1 || regAddr + len > REGISTERS)
-            return ErrorCode::ArgumentOutOfRange;
-        std::memcpy(slave.registers + regAddr, data, len);
-        return ErrorCode::None;
-    });
-}
-
-ECAPIFUNC Ecat::SdoUpload(int masterId, int slaveId, int index, int subindex, int size,
-                          unsigned char *buffer, unsigned int *actual, unsigned int *errCode,
-                          unsigned int) {
-    return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
-        const bool known = index == 0x1000 && subindex == 0 && size >= 4;
-        *errCode = known ? 0 : 0x06020000;  // CiA 301: object does not exist
-        if (!known) return EcErrorCode::SlaveSdoUploadError;
-        const unsigned int type = slave.axis >= 0 ? 0x00020192 : 0x00030191;  // CiA 402, CiA 401
-        std::memcpy(buffer, &type, 4);
-        *actual = 4;
-        return ErrorCode::None;
-    });
-}
-ECAPIFUNC Ecat::SdoDownload(int masterId, int slaveId, int, int, int, unsigned char *,
-                            unsigned int *errCode, unsigned int) {
-    return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &) -> int {
-        *errCode = 0x06020000;
-        return EcErrorCode::SlaveSdoDownloadError;
-    });
-}
+#if STANDIN_STATISTICS_COUNTS
+ECAPIFUNC Ecat::DiagnosisScan(int masterId) { return ScanNetwork(masterId); }
+#endif
 
 }  // namespace ecApi
 }  // namespace wmx3Api

@@ -37,6 +37,15 @@ const Entry COMMANDS[] = {
     {"slave_lost", "SLAVE", 1,
      [](Block &b, const long *a) { b.slaves[a[0]].lost = true, b.packet_loss += 10; }},
     {"slave_back", "SLAVE", 1, [](Block &b, const long *a) { b.slaves[a[0]].lost = false; }},
+    {"mend", "", 0, [](Block &b, const long *) {
+         for (Slave &slave : b.slaves) slave.lost = false;
+         for (Axis &axis : b.axes) axis.stuck = false;
+         for (CoreMotionAxisStatus &axis : b.status.axesStatus) axis.ampAlarm = false;
+         b.faults.frozen = b.faults.licence_expired = false;
+     }},
+    {"hot_connect_ms", "MS", 1, [](Block &b, const long *a) { b.faults.hot_connect_ms = a[0]; }},
+    {"hot_connect_abort", "CODE", 1,
+     [](Block &b, const long *a) { b.faults.hot_connect_abort = a[0]; }},
     {"amp_alarm", "AXIS CODE", 2,
      [](Block &b, const long *a) {
          status(b, a[0]).ampAlarm = a[1] != 0;
@@ -90,10 +99,7 @@ int reset() {
         if (block->engine_pid == 0 || now_ns() - block->heartbeat_ns > 1'500'000'000) break;
     }
     Lock block;
-    block->faults = Faults{};
-    block->faults.drives = 6;
-    block->faults.io_modules = 1;
-    block->faults.communication_ms = 20;
+    block->faults = Faults();
     block->auto_quit = true;
     block->quit = block->stopped = false;
     block->engine_pid = 0;

@@ -18,7 +18,11 @@ int check_motion(const Block &block, int axis, AxisCommandMode::T mode);
 int set_servo(Block &block, int axis, bool on);
 int set_mode(Block &block, int axis, AxisCommandMode::T mode);
 int start_move(Block &block, int axis, double target, const Profile &profile);
-int start_speed(Block &block, int axis, const Profile &profile, OperationState::T state);
+int start_speed(Block &block, int axis, const Profile &profile, OperationState::T state,
+                double run_ms = 0);
+int pause_move(Block &block, int axis);
+int resume_move(Block &block, int axis);
+int start_torque(Block &block, int axis, double percent);
 int start_line(Block &block, const Motion::LinearIntplCommand &command, bool relative);
 int start_home(Block &block, int axis);
 int stop_axis(Block &block, int axis, double dec = 0, bool quick = false);

@@ -70,16 +70,17 @@ void move(Block &block, int index) {
         return;
     }
     limits(block, index);
-    const bool profiled =
-        axis.channel < 0 && status.opState != OperationState::Idle && axis.home_delay == 0;
-    if (!profiled) return;
+    const bool still =
+        status.opState == OperationState::Idle || status.opState == OperationState::Trq;
+    if (still || axis.channel >= 0 || axis.home_delay > 0) return;
+    if (axis.run_cycles > 0 && --axis.run_cycles == 0) stop_axis(block, index);
     axis.time_s += CYCLE_S;
     axis.path.at(axis.time_s, axis.command, axis.velocity);
     const double rest_s = std::max(0.0, axis.path.duration_s - axis.time_s);
     status.profileRemainingMilliseconds = rest_s * 1000;
     status.profileCompletedMilliseconds = (axis.path.duration_s - rest_s) * 1000;
-    const bool forever =
-        status.opState == OperationState::Jog || status.opState == OperationState::Velocity;
+    const bool forever = status.motionPaused || status.opState == OperationState::Jog ||
+                         status.opState == OperationState::Velocity;
     if (rest_s <= 1e-9 && !forever) {
         axis.path.at(axis.path.duration_s, axis.command, axis.velocity);
         axis.velocity = 0;
@@ -111,7 +112,8 @@ void feed_back(Block &block, int index) {
     status.actualVelocity = (axis.counts - before) / scale / CYCLE_S;
     status.velocityLag = status.velocityCmd - status.actualVelocity;
     status.actualFollowingError = axis.sent_counts - axis.counts;
-    axis.torque_percent = status.servoOn ? 2 * status.actualVelocity + 0.5 * status.cmdAcc : 0;
+    axis.torque_percent =
+        status.servoOn ? 2 * status.actualVelocity + 0.5 * status.cmdAcc + status.torqueCmd : 0;
     status.actualTorque =
         std::isnan(axis.torque_override) ? axis.torque_percent : axis.torque_override;
     status.axisCommandMode = axis.mode;

@@ -14,7 +14,8 @@ struct Name {
 };
 using ecApi::EcErrorCode;
 const Name NAMES[] = {
-#define CODE(type, name) {type::name, #type, #name},
+    {ErrorCode::None, "ErrorCode", "None"},
+#define CODE(api, type, name) {type::name, #type, #name},
 #include "error_names.inc"
 #undef CODE
 };

@@ -3,6 +3,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -339,6 +340,13 @@ WMX3APIFUNC WMX3Api::AbortModuleSuspend() {
 
 WMX3APIFUNC WMX3Api::ErrorToString(int errCode, char *pString, unsigned int size) {
     return error_text(errCode, "ErrorCode", pString, size);
+}
+
+WMX3APIFUNC WMX3Api::ErrorToString(int errCode, wchar_t *pString, unsigned int size) {
+    char text[256] = {};
+    const int code = error_text(errCode, "ErrorCode", text, std::min(size, 256u));
+    for (unsigned int index = 0; index < size && index < 256; index++) pString[index] = text[index];
+    return code;
 }
 
 WMX3APIFUNC WMX3Api::GetLibVersion(int *major, int *minor, int *revision, int *fix) {

@@ -1,0 +1,29 @@
+"""When the engine had the values that are read now."""
+
+from __future__ import annotations
+
+LATEST_NS = 50_000_000  # a count that says more is not believed: the engine has lost cycles
+RECOVERY = 0.01  # share of the passing time by which an estimate gives way
+
+
+class EngineTime:
+    """Tells the age of values by the engine's cycle counter.
+
+    The moment of a read says little when the computer, and a counting engine with it, stood
+    still in between. Cycles are as long as each other: the fastest read so far says when cycle
+    0 was, and so when every other is. The estimate gives way slowly, because the clocks of
+    engine and computer differ, and an engine may lose cycles.
+    """
+
+    def __init__(self) -> None:
+        self._start_ns = 0  # when cycle 0 was, as the estimate has it
+        self._last_ns = 0
+
+    def of(self, cycle: int, cycle_ns: int, now_ns: int) -> int:
+        """Monotonic time of ``cycle``, at most ``now_ns`` and at least LATEST_NS before it."""
+        start_ns = now_ns - cycle * cycle_ns
+        given_way_ns = self._start_ns + int((now_ns - self._last_ns) * RECOVERY)
+        self._last_ns = now_ns
+        late = start_ns - given_way_ns > LATEST_NS
+        self._start_ns = start_ns if late else min(start_ns, given_way_ns)
+        return self._start_ns + cycle * cycle_ns
