@@ -99,10 +99,7 @@ def refusal(goal: Goal) -> str:
     [
         (
             broken.RaisesInRead,
-            (
-                "plugin 'RaisesInRead' (tests.conformance.installed:RaisesInRead of RaisesInRead 1.0):"
-                " AxisDriver.read failed: ZeroDivisionError: no scale"
-            ),
+            "installed:RaisesInRead of RaisesInRead 1.0): AxisDriver.read failed: ZeroDivision",
             "",
         ),
         (broken.HangsInRead, "tests.conformance.broken: HangsInRead.Axes.read, line", ""),

@@ -59,6 +59,7 @@ def pytest_command() -> list[str]:
         f"--config-file={os.devnull}",
         "--import-mode=importlib",
         "--quiet",
+        "-rN",  # the report at the end names what failed
         "--tb=short",
         "-p",
         "no:cacheprovider",

@@ -23,16 +23,14 @@ class Report:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """A check counts once: when it was called, or when its set-up ended it."""
+        if report.failed:
+            self._failed.append(report.nodeid.rpartition("/")[2])
         if report.when != "call" and (report.when != "setup" or report.passed):
-            if report.failed:
-                self._failed.append(report.nodeid)
             return
         capability = dict(report.user_properties)["capability"]
         self._counts.setdefault(str(capability), Counter())[report.outcome] += 1
         if report.skipped and isinstance(report.longrepr, tuple):
             self._reasons[report.longrepr[2].removeprefix("Skipped: ")] += 1
-        if report.failed:
-            self._failed.append(report.nodeid)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print it after the failures."""
@@ -42,7 +40,7 @@ class Report:
             terminalreporter.write_line(line)
 
     def lines(self) -> Iterator[str]:
-        """A table by capability, the share that was tested, and the reasons of skips."""
+        """A table by capability, the share that was tested, reasons of skips, what failed."""
         yield f"{'capability':<18}" + "".join(f"{word:>9}" for word in COUNTED)
         for capability, counts in sorted(self._counts.items()):
             yield f"{capability:<18}" + "".join(f"{counts[word] or '-':>9}" for word in COUNTED)
@@ -53,5 +51,6 @@ class Report:
         yield f"tested on {share:.0%} of the checks: {run} of {totals.total()}"
         for reason, count in self._reasons.most_common():
             yield f"  {count} skipped: {reason}"
-        verdict = "FAILED" if self._failed else "passed" if run else "nothing was tested"
-        yield f"verdict: {verdict}" + (f", {len(self._failed)} checks" if self._failed else "")
+        yield from (f"FAILED {check}" for check in self._failed)
+        verdict = "passed" if run else "nothing was tested"
+        yield f"verdict: {f'FAILED, {len(self._failed)} of {run}' if self._failed else verdict}"
