@@ -93,7 +93,7 @@ class RosClient:
         """Handle the next event, or let a moment pass."""
         self._executor.spin_once(timeout_sec=_TICK_S)
 
-    def call(self, service_type: Any, name: str, **request: Any) -> Any:
+    def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
         """The response of service ``name``; the request's fields by name.
 
         Raises:

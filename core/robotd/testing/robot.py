@@ -139,7 +139,7 @@ class RobotUnderTest:
         """The client's node, for clients of a test's own; its callbacks run in waits."""
         return self.client.node
 
-    def call(self, service_type: Any, name: str, **request: Any) -> Any:
+    def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
         """The response of a service. Raises as ``RosClient.call``."""
         return self.client.call(service_type, name, **request)
 
