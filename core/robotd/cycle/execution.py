@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
-from robotd.device.image import ProcessImage
+from robotd.device.image import ProcessImage, columns
 from robotd.device.state import Operation
 from robotd.motion import (
     JointLimits,
@@ -71,6 +71,8 @@ class Execution:
         trajectory: what is executed, planned and checked.
         start_ns: monotonic time of the trajectory's time 0.
         position, velocity: (m,) the setpoint for the end of the period.
+        setpoint: the two as rows of one array, (2, m).
+        columns: index of its joints among the device's axes.
         ending: why it is being stopped, None while it is not; set before ``outcome``.
         outcome, message: None and "" until it has ended.
         max_error: (m,) largest following error seen so far, rad or m.
@@ -94,9 +96,11 @@ class Execution:
         self.outcome: Outcome | None = None
         self.message = ""
         self.max_error: FloatArray = np.zeros(joints)
-        self.position, self.velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
+        position, velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
+        self.setpoint: FloatArray = np.array([position, velocity])
+        self.position, self.velocity = self.setpoint
         self._phase = Phase.RUNNING
-        self._axes = axes
+        self._axes, self.columns = axes, columns(axes)
         self._followed = False
         self._limits = limits
         self._tolerances = tolerances
@@ -104,10 +108,11 @@ class Execution:
         self._sampler = Sampler(trajectory)
         self._time_s = 0.0
         self._stop: StopPlan | None = None
-        self._desired: FloatArray = self.position.copy()
-        self._desired_velocity: FloatArray = self.velocity.copy()
-        self._actual: FloatArray = self.position.copy()
-        self._actual_velocity: FloatArray = self.velocity.copy()
+        self._aim: FloatArray = self.setpoint.copy()
+        self._desired, self._desired_velocity = self._aim
+        self._measured: FloatArray = self.setpoint.copy()
+        self._actual, self._actual_velocity = self._measured
+        self._sound = b""  # flags and operations of an image with which all was well
         self._error: FloatArray = np.zeros(joints)
         self._phase_ns = start_ns
         self._stop_ns = start_ns
@@ -162,8 +167,7 @@ class Execution:
 
     def take_over(self, running: Execution) -> None:
         """Streamer: the setpoint that the joints are reaching now is one of ``running``."""
-        self.position[:] = running.position
-        self.velocity[:] = running.velocity
+        self.setpoint[:] = running.setpoint
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
         """Cycle: judge the measured values of ``time_ns``, compute the setpoint one period on."""
@@ -197,16 +201,17 @@ class Execution:
         self._phase, self._phase_ns, self._settled_periods = phase, time_ns, 0
 
     def _observe(self, image: ProcessImage) -> None:
-        np.take(image.position, self._axes, out=self._actual)
-        np.take(image.velocity, self._axes, out=self._actual_velocity)
-        self._desired[:] = self.position
-        self._desired_velocity[:] = self.velocity
+        self._measured[:] = image.measured[:2, self.columns]
+        self._aim[:] = self.setpoint
         np.subtract(self._desired, self._actual, self._error)
         np.abs(self._error, self._error)
         np.fmax(self.max_error, self._error, self.max_error)
 
     def _check_drives(self, image: ProcessImage) -> None:
         """A drive that does not follow is a fault, also while its neighbours are being stopped."""
+        seen = image.flags.tobytes() + image.operation.tobytes()
+        if seen == self._sound:
+            return
         axes, joints = self._axes, len(self._axes)
         if (
             self._obeyed(image)
@@ -214,6 +219,7 @@ class Execution:
             and not np.count_nonzero(image.amp_alarm[axes])
             and not np.count_nonzero(image.offline[axes])
         ):
+            self._sound = seen
             return
         if self.ending is None:
             self.ending = (Outcome.FAULT, self._fault_text(image))
@@ -275,7 +281,8 @@ class Execution:
         else:
             self._time_s, rate, _ = self._stop.at((due_ns - self._stop_ns) / NANOSECONDS)
         self._sampler.sample(self._time_s, self.position, self.velocity)
-        self.velocity *= rate
+        if rate != 1.0:
+            self.velocity *= rate
         if rate == 0.0 or (self._stop and self._time_s >= self.trajectory.duration_s):
             self._enter(Phase.RESTING, time_ns)
         elif self._time_s >= self.trajectory.duration_s:

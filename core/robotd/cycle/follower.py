@@ -171,7 +171,7 @@ class TrajectoryFollower:
                 planned.start_ns,
                 self.settings.stopped_velocity_rad_s,
             )
-            if self._streamer.submit(execution, self._joint_axes, after):
+            if self._streamer.submit(execution, after):
                 execution.begin()
                 return execution
         raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")

@@ -87,8 +87,7 @@ class DeviceExecution(Execution):
         self._ended.set()
 
     def _observe(self, image: ProcessImage) -> None:
-        np.take(image.position_command, self._axes, out=self.position)
-        np.take(image.velocity_command, self._axes, out=self.velocity)
+        self.setpoint[:] = image.commands[:, self.columns]
         super()._observe(image)
 
     def _begin_stop(self, time_ns: int) -> None:

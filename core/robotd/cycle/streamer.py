@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from robotd.arrays import FloatArray, IntArray
+from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.cycle.execution import Execution, Outcome
 from robotd.device.drivers import AxisDriver
@@ -45,9 +45,8 @@ class Streamer:
     def __init__(self, driver: AxisDriver, axes: int, rate_hz: float) -> None:
         self.period_ns = round(NANOSECONDS / rate_hz)
         self._driver = driver
-        self._position: FloatArray = np.full(axes, np.nan)
-        self._velocity: FloatArray = np.full(axes, np.nan)
-        self._axes: IntArray = np.zeros(0, np.int64)
+        self._setpoint: FloatArray = np.full((2, axes), np.nan)
+        self._position, self._velocity = self._setpoint
         self._running: Execution | None = None
         self._next: Execution | None = None
         self._due_ns = 0
@@ -74,7 +73,7 @@ class Streamer:
         """The earliest time 0 of a trajectory from rest that is submitted now."""
         return self._due_ns + self.period_ns
 
-    def submit(self, execution: Execution, axes: IntArray, after: Execution | None) -> bool:
+    def submit(self, execution: Execution, after: Execution | None) -> bool:
         """Let ``execution`` run: at once from rest, else from its ``start_ns`` on.
 
         The axes must be in streaming. Where the device is lost, it ends with a fault at once.
@@ -93,7 +92,6 @@ class Streamer:
             on_path = after is None or after.on_path
             if self._running is not after or not on_path or execution.start_ns < self._due_ns:
                 return False
-            self._axes = axes
             self._drop_next(Outcome.PREEMPTED, PREEMPTED)
             if after is None:
                 self._running = execution
@@ -146,8 +144,7 @@ class Streamer:
         execution.advance(time_ns, self.period_ns, image)
         if not execution.streams:
             return False
-        self._position[self._axes] = execution.position
-        self._velocity[self._axes] = execution.velocity
+        self._setpoint[:, execution.columns] = execution.setpoint
         return True
 
     def _take_over(self) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.device.image import ProcessImage
@@ -34,9 +32,10 @@ class TravelGuard:
 
     def look(self, image: ProcessImage) -> None:
         """Cycle thread, once a period: stop what has just room enough left."""
-        jogged = image.operation == Operation.VELOCITY
-        if jogged.any():
-            self._stop([axis for axis in np.flatnonzero(jogged).tolist() if self._ends(axis)])
+        operations = image.operation.tolist()
+        if Operation.VELOCITY in operations:
+            jogged = [axis for axis, each in enumerate(operations) if each == Operation.VELOCITY]
+            self._stop([axis for axis in jogged if self._ends(axis)])
 
     def _ends(self, axis: int) -> bool:
         axes, image = self._axes, self._axes.image

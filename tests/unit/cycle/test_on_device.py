@@ -59,7 +59,7 @@ class Rig:
             SETTINGS.stopped_velocity_rad_s,
         )
         self.streamer.advance(self.time_ns - PERIOD_NS, self.image)
-        assert self.streamer.submit(execution, np.array([0, 1]), None)
+        assert self.streamer.submit(execution, None)
         execution.begin()
         return execution
 
