@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
@@ -13,12 +13,10 @@ from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.errors import RobotdError
 from robotd.testing.conformance.report import Report
-from robotd.testing.conformance.rig import Rig
+from robotd.testing.conformance.rig import MakeRig, Rig
 from robotd.testing.conformance.stand import BenchOrSkip, Stand
 
 CHECK_LIMIT_S = 60.0
-
-MakeRig = Callable[..., Rig]
 
 
 def pytest_configure(config: pytest.Config) -> None:

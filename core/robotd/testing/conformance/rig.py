@@ -15,20 +15,15 @@ from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
-from robotd.device.drivers import (
-    AxisDriver,
-    DeviceDriver,
-    FieldbusDriver,
-    IoDriver,
-    Profile,
-)
+from robotd.device.drivers import Profile
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import TrajectoryRequest
-from robotd.plugin.hookspecs import BackendInfo, BackendOptions, DeviceContext
+from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot
 from robotd.simulated_clock import SteppedClock
+from robotd.testing.conformance.parts import Parts
 from robotd.testing.conformance.recording import Recorder, Recording
 
 TRAVEL_RAD = 0.3  # the farthest that a check moves an axis
@@ -38,42 +33,6 @@ SETTLED_RAD = 2e-3  # largest error of an axis that stands
 STANDSTILL_RAD_S = 0.01
 SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
 WAIT_S = 10.0  # for what a working backend does in far less
-
-
-class Parts:
-    """A backend that remembers the drivers it made: a robot keeps them to itself."""
-
-    def __init__(self, backend: Backend) -> None:
-        self.info: BackendInfo = backend.info
-        self.device: DeviceDriver
-        self.driver: AxisDriver
-        self.io_driver: IoDriver | None = None
-        self.fieldbus_driver: FieldbusDriver | None = None
-        self.made_bench: Bench | None = None
-        self._backend = backend
-
-    def options(self, robot: RobotDescriptor) -> BackendOptions:
-        return self._backend.options(robot)
-
-    def open_device(self, context: DeviceContext) -> DeviceDriver:
-        self.device = self._backend.open_device(context)
-        self.made_bench = self._backend.bench(self.device, context)
-        return self.device
-
-    def bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
-        return self.made_bench
-
-    def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:
-        self.driver = self._backend.axes(device, context)
-        return self.driver
-
-    def io(self, device: DeviceDriver, context: DeviceContext) -> IoDriver | None:
-        self.io_driver = self._backend.io(device, context)
-        return self.io_driver
-
-    def fieldbus(self, device: DeviceDriver, context: DeviceContext) -> FieldbusDriver | None:
-        self.fieldbus_driver = self._backend.fieldbus(device, context)
-        return self.fieldbus_driver
 
 
 class Rig:
@@ -264,6 +223,10 @@ class Rig:
     def may_rescale(self) -> bool:
         """A change of scale or home can be undone: by a parameter file, or it is no real drive."""
         return self.can(Capability.SIMULATED) or self.robot.descriptor.parameters_file is not None
+
+
+MakeRig = Callable[..., Rig]
+"""The fixture ``make_rig``: its keywords are those of ``Stand.build``."""
 
 
 def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:

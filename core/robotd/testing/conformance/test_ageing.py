@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
@@ -13,10 +12,8 @@ from robotd.device.bench import Bench
 from robotd.device.state import EngineState
 from robotd.errors import Unsupported
 from robotd.plugin.guard import unguarded
-from robotd.testing.conformance.rig import Rig
+from robotd.testing.conformance.rig import MakeRig, Rig
 from robotd.testing.conformance.stand import BenchOrSkip
-
-MakeRig = Callable[..., Rig]
 
 CALLS = 20
 

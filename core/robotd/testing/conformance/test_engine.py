@@ -11,9 +11,7 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.state import EngineState
 from robotd.errors import NotReady, RobotdError
-from robotd.testing.conformance.rig import SETTLED_RAD, Rig
-
-MakeRig = Callable[..., Rig]
+from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
 
 
 def test_a_device_that_is_made_is_idle(make_rig: MakeRig) -> None:

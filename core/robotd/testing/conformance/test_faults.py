@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -12,10 +10,8 @@ from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.state import Operation
 from robotd.errors import NotReady
-from robotd.testing.conformance.rig import SETTLED_RAD, Rig
+from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
 from robotd.testing.conformance.stand import BenchOrSkip
-
-MakeRig = Callable[..., Rig]
 
 ALARM = 0x32
 

@@ -9,10 +9,8 @@ import pytest
 
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import FieldbusDriver, NetworkState
-from robotd.testing.conformance.rig import SETTLED_RAD, Rig
+from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
 from robotd.testing.conformance.stand import BenchOrSkip
-
-MakeRig = Callable[..., Rig]
 
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)
 

@@ -9,9 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.testing.conformance.rig import Rig
-
-MakeRig = Callable[..., Rig]
+from robotd.testing.conformance.rig import MakeRig
 
 ROUNDS = 3
 

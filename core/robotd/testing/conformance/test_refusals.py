@@ -14,10 +14,8 @@ from robotd.device.state import CommandMode
 from robotd.errors import DescriptorError, OperationError, Unsupported
 from robotd.plugin.hookspecs import BackendInfo
 from robotd.robot import Robot
-from robotd.testing.conformance.rig import Rig
+from robotd.testing.conformance.rig import MakeRig, Rig
 from robotd.testing.conformance.stand import Stand
-
-MakeRig = Callable[..., Rig]
 
 FEATURES = MappingProxyType[Capability, Callable[[Robot], object]]({
     Capability.VELOCITY_MODE: lambda robot: robot.axes.set_command_mode(0, CommandMode.VELOCITY),

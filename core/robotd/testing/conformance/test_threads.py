@@ -11,9 +11,7 @@ import numpy as np
 from robotd.device.capabilities import Capability
 from robotd.device.state import Operation
 from robotd.errors import OperationError
-from robotd.testing.conformance.rig import SETTLED_RAD, Rig
-
-MakeRig = Callable[..., Rig]
+from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
 
 SECONDS = 1.0
 BLOCKED_S = 0.02  # a read that takes longer was held up

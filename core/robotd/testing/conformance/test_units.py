@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -13,9 +11,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.drivers import Profile
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode
-from robotd.testing.conformance.rig import SETTLED_RAD, Rig
-
-MakeRig = Callable[..., Rig]
+from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
 
 LAG_S = 0.03  # granted between a commanded and a measured value
 
