@@ -173,7 +173,10 @@ class AxisDriver(ABC):
 
     @abstractmethod
     def stop(self, axes: Sequence[int]) -> None:
-        """Start a controlled stop with each axis' own deceleration. Idle axes: no effect."""
+        """Start a controlled stop with each axis' own deceleration. Idle axes: no effect.
+
+        Returns at once: the cycle calls it, too, when a velocity command nears a position limit.
+        """
 
     @abstractmethod
     def quick_stop(self, axes: Sequence[int]) -> None:
