@@ -106,10 +106,21 @@ class Rig:
 
 @dataclass(frozen=True)
 class Stop:
-    """How a trajectory ended, and the steepest ramp of the axes that were well."""
+    """How a trajectory ended.
+
+    Attributes:
+        steepest_rad_s2: steepest ramp of the axes that were well.
+        was_late: cycle or drives were late, so that ramps and times do not belong together.
+    """
 
     execution: Execution
     steepest_rad_s2: float
+    was_late: bool
+
+    @property
+    def is_controlled(self) -> bool:
+        """No axis has jumped, as far as a busy computer lets one judge."""
+        return self.was_late or self.steepest_rad_s2 < STEEP_RAD_S2
 
 
 def broken(rig: Rig, fault: str | Callable[[], None], healthy: Sequence[int] = (0,)) -> Stop:
@@ -118,12 +129,10 @@ def broken(rig: Rig, fault: str | Callable[[], None], healthy: Sequence[int] = (
     They are still switched on then.
     """
     chosen = list(healthy)
-    times_ns: list[int] = []
-    speeds: list[FloatArray] = []
+    rows: list[tuple[int, int, FloatArray]] = []
 
     def note(image: ProcessImage) -> None:
-        times_ns.append(image.stamp_ns)
-        speeds.append(image.velocity[chosen].copy())
+        rows.append((image.stamp_ns, image.fresh_ns, image.velocity[chosen].copy()))
 
     with rig.robot.follower.follow(rig.request(1.5, 0.8)) as execution:
         rig.robot.cycle.every(1000, "speeds", note)
@@ -136,7 +145,11 @@ def broken(rig: Rig, fault: str | Callable[[], None], healthy: Sequence[int] = (
     rig.until(lambda: not rig.image.operation[chosen].any())
     rig.until(lambda: bool((np.abs(rig.image.velocity[chosen]) < 0.01).all()))
     assert rig.image.servo_on[chosen].all()
-    count = min(len(times_ns), len(speeds))
-    spans_s = (np.array(times_ns[SPAN:count]) - np.array(times_ns[: count - SPAN])) * 1e-9
-    changes = np.abs(np.array(speeds[SPAN:count]) - np.array(speeds[: count - SPAN]))
-    return Stop(execution, float((changes / spans_s[:, np.newaxis]).max(initial=0.0)))
+    stamps_ns, fresh_ns, speeds = (np.array(column) for column in zip(*rows, strict=True))
+    limit_ns = 1.5 * rig.robot.cycle.period_ns
+    was_late = bool(
+        (np.diff(stamps_ns) > limit_ns).any() or (stamps_ns - fresh_ns > limit_ns).any()
+    )
+    spans_s = (stamps_ns[SPAN:] - stamps_ns[:-SPAN]) * 1e-9
+    changes = np.abs(speeds[SPAN:] - speeds[:-SPAN])
+    return Stop(execution, float((changes / spans_s[:, np.newaxis]).max(initial=0.0)), was_late)

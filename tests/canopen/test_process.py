@@ -1,16 +1,15 @@
-"""The drives in another process, over UDP multicast, and the commands of ``robotd canopen``."""
+"""Faults of drives in another process, and the commands of ``robotd canopen``."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from tests.canopen.rig import Rig
+from tests.canopen.drives_process import GROUP, PORT, DrivesProcess, write_robot
+from tests.canopen.rig import Rig, broken
 
 from robotd.cli import main
 from robotd.clock import MonotonicClock
@@ -19,61 +18,75 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 
-GROUP = "239.74.163.9"
-PORT = 20000 + os.getpid() % 20000
+HEALTHY = (0, 1, 2, 4, 5)  # joint4 is the one that breaks
+
+
+@pytest.fixture(scope="module")
+def process() -> Iterator[DrivesProcess]:
+    with DrivesProcess() as running:
+        yield running
 
 
 @pytest.fixture
-def drives() -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "robotd", "canopen", "simulate", "--robot", "cr3a"]
-    command += ["--channel", GROUP, "--port", str(PORT)]
-    process = subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
-    )
-    assert process.stdout is not None
-    assert "nodes 1, 2, 3, 4, 5, 6, 16" in process.stdout.readline()
-    yield process
-    process.kill()
-    process.communicate()
-
-
-def tell(process: subprocess.Popen[str], line: str) -> None:
-    assert process.stdin is not None
-    assert process.stdout is not None
-    process.stdin.write(line + "\n")
-    process.stdin.flush()
-    assert process.stdout.readline() == "ok\n"
+def drives(process: DrivesProcess) -> DrivesProcess:
+    """Healthy, whatever the test before left behind."""
+    if not process.running:
+        process.start()
+    process.tell("4 heal")
+    return process
 
 
 @contextmanager
-def robot() -> Iterator[Robot]:
-    descriptor = load_robot_descriptor("cr3a", "canopen_simulated")
-    bus = {"interface": "udp_multicast", "channel": GROUP, "options": {"port": PORT}}
-    section = {**descriptor.backends["canopen"], "bus": bus, "simulated": False}
-    descriptor = descriptor.model_copy(update={"backends": {"canopen": section}})
+def served(folder: Path) -> Iterator[Rig]:
+    descriptor = load_robot_descriptor(str(write_robot(folder)))
     made = Robot(descriptor, load_backend("canopen"), MonotonicClock())
     try:
         made.start()
-        yield made
+        yield Rig(made)
     finally:
         made.shutdown()
 
 
-def test_trajectory_fault_and_recovery(drives: subprocess.Popen[str]) -> None:
-    with robot() as made:
-        rig = Rig(made)
-        assert rig.follow(0.8, 0.5).outcome is Outcome.SUCCEEDED
-        with made.follower.follow(rig.request(2.0, -0.5)) as execution:
-            rig.until(lambda: rig.image.position[0] < 0.3)
-            tell(drives, "4 trip 0x3210")
-            assert execution.wait(5)
-        assert execution.outcome is Outcome.FAULT
-        assert "joint4" in execution.message
-        made.enable_joints()
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("trip 0x3210", "amplifier alarm 12816 (node 4: EMCY 0x3210 DC link over-voltage)"),
+        ("silence", "drive is offline (node 4: TPDO"),
+        ("reboot", "drive is offline (node 4: it was reset and has lost its configuration"),
+        ("drop 1", "drive is offline (node 4: TPDO"),
+        ("statusword 0x0250", "joint4"),
+    ],
+)
+def test_a_fault_and_the_way_back(
+    drives: DrivesProcess, tmp_path: Path, fault: str, reason: str
+) -> None:
+    with served(tmp_path) as rig:
+        stop = broken(rig, lambda: drives.tell(f"4 {fault}"), HEALTHY)
+        assert stop.execution.outcome is Outcome.FAULT
+        assert reason in stop.execution.message
+        assert stop.is_controlled
+        drives.tell("4 heal")
+        rig.robot.engine.start_communication()
+        rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
+        rig.robot.enable_joints()
         assert rig.follow(0.8, 0.0).outcome is Outcome.SUCCEEDED
 
 
-def test_scan_and_sdo(drives: subprocess.Popen[str]) -> None:
+def test_power_off_and_on_of_all_drives(drives: DrivesProcess, tmp_path: Path) -> None:
+    with served(tmp_path) as rig:
+        stop = broken(rig, drives.stop, healthy=())
+        assert stop.execution.outcome is Outcome.FAULT
+        assert "node 1" in stop.execution.message
+        assert "has not come for" in stop.execution.message
+        assert rig.robot.engine.fault.endswith("more nodes")
+        drives.start()
+        rig.robot.engine.start_communication()
+        rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
+        rig.robot.enable_joints()
+        assert rig.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
+
+
+def test_scan_and_sdo(drives: DrivesProcess) -> None:
     bus = ["--interface", "udp_multicast", "--channel", f"{GROUP}#{PORT}"]
     runner = CliRunner()
     found = runner.invoke(main, ["canopen", "scan", *bus])

@@ -10,7 +10,7 @@ import math
 import threading
 
 from robotd.plugin.api import CommandMode, Operation, ProcessImage, Profile, get_logger
-from robotd_canopen.bus import Bus, frame
+from robotd_canopen.bus import Bus
 from robotd_canopen.estimate import Estimate
 from robotd_canopen.feedback import (
     DEMAND,
@@ -21,6 +21,7 @@ from robotd_canopen.feedback import (
     VELOCITY,
     Feedback,
 )
+from robotd_canopen.frame import Frame
 from robotd_canopen.handshake import Handshake, Phase
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.modes import CYCLIC, OperationMode, rest_mode
@@ -86,7 +87,7 @@ class Axis:
         self._frames = [
             (
                 pdo,
-                frame(pdo.cob_id, bytes(pdo.layout.size)),
+                Frame(pdo.cob_id, bytes(pdo.layout.size)),
                 [entry.base for entry in pdo.entries],
                 (
                     pdo.holds(CONTROLWORD) or pdo.holds(OPERATION_MODE),
@@ -113,7 +114,7 @@ class Axis:
         return self.measured
 
     def error_code(self) -> int:
-        return int(self._feedback.columns[ERROR_CODE][self.number])
+        return self._said(ERROR_CODE)
 
     def transmit(self, bus: Bus, period_s: float, periods: int = 1) -> None:
         """Cycle: this SYNC's RPDOs, to take effect with the next SYNC.
@@ -135,8 +136,8 @@ class Axis:
     def observe(self, image: ProcessImage) -> None:
         """Cycle: interpret what the drive said last, and write this axis' part of ``image``."""
         number, online = self.number, self.node.online
-        self.status = int(self._feedback.columns[STATUSWORD][number])
-        self.displayed_mode = int(self._feedback.columns[MODE][number])
+        self.status = self._said(STATUSWORD)
+        self.displayed_mode = self._said(MODE)
         known = online and self._feedback.heard(number)
         self.state = drive_state(self.status) if known else DriveState.UNKNOWN
         if known:
@@ -155,7 +156,7 @@ class Axis:
         image.mode[number] = self.command_mode
         image.operation[number] = self.operation
         self._report_command(image, known=known)
-        inputs = int(self._feedback.columns[INPUTS][number])
+        inputs = self._said(INPUTS)
         ends = bool(inputs & 1), bool(inputs & 2)  # as the drive counts
         low, high = ends if self.scaling.polarity > 0 else (ends[1], ends[0])
         image.negative_limit[number], image.positive_limit[number] = low, high
@@ -243,6 +244,10 @@ class Axis:
             ramp = self.deceleration if slower else self.acceleration
             self.velocity = _towards(self.velocity, self.target_velocity, ramp * period_s)
 
+    def _said(self, index: int) -> int:
+        """What the drive said last of the profile object ``index``."""
+        return int(self._feedback.columns[index][self.number])
+
     def _reason(self, *, known: bool, alarm: bool) -> str:
         """Why the axis cannot move, beginning with the node; "" if it can."""
         node = self.node
@@ -320,7 +325,7 @@ class Axis:
         if ours and self.velocity != 0.0 and self.state is DriveState.OPERATION_ENABLED:
             self._resting = 0
             return False
-        measured = self._feedback.columns[VELOCITY][self.number] * self.scaling.velocity
+        measured = self._said(VELOCITY) * self.scaling.velocity
         self._resting = self._resting + 1 if abs(measured) < _RESTS_RAD_S else 0
         return self._resting >= _RESTING
 

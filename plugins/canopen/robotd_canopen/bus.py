@@ -17,6 +17,7 @@ import can
 from robotd.plugin.api import Clock, ConnectError, get_logger
 from robotd_canopen.bus_load import wire_bits
 from robotd_canopen.error_frame import error_frame_text
+from robotd_canopen.frame import Frame
 from robotd_canopen.options import BusOptions
 from robotd_canopen.simulated.realtime import request_realtime
 
@@ -149,7 +150,7 @@ class Bus:
 
         Raises can.CanOperationError.
         """
-        message = frame(can_id, data)
+        message = Frame(can_id, data)
         message.is_remote_frame = remote
         if not self.send(message):
             raise can.CanOperationError(self.fault or f"the bus {self.name} is not open")
@@ -206,8 +207,3 @@ class Bus:
         if self._failures >= _FAILURES and self.fault is None:
             self.fault = reason
             log.error("the CAN bus is lost", reason=reason)
-
-
-def frame(cob_id: int, data: bytes) -> can.Message:
-    """A frame with an 11-bit identifier, unchecked."""
-    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)

@@ -77,11 +77,11 @@ class CanopenDevice(DeviceDriver):
         wait_until(lambda: all(axis.operation.value == 0 for axis in live), timeout_s, master.clock)
         for axis in live:
             self._try(axis.node, partial(Commands(axis, master.clock).disable, _IDLE_S))
-        for node in master.nodes.values():
-            if node.online:
-                self._try(node, partial(node.watch_master, watch=False))
-                self._try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
-        master.end()
+        online = [node for node in master.nodes.values() if node.online]
+        master.end()  # from now on nobody wonders where they go
+        for node in online:
+            self._try(node, partial(node.watch_master, watch=False))
+            self._try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
 
     def state(self) -> EngineState:
         return self.master.state

@@ -17,6 +17,7 @@ STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
 VELOCITY, TORQUE, ERROR_CODE, INPUTS = 0x606C, 0x6077, 0x603F, 0x60FD
 _OBJECTS = (STATUSWORD, MODE, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, INPUTS)
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
+_TOLD_BEFORE = 0.8  # of the age at which values are too old: so a node is named, not an age
 _NEVER = -1
 _EVENT_DRIVEN = 240
 
@@ -44,6 +45,7 @@ class Feedback:
             number: np.zeros(count, np.int64) for number in _OBJECTS
         }
         self._unread = np.zeros(count, np.int64)
+        self._heard = [False] * count
         self.pdos = [
             (number, pdo)
             for number, axis in enumerate(axes)
@@ -53,7 +55,7 @@ class Feedback:
         self._owners = np.array([number for number, _ in self.pdos], np.int64)
         self.seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
         self._turns = np.array([pdo.transmission for _, pdo in self.pdos], np.int64)
-        least = math.ceil(stale_s / sync_period_s)
+        least = math.floor(_TOLD_BEFORE * stale_s / sync_period_s)
         self.limits: IntArray = np.maximum(self._turns * _ALLOWED_MISSES, least)
         self.syncs = 0
         self.counts: IntArray = np.zeros(count, np.int64)  # position without the encoder's wrap
@@ -79,15 +81,14 @@ class Feedback:
 
     def forget(self, axis: int) -> None:
         """The drive is configured anew: what it said before does not count."""
-        for slot, (owner, _) in enumerate(self.pdos):
-            if owner == axis:
-                self.seen[slot] = _NEVER
+        self.seen[self._owners == axis] = _NEVER
+        self._heard[axis] = False
 
     def heard(self, axis: int) -> bool:
-        """Every synchronous TPDO of ``axis`` has come at least once."""
-        return all(
-            self.seen[slot] != _NEVER for slot, (owner, _) in enumerate(self.pdos) if owner == axis
-        )
+        """Every synchronous TPDO of ``axis`` has come at least once. Cycle."""
+        if not self._heard[axis]:
+            self._heard[axis] = bool((self.seen[self._owners == axis] != _NEVER).all())
+        return self._heard[axis]
 
     def stale(self) -> list[tuple[int, Pdo, int]]:
         """Axis, PDO and missed SYNCs of everything that is overdue. Cycle."""
@@ -100,7 +101,7 @@ class Feedback:
     def overdue(self, axis: int) -> bool:
         """Some synchronous TPDO of ``axis`` has not come in its turn."""
         late = self.syncs - self.seen > self._turns + 1
-        return any(late[slot] for slot, (owner, _) in enumerate(self.pdos) if owner == axis)
+        return bool(late[self._owners == axis].any())
 
     def missed(self, offline: BoolArray) -> int:
         """SYNCs for which the most silent drive owes an answer; 0 while all is well.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robotd_canopen.simulated import DriveNode, SimulatedNetwork, SimulatedNode
+from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, SimulatedNode
 from robotd_canopen.simulated.node import STOPPED
 
 HELP = """\
@@ -21,6 +21,7 @@ NODE drop PART            loses a part of its PDOs, 0 to 1
 NODE garble PART          sends a part of its frames as garbage, 0 to 1
 NODE stop                 goes to the NMT state stopped by itself
 NODE block                the motor does not move
+NODE input BYTE BIT 0|1   an input of an I/O module changes
 NODE heal                 none of the above any more"""
 
 Fault = Callable[[SimulatedNode, list[str]], None]
@@ -33,7 +34,7 @@ def inject(network: SimulatedNetwork, line: str) -> str:
         node = network.members[int(number)]
         fault = _FAULTS[words[0]]
         network.call(lambda: fault(node, words[1:]))
-    except (KeyError, ValueError, IndexError):
+    except (KeyError, ValueError, IndexError, TypeError):
         return f"not understood: {line.strip()!r}"
     return "ok"
 
@@ -95,6 +96,13 @@ def _block(node: SimulatedNode, words: list[str]) -> None:
     node.faults.blocked = True
 
 
+def _input(node: SimulatedNode, words: list[str]) -> None:
+    byte, bit, value = (int(word) for word in words)
+    if not isinstance(node, IoNode):
+        raise TypeError(f"node {node.number} has no inputs")
+    node.set_input_bit(byte, bit, value=bool(value))
+
+
 def _heal(node: SimulatedNode, words: list[str]) -> None:
     node.faults.heal()
 
@@ -113,5 +121,6 @@ _FAULTS: dict[str, Fault] = {
     "garble": _garble,
     "stop": _stop,
     "block": _block,
+    "input": _input,
     "heal": _heal,
 }

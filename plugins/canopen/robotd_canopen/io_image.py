@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 
-from robotd_canopen.bus import Bus, Handler, frame
+from robotd_canopen.bus import Bus, Handler
+from robotd_canopen.frame import Frame
 from robotd_canopen.layout import IoLayout
 from robotd_canopen.node import Node
 
@@ -67,7 +68,7 @@ class IoImage:
         for module in self._of_outputs(byte, length):
             first = module.options.output_byte
             data = bytes(self.outputs[first : first + module.options.output_length])
-            if not all(self._bus.send(frame(pdo.cob_id, data)) for pdo in module.rpdos):
+            if not all(self._bus.send(Frame(pdo.cob_id, data)) for pdo in module.rpdos):
                 failed.append(module.options.node)
         return failed
 

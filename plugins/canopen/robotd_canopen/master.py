@@ -10,6 +10,7 @@ from robotd.plugin.api import (
     Clock,
     ConnectError,
     EngineState,
+    OperationError,
     ProcessImage,
     RobotDescriptor,
     wait_until,
@@ -99,7 +100,11 @@ class Master:
         self._leave_all()
 
     def read(self, image: ProcessImage) -> None:
-        """Cycle: SYNC, then what the drives said, then the watch over them."""
+        """Cycle: SYNC, then the watch over the drives, then what they said.
+
+        Raises OperationError, with the image filled all the same, when every node is lost: so
+        the reason, not the age of the values, ends what runs.
+        """
         now_ns = self.clock.now_ns()
         if self._state is not EngineState.COMMUNICATING:
             image.offline[:] = True
@@ -119,6 +124,8 @@ class Master:
             image.fresh_ns = self.sync.time_ns - age_ns
         if not any(axis.following for axis in self.axes):
             self._transmit()
+        if self.supervision.lost and image.offline.all():
+            raise OperationError(self.supervision.fault())
 
     def stream(self, position: Sequence[float], velocity: Sequence[float]) -> None:
         """Cycle: setpoints for the axes that follow."""

@@ -14,6 +14,7 @@ from robotd_canopen.sync import NANOSECONDS
 log = get_logger("canopen")
 
 _KEPT = 100  # latest losses
+_NAMED = 3  # lost nodes that a text names; more at once have one cause
 
 
 class Supervision:
@@ -44,13 +45,15 @@ class Supervision:
         self.lost.clear()
 
     def fault(self) -> str:
-        """Why values are missing: the bus, or every lost node with its cause; "" if neither.
+        """Why values are missing: the bus, or the lost nodes with their causes; "" if neither.
 
         Any thread.
         """
         if self._bus.fault is not None:
             return self._bus.fault
-        return "; ".join(f"{node.name}: {node.fault}" for node in list(self.lost.values()))
+        lost = [f"{node.name}: {node.fault}" for node in list(self.lost.values())]
+        more = [f"and {len(lost) - _NAMED} more nodes"] if len(lost) > _NAMED else []
+        return "; ".join(lost[:_NAMED] + more)
 
     def watch(self, period_ns: int) -> None:
         """One period, ``period_ns`` after the one before, however long the computer paused."""

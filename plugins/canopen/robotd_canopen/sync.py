@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from robotd_canopen.bus import Bus, frame
+from robotd_canopen.bus import Bus
+from robotd_canopen.frame import Frame
 from robotd_canopen.nmt import NmtState
 
 NANOSECONDS = 1_000_000_000
@@ -30,8 +31,8 @@ class SyncProducer:
         self._period_ns = round(period_s * NANOSECONDS)
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
         self._heartbeat_due_ns = self._sent_ns = 0
-        self._sync_frame = frame(_SYNC, b"")
-        self._heartbeat_frame = frame(_HEARTBEAT + master_node, bytes([NmtState.OPERATIONAL]))
+        self._sync_frame = Frame(_SYNC, b"")
+        self._heartbeat_frame = Frame(_HEARTBEAT + master_node, bytes([NmtState.OPERATIONAL]))
 
     def send(self, now_ns: int) -> None:
         """A SYNC now, and the heartbeat if it is due."""

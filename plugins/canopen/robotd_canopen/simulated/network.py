@@ -14,6 +14,7 @@ from typing import Self
 import can
 import canopen
 
+from robotd_canopen.frame import Frame
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.modules import DriveNode
 from robotd_canopen.simulated.node import NANOSECONDS, SimulatedNode
@@ -211,7 +212,7 @@ class SimulatedNetwork(canopen.Network):
             self._put(cob_id, data)
 
     def _put(self, cob_id: int, data: bytes) -> None:
-        self._bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+        self._bus.send(Frame(cob_id, data))
 
 
 def _arrival_ns(message: can.Message) -> int:

@@ -25,6 +25,7 @@ BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
 _COMMANDS = {1: OPERATIONAL, 2: STOPPED, 128: PRE_OPERATIONAL}
 _RESETS = (129, 130)
 _HEARTBEAT_ERROR = 0x8130
+_HEARTBEAT_CONSUMER = 0x1016
 _COMMUNICATION = 0x10  # bit 4 of the error register
 
 Key = tuple[int, int]
@@ -91,7 +92,7 @@ class SimulatedNode(canopen.LocalNode):
 
     def on_heartbeat_of(self, node: int, now_ns: int) -> None:
         """Somebody's heartbeat: supervision begins with the first one (CiA 301, 7.2.8.2.2.2)."""
-        if self.values.get((0x1016, 1), 0) >> 16 & 0x7F == node:
+        if self.values.get((_HEARTBEAT_CONSUMER, 1), 0) >> 16 & 0x7F == node:
             self._master_seen_ns = now_ns
 
     def tick(self, now_ns: int) -> None:
@@ -100,7 +101,7 @@ class SimulatedNode(canopen.LocalNode):
         if period_ns and now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + period_ns
             self.send(0x700 + self.number, bytes([self.state]))
-        limit_ns = (self.values.get((0x1016, 1), 0) & 0xFFFF) * 1_000_000
+        limit_ns = (self.values.get((_HEARTBEAT_CONSUMER, 1), 0) & 0xFFFF) * 1_000_000
         seen_ns = self._master_seen_ns
         if limit_ns and seen_ns is not None and now_ns - seen_ns > limit_ns:
             self._master_seen_ns = None
@@ -168,6 +169,8 @@ class SimulatedNode(canopen.LocalNode):
         if self._is_mapping(index) and self.state == OPERATIONAL:
             raise SdoAbortedError(0x08000022)
         super().set_data(index, subindex, data, check_writable)
+        if index == _HEARTBEAT_CONSUMER:
+            self._master_seen_ns = None  # supervision begins anew, with the next heartbeat
         if (index, subindex) in self.values:
             found: ODVariable = self._find_object(index, subindex)  # type: ignore[no-untyped-call]
             self.values[index, subindex] = cast(int, found.decode_raw(bytes(data)))

@@ -1,0 +1,51 @@
+"""The mobile base on CANopen drives in velocity mode, in another process, by ROS."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from tests.canopen.drives_process import DrivesProcess, write_robot
+from tests.ros.robot_process import Client, RobotProcess, wait_until
+from wmx_ros2_message.msg import AxisState
+
+pytestmark = pytest.mark.ros
+
+PERIOD_S = 0.05
+RADIUS_M, SEPARATION_M = 0.09, 0.55
+
+
+def test_it_drives_tells_where_it_is_and_stops_without_commands(tmp_path: Path) -> None:
+    path = write_robot(tmp_path, "baymax")
+    with DrivesProcess("baymax"), RobotProcess(robot=str(path), backend="canopen") as base:
+        base.wait_ready()
+        client = Client(base.domain)
+        try:
+            client.wait_engine()
+            odometry = client.listen(Odometry, "/odom_enc")
+            axes = client.listen(AxisState, "/wmx/axis/state")
+            publisher = client.publisher(Twist, "/cmd_vel")
+            first = client.next(axes)
+            twist = Twist()
+            twist.linear.x, twist.angular.z = 0.4, 0.5
+            end = time.monotonic() + 1.5
+            while time.monotonic() < end:
+                publisher.publish(twist)
+                time.sleep(PERIOD_S)
+            moving = odometry[-1].twist.twist
+            assert moving.linear.x == pytest.approx(0.4, abs=0.02)
+            assert moving.angular.z == pytest.approx(0.5, abs=0.05)
+            base.wait_output("no command in time")
+            wait_until(lambda: abs(odometry[-1].twist.twist.linear.x) < 1e-3, "standstill")
+            last, pose = client.next(axes), client.next(odometry).pose.pose
+            turned = [last.actual_pos[wheel] - first.actual_pos[wheel] for wheel in (0, 1)]
+            heading = RADIUS_M * (turned[1] - turned[0]) / SEPARATION_M
+            assert RADIUS_M * sum(turned) / 2 > 0.4
+            assert 2 * pose.orientation.z == pytest.approx(heading, rel=0.1)
+            assert list(last.servo_on) == [True, True]
+        finally:
+            client.close()
+        assert base.end() == 0, base.output
