@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import resource
-import time
 from collections.abc import Callable
 
 import numpy as np
 
 from robotd.device.image import ProcessImage
 from robotd.testing.conformance.rig import Rig
+from robotd.testing.conformance.stopwatch import timed
 
 CALLS = 400
 TYPICAL_SHARE = 0.25  # of a period: the median
@@ -21,28 +20,15 @@ def measure(rig: Rig, call: Callable[[], object]) -> tuple[float, float]:
     """Median and 99th percentile in s, of the best attempt, called once a period."""
     attempts = []
     for _ in range(ATTEMPTS):
-        durations = []
+        durations = list[float]()
         for _ in range(CALLS):
             rig.periods(1)
-            durations.append(duration_s(call))
+            with timed(durations):
+                call()
         attempts.append(tuple(np.percentile(durations, (50, 99))))
         if within_budget(rig, attempts[-1]):
             break
     return min(attempts)
-
-
-def duration_s(call: Callable[[], object]) -> float:
-    """Of one call; without the time for which the computer gave the processor to others."""
-    preempted, computing_s = preemptions(), time.thread_time()
-    began_s = time.perf_counter()
-    call()
-    took_s = time.perf_counter() - began_s
-    return took_s if preemptions() == preempted else time.thread_time() - computing_s
-
-
-def preemptions() -> int:
-    """How often this thread had to leave the processor while it wanted to go on."""
-    return resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw
 
 
 def within_budget(rig: Rig, measured: tuple[float, float]) -> bool:

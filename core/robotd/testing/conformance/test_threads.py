@@ -12,6 +12,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.state import Operation
 from robotd.errors import OperationError
 from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
+from robotd.testing.conformance.stopwatch import timed
 
 SECONDS = 1.0
 BLOCKED_S = 0.02  # a read that takes longer was held up
@@ -45,14 +46,12 @@ def start(make_rig: MakeRig) -> tuple[Rig, list[float], list[str]]:
     read, durations_s, failures = rig.parts.driver.read, list[float](), list[str]()
 
     def watched(image: object) -> None:
-        began = time.perf_counter()
         try:
-            read(image)  # type: ignore[arg-type]
+            with timed(durations_s):
+                read(image)  # type: ignore[arg-type]
         except Exception as error:
             failures.append(f"{type(error).__name__}: {error}")
             raise
-        finally:
-            durations_s.append(time.perf_counter() - began)
 
     rig.parts.driver.read = watched  # type: ignore[method-assign]
     rig.up()
