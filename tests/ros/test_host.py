@@ -14,8 +14,6 @@ from typing import Any
 
 import pytest
 import rclpy
-from control_msgs.action import FollowJointTrajectory
-from rclpy.action import ActionClient, ActionServer, CancelResponse
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -171,29 +169,6 @@ def test_flood_is_refused(host: RosHost) -> None:
     release.set()
 
 
-def test_offload_wakes_the_waiting_coroutine(host: RosHost, server: Node) -> None:
-    def compute(value: int) -> int:
-        if value < 0:
-            raise OperationError(f"{value} is negative")
-        return value + 1
-
-    async def sum_up() -> tuple[int, str]:
-        total = 0
-        for _ in range(20):
-            total = await host.offload(compute, total)
-        try:
-            await host.offload(compute, -1)
-        except OperationError as error:
-            return total, str(error)
-        return total, ""
-
-    began = time.monotonic()
-    task = server.executor.create_task(sum_up)
-    assert wait_for(task) == (20, "-1 is negative")
-    # 21 wake-ups: one that waited for the executor's own time-out would take a second.
-    assert time.monotonic() - began < 0.9
-
-
 def test_callback_that_raises_does_not_end_the_others(
     host: RosHost, server: Node, caller: Caller
 ) -> None:
@@ -232,51 +207,14 @@ def test_message_handler_that_raises_gets_the_next_message(
     assert all(seen.acquire(timeout=WAIT_S) for _ in range(3))
 
 
-def test_action_runs_beside_services_and_is_cancelled(
-    host: RosHost, server: Node, caller: Caller
-) -> None:
-    started = threading.Event()
-
-    def run(goal: Any) -> FollowJointTrajectory.Result:
-        started.set()
-        while not goal.is_cancel_requested:
-            goal.publish_feedback(FollowJointTrajectory.Feedback(joint_names=["a"]))
-            time.sleep(0.005)
-        return FollowJointTrajectory.Result(error_string="cancelled")
-
-    async def execute(goal: Any) -> FollowJointTrajectory.Result:
-        result = await host.offload(run, goal)
-        goal.canceled()
-        return result
-
-    action = ActionServer(
-        server,
-        FollowJointTrajectory,
-        "follow",
-        execute,
-        cancel_callback=lambda _: CancelResponse.ACCEPT,
-    )
-    add_service(server, host, Trigger, "alive", echo_thread)
-    feedback = threading.Event()
-    client = ActionClient(caller.node, FollowJointTrajectory, "follow")
-    assert client.wait_for_server(WAIT_S)
-    goal = wait_for(client.send_goal_async(FollowJointTrajectory.Goal(), lambda _: feedback.set()))
-    assert goal.accepted
-    assert started.wait(WAIT_S)
-    assert feedback.wait(WAIT_S)
-    assert caller.call(Trigger, "alive").success
-    assert len(wait_for(goal.cancel_goal_async()).goals_canceling) == 1
-    assert wait_for(goal.get_result_async()).result.error_string == "cancelled"
-    client.destroy()
-    action.destroy()
-
-
 def cycle_once(make_executor: Any) -> None:
     with RosHost(make_executor=make_executor) as host:
         node = rclpy.create_node("short", context=host.context)
         add_service(node, host, Trigger, "service", echo_thread)
         host.add_node(node)
-        wait_for(host.offload(int))
+        done = threading.Event()
+        host.submit(done.set)
+        assert done.wait(WAIT_S)
 
 
 @pytest.mark.parametrize("make_executor", EXECUTORS)
@@ -306,9 +244,8 @@ def test_close_waits_for_a_running_call_but_not_for_ever(host: RosHost) -> None:
     assert finished.is_set()
     assert [(log["event"], log["count"]) for log in logs] == [("calls still run at shut-down", 1)]
     host.close()
-    for use in (host.future, lambda: host.submit(int), lambda: host.offload(int)):
-        with pytest.raises(NotReady, match="ROS is not running"):
-            use()
+    with pytest.raises(NotReady, match="ROS is not running"):
+        host.submit(int)
 
 
 def test_wrong_ros_arguments_are_an_error_of_ours() -> None:

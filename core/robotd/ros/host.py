@@ -2,10 +2,8 @@
 
 The executor is rclpy's EventsExecutor: with 42 services of 7 nodes a round trip from another
 process takes 0.22 ms on it against 0.33 ms on the SingleThreadedExecutor, and a call answered by
-a worker 0.27 ms against 1.1 ms (median of 400 calls, client in EventsExecutor). Two of its edges
-shape this file. It is driven with finite time-outs, because an endless wait overflows in some
-builds and then never runs a callback. And it looks at a waiting coroutine only when something
-else happens; the futures made here wake it, which takes 0.07 ms.
+a worker 0.27 ms against 1.1 ms (median of 400 calls, client in EventsExecutor). It is driven with
+finite time-outs, because an endless wait overflows in some builds and then never runs a callback.
 """
 
 from __future__ import annotations
@@ -21,7 +19,6 @@ from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 from robotd.errors import NotReady, OperationError
 from robotd.log import get_logger
@@ -41,13 +38,13 @@ _PENDING_LIMIT = 64
 class RosHost:
     """The ROS side of a process: ``with RosHost(args) as host:``.
 
-    Threads: ``robotd-ros`` runs every callback, ``robotd-worker_N`` what is offloaded. Signal
+    Threads: ``robotd-ros`` runs every callback, ``robotd-worker_N`` what is submitted. Signal
     handlers are left alone; whoever owns them calls ``close``.
 
     Args:
         args: command line of the process, from ``--ros-args`` on or whole.
         domain_id: ROS domain; None takes ``ROS_DOMAIN_ID``.
-        workers: threads for ordinary offloaded calls; urgent ones have two of their own.
+        workers: threads for ordinary calls; urgent ones have two of their own.
         make_executor: called with ``context=``; any rclpy executor.
         close_timeout_s: how long ``close`` waits for calls that are still running.
     """
@@ -106,38 +103,18 @@ class RosHost:
         Raises:
             NotReady: the host was not started or is closed.
         """
-        self._running_executor().add_node(node)
+        if self._running is None:
+            raise NotReady("ROS is not running")
+        self._running.executor.add_node(node)
         self._nodes.append(node)
 
-    def future(self) -> Future:
-        """A future to ``await`` in a callback, completed from any thread by ``set_result``.
-
-        Raises:
-            NotReady: the host was not started or is closed.
-        """
-        future = Future(executor=self._running_executor())
-        # The executor resumes waiting coroutines after any task it runs: this is that task.
-        future.add_done_callback(_nothing)
-        return future
-
-    def offload(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> Future:
-        """Run ``function(*args)`` in a worker; ``await`` the result in a coroutine callback.
+    def submit(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> None:
+        """Run ``function(*args)`` in a worker; what it raises is logged. Any thread.
 
         Args:
-            function: may block; what it raises, the ``await`` raises.
+            function: may block.
             args: its arguments.
             urgent: never waits behind ordinary calls; for stopping, not for moving.
-
-        Raises:
-            NotReady: the host was not started or is closed.
-            OperationError: too many calls are waiting already.
-        """
-        future = self.future()
-        self.submit(_complete, future, function, *args, urgent=urgent)
-        return future
-
-    def submit(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> None:
-        """Like ``offload`` for a function that nobody waits for; what it raises is logged.
 
         Raises:
             NotReady: the host is closed.
@@ -176,11 +153,6 @@ class RosHost:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
-
-    def _running_executor(self) -> Executor:
-        if self._running is None:
-            raise NotReady("ROS is not running")
-        return self._running.executor
 
     def _spin(self, executor: Executor) -> None:
         while not self._stopping.is_set():
@@ -239,16 +211,7 @@ def _logged(function: Callable[..., Any], *args: Any) -> None:
     try:
         function(*args)
     except Exception:
-        log.exception("an offloaded call raised", function=getattr(function, "__name__", "?"))
-
-
-def _complete(future: Future, function: Callable[..., Any], *args: Any) -> None:
-    try:
-        result = function(*args)
-    except Exception as error:  # noqa: BLE001 - it is raised where the future is awaited
-        future.set_exception(error)
-    else:
-        future.set_result(result)
+        log.exception("a call in a worker raised", function=getattr(function, "__name__", "?"))
 
 
 def _nothing(_: object) -> None:
