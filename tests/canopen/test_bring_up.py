@@ -6,6 +6,7 @@ import pytest
 from tests.canopen.conftest import SMALL, OpenRig
 
 from robotd.errors import ConnectError
+from robotd_canopen.scan import scan_bus
 
 
 def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
@@ -45,6 +46,10 @@ def test_two_nodes_with_one_id_are_refused(open_rig: OpenRig) -> None:
         with rig.second_network(), pytest.raises(ConnectError, match="two nodes have this id"):
             rig.robot.engine.open()
         rig.robot.engine.open()
+        with rig.second_network():
+            found = scan_bus("virtual", rig.master.bus.name, 1_000_000, 0.3)
+        assert [node.id for node in found] == [1, 2, 3, 16]
+        assert all("ANSWERS TWICE" in str(node) for node in found)
 
 
 def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import can
 import numpy as np
+import pytest
 from tests.canopen.conftest import SMALL, OpenRig
 
 from robotd.cycle.execution import Outcome
@@ -10,6 +12,7 @@ from robotd.device.axes import Jog, Move
 from robotd.device.drivers import Profile
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode, Operation
+from robotd.errors import ConnectError
 
 PROFILE = Profile(1.0, 5.0, 5.0)
 RATE_HZ = 250  # of the cycle
@@ -85,9 +88,25 @@ def test_velocity_by_the_drives_ramp_and_by_ours(open_rig: OpenRig) -> None:
             assert abs(rig.image.velocity[2]) < 1e-3
 
 
-def test_interpolated_position_follows_too(open_rig: OpenRig) -> None:
-    with open_rig(SMALL, axis_defaults={"counts_per_rad": 1e5, "stream_mode": "ip"}) as rig:
-        assert rig.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
+def test_a_drive_that_has_only_interpolated_position(open_rig: OpenRig) -> None:
+    only = 1 << 6 | 1 << 2 | 1 << 0  # interpolated and profile position, profile velocity
+    for stream_mode in ("csp", "ip"):
+        defaults = {"counts_per_rad": 1e5, "stream_mode": stream_mode}
+        with open_rig(SMALL, enable=False, axis_defaults=defaults) as rig:
+            rig.robot.engine.stop_communication()
+            for node in (1, 2, 3):
+                rig.drive(node).values[0x6502, 0] = only
+            if stream_mode == "csp":
+                with pytest.raises(ConnectError, match="stream_mode needs cyclic_position"):
+                    rig.robot.engine.start_communication()
+                continue
+            rig.robot.engine.start_communication()
+            rig.robot.enable_joints()
+            assert rig.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
+            assert rig.positions()[:2] == pytest.approx([0.3, 0.3], abs=2e-3)
+            rig.robot.axes.move([Move(0, 0.1, PROFILE)])
+            rig.idle(0)
+            assert abs(rig.image.position[0] - 0.1) < 2e-3
 
 
 def test_homing_makes_here_zero(open_rig: OpenRig) -> None:
@@ -117,3 +136,22 @@ def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
         assert all(slave.state == 16 and not slave.offline for slave in state.slaves)
         assert "CANopen" in state.note
         assert state.slaves[0].product_code == 0x402
+        rig.until(lambda: rig.device_state().details["bus load (%)"] != "0")
+        found = rig.device_state().details
+        assert found["computed bus load (%)"] == "79"
+        assert int(found["frames received"]) > 100 < int(found["frames sent"])
+        for name in ("malformed frames", "error frames", "failed sends", "lost heartbeats"):
+            assert found[name] == "0"
+        assert float(found["largest SYNC deviation (ms)"]) >= 0.0
+        assert found["latest EMCY"] == "none"
+
+
+def test_error_frames_are_told_in_words(open_rig: OpenRig) -> None:
+    with open_rig(SMALL, enable=False) as rig:
+        with can.Bus(interface="virtual", channel=rig.master.bus.name) as bus:
+            bus.send(can.Message(arbitration_id=0x20, data=bytes(8), is_error_frame=True))
+        rig.until(lambda: rig.device_state().details["error frames"] != "0")
+        text = rig.device_state().details["error frames"]
+        assert text == "1, the latest: no acknowledgement: no other node listens"
+        rig.robot.fieldbus.reset_statistics(0)
+        assert rig.device_state().packet_loss == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,13 +22,19 @@ _READ_DEVICE_TYPE = bytes([0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0])
 
 @dataclass(frozen=True)
 class FoundNode:
-    """One node that answered. ``identity``: vendor, product, revision, serial."""
+    """One node that answered.
+
+    Attributes:
+        identity: vendor, product, revision, serial.
+        doubled: one question had several answers, so several nodes have this id.
+    """
 
     id: int
     device_type: int
     identity: tuple[int, ...]
     name: str
     state: NmtState
+    doubled: bool = False
 
     def __str__(self) -> str:
         vendor, product, revision, serial = self.identity
@@ -35,7 +42,7 @@ class FoundNode:
         return (
             f"node {self.id:3}: CiA {self.device_type & 0xFFFF}, vendor 0x{vendor:08X},"
             f" product 0x{product:08X}, revision 0x{revision:08X}, serial {serial},"
-            f" {state}, {self.name!r}"
+            f" {state}, {self.name!r}{', ANSWERS TWICE: two nodes' if self.doubled else ''}"
         )
 
 
@@ -43,10 +50,10 @@ def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5)
     """Ask every node id for its device type, and those that answer who they are."""
     bus = _bus(interface, channel, bitrate)
     states: dict[int, NmtState] = {}
-    answered: set[int] = set()
+    answers: Counter[int] = Counter()
 
     def on_answer(node: int, data: bytearray, time_ns: int) -> None:
-        answered.add(node)
+        answers[node] += 1
 
     def on_heartbeat(node: int, data: bytearray, time_ns: int) -> None:
         states[node] = heartbeat_state(data)
@@ -59,11 +66,12 @@ def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5)
         for node in range(1, _LAST_NODE + 1):
             bus.send_message(0x600 + node, _READ_DEVICE_TYPE)
         time.sleep(timeout_s)
-        found = [_ask(bus, node, timeout_s) for node in sorted(answered)]
+        doubled = {node for node, count in answers.items() if count > 1}
+        found = [_ask(bus, node, timeout_s) for node in sorted(answers)]
     finally:
         bus.close()
     return [
-        FoundNode(node, kind, identity, name, states.get(node, NmtState.UNKNOWN))
+        FoundNode(node, kind, identity, name, states.get(node, NmtState.UNKNOWN), node in doubled)
         for node, kind, identity, name in found
     ]
 

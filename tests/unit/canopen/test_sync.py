@@ -1,0 +1,69 @@
+"""The even grid of the SYNCs, whatever the computer does."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotd_canopen.bus import Bus
+from robotd_canopen.frame import Frame
+from robotd_canopen.sync import SyncProducer
+
+PERIOD_NS = 4_000_000
+START_NS = 10**12
+
+
+class Wire:
+    """A bus that keeps what was sent."""
+
+    def __init__(self) -> None:
+        self.sent: list[Frame] = []
+
+    def send(self, message: Frame) -> bool:
+        self.sent.append(message)
+        return True
+
+    def measure_load(self, now_ns: int) -> None:
+        pass
+
+
+def producer(wire: Wire | None = None) -> SyncProducer:
+    return SyncProducer(cast(Bus, wire or Wire()), PERIOD_NS * 1e-9, 0.1, 127)
+
+
+@given(st.lists(st.integers(0, PERIOD_NS - 1), min_size=1, max_size=50))
+def test_late_syncs_do_not_bend_the_grid(late_ns: list[int]) -> None:
+    sync = producer()
+    sync.send(START_NS)  # one that is not late at all
+    for number, late in enumerate(late_ns, 1):
+        nominal_ns = START_NS + number * PERIOD_NS
+        sync.send(nominal_ns + late)
+        assert sync.time_ns == nominal_ns
+        assert sync.periods == 1
+
+
+@given(st.integers(1, 20))
+def test_syncs_that_were_left_out_count_as_periods(periods: int) -> None:
+    sync = producer()
+    sync.send(START_NS)
+    sync.send(START_NS + periods * PERIOD_NS + 1000)
+    assert (sync.periods, sync.time_ns) == (periods, START_NS + periods * PERIOD_NS)
+
+
+def test_an_earlier_sync_moves_a_grid_that_began_late() -> None:
+    sync = producer()
+    sync.send(START_NS + 900_000)
+    sync.send(START_NS + PERIOD_NS)
+    assert (sync.periods, sync.time_ns) == (1, START_NS + PERIOD_NS)
+    assert sync.jitter_ns == 900_000
+
+
+def test_the_heartbeat_goes_out_when_it_is_due() -> None:
+    wire = Wire()
+    sync = producer(wire)
+    for number in range(51):
+        sync.send(START_NS + number * PERIOD_NS)
+    beats = [each for each in wire.sent if each.arbitration_id == 0x700 + 127]
+    assert [bytes(each.data) for each in beats] == [b"\x05"] * 3
