@@ -15,20 +15,20 @@ from robotd.ros.service import add_service
 
 
 class WmxIoNode(Node):
-    """Six services on the I/O image. They only read and write memory, so none is offloaded."""
+    """Six services on the I/O image. Reads only look at memory; writes wait for the driver."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_io_node", context=host.context)
         self._io = robot.io
-        for service_type, name, handler in (
-            (GetIoBit, "get_input_bit", self._get_input_bit),
-            (GetIoBit, "get_output_bit", self._get_output_bit),
-            (GetIoBytes, "get_input_bytes", self._get_input_bytes),
-            (GetIoBytes, "get_output_bytes", self._get_output_bytes),
-            (SetIoBit, "set_output_bit", self._set_output_bit),
-            (SetIoBytes, "set_output_bytes", self._set_output_bytes),
+        for service_type, name, handler, writes in (
+            (GetIoBit, "get_input_bit", self._get_input_bit, False),
+            (GetIoBit, "get_output_bit", self._get_output_bit, False),
+            (GetIoBytes, "get_input_bytes", self._get_input_bytes, False),
+            (GetIoBytes, "get_output_bytes", self._get_output_bytes, False),
+            (SetIoBit, "set_output_bit", self._set_output_bit, True),
+            (SetIoBytes, "set_output_bytes", self._set_output_bytes, True),
         ):
-            add_service(self, host, service_type, f"wmx/io/{name}", handler, blocking=False)
+            add_service(self, host, service_type, f"wmx/io/{name}", handler, blocking=writes)
 
     def _get_input_bit(self, request: Any, response: Any) -> Any:
         response.value = int(self._io.input_bit(request.byte, request.bit))
