@@ -36,6 +36,10 @@ FEEDBACK_PERIOD_S = 0.04
 # rclpy's own, 15 min, is 150 MB when goals of 1000 points come one a second.
 RESULT_KEPT_S = 10
 
+# Beyond it a goal is rejected. The status that every client gets lists all goals, so that a
+# thousand at once, each of which changes it three times, would keep all clients busy for minutes.
+MOST_GOALS = 32
+
 _RESULT = FollowJointTrajectory.Result
 # A fault and a preemption have no code of their own; clients know INVALID_GOAL for both.
 _CODES = {
@@ -60,7 +64,8 @@ class Ending:
 class FollowJointTrajectoryServer(Node):
     """Executes one trajectory at a time, each watched by a worker; a newer goal takes over.
 
-    A bad goal is accepted and aborted at once, because only a result can carry a reason.
+    A bad goal is accepted and aborted at once, because only a result can carry a reason. One too
+    many is rejected, see ``MOST_GOALS``.
 
     Raises:
         DescriptorError: a parameter is wrong.
@@ -71,6 +76,7 @@ class FollowJointTrajectoryServer(Node):
         self._robot = robot
         self._host = host
         self._executions: dict[bytes, Execution] = {}
+        self._live = 0  # goals that have not ended; executor thread
         parameters = Parameters(self, robot.descriptor.ros_parameters.get(NAME, {}))
         joint_count(parameters, robot)
         action = parameters.topic("joint_trajectory_action", "name of the action", required=True)
@@ -88,7 +94,7 @@ class FollowJointTrajectoryServer(Node):
             FollowJointTrajectory,
             action,
             _unused,
-            goal_callback=lambda goal: GoalResponse.ACCEPT,
+            goal_callback=self._admit,
             handle_accepted_callback=self._accepted,
             cancel_callback=self._cancel,
             goal_service_qos_profile=SERVICE_QOS,
@@ -107,6 +113,13 @@ class FollowJointTrajectoryServer(Node):
         response.success = True
         response.message = "gripper closes" if request.data else "gripper opens"
         return response
+
+    def _admit(self, goal: Any) -> GoalResponse:
+        if self._live >= MOST_GOALS:
+            log.warning("goal rejected", reason=f"{MOST_GOALS} goals have not ended yet")
+            return GoalResponse.REJECT
+        self._live += 1
+        return GoalResponse.ACCEPT
 
     def _cancel(self, goal: Any) -> CancelResponse:
         if execution := self._executions.get(bytes(goal.goal_id.uuid)):
@@ -134,6 +147,7 @@ class FollowJointTrajectoryServer(Node):
 
     def _finish(self, goal: Any, ending: Ending) -> Any:
         """Executor thread. The goal ends here only, so after ``_cancel`` is through."""
+        self._live -= 1
         if ending.outcome is Outcome.SUCCEEDED:
             goal.succeed()
         elif ending.outcome is Outcome.CANCELED and goal.is_cancel_requested:
