@@ -14,7 +14,7 @@ from tests.conformance.mutants import Mutant
 
 from robotd.device.state import EngineState
 from robotd.plugin.api import ProcessImage
-from robotd_sim import SimAxes, SimDevice
+from robotd_sim import SimAxes, SimDevice, SimIo
 
 BREAK = "ROBOTD_TEST_BREAK"
 
@@ -85,3 +85,9 @@ class HangsInFault(Mutant):
         def read(self, image: ProcessImage) -> None:
             if not broken.is_set():
                 super().read(image)
+
+
+class HangsInWrite(Mutant):
+    class Io(SimIo):
+        def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
+            released.wait(8.0)

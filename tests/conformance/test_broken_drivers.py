@@ -30,7 +30,7 @@ from robotd.robot import Robot
 @pytest.fixture(autouse=True)
 def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Budgets of tenths of a second, and nothing broken or hanging before and after a test."""
-    for name in ("CALL_BUDGET_S", "GRACE_S", "ANSWER_BUDGET_S"):
+    for name in ("CALL_BUDGET_S", "COMMAND_BUDGET_S", "GRACE_S", "ANSWER_BUDGET_S"):
         monkeypatch.setattr(guard, name, 0.1)
     monkeypatch.setattr("robotd.cycle.loop.STOP_S", 0.2)
     monkeypatch.setattr("robotd.cycle.watchdog.HANG_S", 0.1)

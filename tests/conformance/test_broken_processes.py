@@ -15,6 +15,7 @@ from tests.conformance.conftest import InstallMutant, InstallSource
 from tests.conformance.mutants import Mutant
 from tests.ros.robot_process import Client, Goal, RobotProcess
 from trajectory_msgs.msg import JointTrajectoryPoint
+from wmx_ros2_message.srv import SetIoBit
 
 from robotd.cli.exit_codes import ExitCode
 
@@ -77,12 +78,11 @@ def served(name: str) -> Iterator[tuple[RobotProcess, Client]]:
             client.close()
 
 
-def begin_goal(client: Client) -> Goal:
-    """A goal that takes 20 s."""
+def begin_goal(client: Client, time_s: int = 20) -> Goal:
     goal = FollowJointTrajectory.Goal()
     goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
     point = JointTrajectoryPoint(positions=[0.5] * 6)
-    point.time_from_start.sec = 20
+    point.time_from_start.sec = time_s
     goal.trajectory.points = [point]
     return client.send_goal(goal)
 
@@ -119,4 +119,15 @@ def test_a_driver_that_breaks_ends_all_motion_and_the_daemon_lives(
         said = refusal(begin_goal(client))
         assert "engine is not ready (state Unknown)" in said
         assert refused in said
+        assert process.end() == ExitCode.OK, process.output
+
+
+def test_an_output_that_hangs_holds_up_nothing_else(install_mutant: InstallMutant) -> None:
+    with served(install_mutant(broken.HangsInWrite)) as (process, client):
+        outputs = client.node.create_client(SetIoBit, "/wmx/io/set_output_bit")
+        assert outputs.wait_for_service(10.0)
+        pending = outputs.call_async(SetIoBit.Request(byte=0, bit=0, value=1))
+        result = begin_goal(client, time_s=1).result()[1]
+        assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
+        assert not pending.done()
         assert process.end() == ExitCode.OK, process.output

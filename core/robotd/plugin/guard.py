@@ -19,7 +19,8 @@ from robotd.device.state import EngineState
 from robotd.errors import DeviceTimeout, OperationError, RobotdError
 from robotd.plugin.budget import OverBudget, within
 
-CALL_BUDGET_S = 30.0  # of calls without a time-out of their own
+CALL_BUDGET_S = 30.0  # of calls without a time-out of their own: connecting, scanning, files
+COMMAND_BUDGET_S = 10.0  # the same of axes and outputs, which only have to accept a command
 ANSWER_BUDGET_S = 0.5  # of ``state`` and ``fault``, which must never block
 GRACE_S = 2.0  # granted beyond the time-out that a call was given
 
@@ -47,7 +48,8 @@ def guarded(driver: Driver, contract: type[Driver], plugin: str) -> Driver:
             members[name] = staticmethod(_named(call, what))
         else:
             signature = inspect.signature(getattr(contract, name))
-            members[name] = staticmethod(_named(_timed(call, signature, what), what))
+            accepts = contract in (AxisDriver, IoDriver)
+            members[name] = staticmethod(_named(_timed(call, signature, what, accepts), what))
     if isinstance(driver, DeviceDriver):
         members["state"] = staticmethod(_State(members["state"]))
         members["fault"] = staticmethod(_Fault(members["fault"], f"plugin {plugin}"))
@@ -75,12 +77,16 @@ def _named(call: Call, what: str) -> Call:
     return named
 
 
-def _timed(call: Call, signature: inspect.Signature, what: str) -> Call:
-    """``call`` that is given up when its time is over; ``signature`` is that of the contract."""
+def _timed(call: Call, signature: inspect.Signature, what: str, accepts: bool) -> Call:
+    """``call`` that is given up when its time is over; ``signature`` is that of the contract.
+
+    ``accepts``: it only has to accept a command.
+    """
 
     def timed(*given: Any, **named: Any) -> Any:
         timeout_s = signature.bind(None, *given, **named).arguments.get("timeout_s")
-        budget_s = CALL_BUDGET_S if timeout_s is None else timeout_s + GRACE_S
+        own_s = COMMAND_BUDGET_S if accepts else CALL_BUDGET_S
+        budget_s = own_s if timeout_s is None else timeout_s + GRACE_S
         try:
             return within(budget_s, lambda: call(*given, **named), f"robotd-{call.__name__}")
         except OverBudget:

@@ -169,7 +169,7 @@ def test_a_call_that_does_not_return_is_given_up(monkeypatch: pytest.MonkeyPatch
             released.wait(20.0)
 
     monkeypatch.setattr(guard_module, "GRACE_S", 0.02)
-    monkeypatch.setattr(guard_module, "CALL_BUDGET_S", 0.05)
+    monkeypatch.setattr(guard_module, "COMMAND_BUDGET_S", 0.05)
     behind = guarded(Endless(1), AxisDriver, PLUGIN)
     try:
         with pytest.raises(DeviceTimeout) as caught:
