@@ -92,6 +92,7 @@ class Master:
         self._bring_up.start(waiting)
         self.io.start([node.id for node in waiting if node.online], self.nodes)
         self.supervision.begin()
+        self.sync.begin()
         self._state = EngineState.COMMUNICATING
 
     def end(self) -> None:
@@ -121,7 +122,7 @@ class Master:
         missed = self.feedback.missed(image.offline)
         if missed < self.feedback.syncs:
             age_ns = round(missed * self.layout.sync_period_s * NANOSECONDS)
-            image.fresh_ns = self.sync.time_ns - age_ns
+            image.fresh_ns = self.sync.before_ns - age_ns
         if not any(axis.following for axis in self.axes):
             self._transmit()
         if self.supervision.lost and image.offline.all():

@@ -20,12 +20,13 @@ class SyncProducer:
     Attributes:
         count: SYNCs sent.
         time_ns: time of the last SYNC on the grid, monotonic; 0 before the first.
+        before_ns: that of the SYNC before, whose answers the cycle has when it sends the last.
         periods: whole periods from the SYNC before to the last one; above 1 some were left out.
         jitter_ns: largest deviation of the distance of two SYNCs from the period.
     """
 
     def __init__(self, bus: Bus, period_s: float, heartbeat_s: float, master_node: int) -> None:
-        self.count = self.time_ns = self.jitter_ns = 0
+        self.count = self.time_ns = self.before_ns = self.jitter_ns = 0
         self.periods = 1
         self._bus = bus
         self._period_ns = round(period_s * NANOSECONDS)
@@ -33,6 +34,10 @@ class SyncProducer:
         self._heartbeat_due_ns = self._sent_ns = 0
         self._sync_frame = Frame(_SYNC, b"")
         self._heartbeat_frame = Frame(_HEARTBEAT + master_node, bytes([NmtState.OPERATIONAL]))
+
+    def begin(self) -> None:
+        """Worker: communication starts; the pause before is no jitter."""
+        self._sent_ns = 0
 
     def send(self, now_ns: int) -> None:
         """A SYNC now, and the heartbeat if it is due."""
@@ -44,11 +49,12 @@ class SyncProducer:
             self._bus.measure_load(now_ns)
 
     def _note(self, now_ns: int) -> None:
-        if self.count:
+        if self._sent_ns:
             deviation_ns = abs(now_ns - self._sent_ns - self._period_ns)
             self.jitter_ns = max(self.jitter_ns, deviation_ns)
         self._sent_ns = now_ns
         self.count += 1
+        self.before_ns = self.time_ns
         passed = (now_ns - self.time_ns) // self._period_ns
         self.time_ns = self.time_ns + passed * self._period_ns if passed else now_ns
         self.periods = max(1, passed)

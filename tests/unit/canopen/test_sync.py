@@ -60,6 +60,16 @@ def test_an_earlier_sync_moves_a_grid_that_began_late() -> None:
     assert sync.jitter_ns == 900_000
 
 
+def test_a_pause_of_communication_is_no_jitter() -> None:
+    sync = producer()
+    sync.send(START_NS)
+    sync.begin()
+    sync.send(START_NS + 1000 * PERIOD_NS)
+    sync.send(START_NS + 1001 * PERIOD_NS)
+    assert sync.jitter_ns == 0
+    assert sync.before_ns == START_NS + 1000 * PERIOD_NS
+
+
 def test_the_heartbeat_goes_out_when_it_is_due() -> None:
     wire = Wire()
     sync = producer(wire)
