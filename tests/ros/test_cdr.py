@@ -21,7 +21,7 @@ from structlog.testing import capture_logs
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
-from robotd.ros.cdr import HotPublisher, LayoutError, PatchedMessage, PlainMessage
+from robotd.ros.cdr import HotPublisher, LayoutError, Link, PatchedMessage, PlainMessage
 
 pytestmark = pytest.mark.ros
 
@@ -174,31 +174,20 @@ def test_patched_and_plain_message_say_the_same() -> None:
     assert read_back(patched, JointState) == plain.payload()
 
 
-@pytest.mark.parametrize("joints", [1, 6, 7])
-def test_rows_of_one_view_are_what_a_subscriber_reads(joints: int) -> None:
-    fields = ("position", "velocity", "effort")
-    numbers = np.arange(3.0 * joints).reshape(3, joints)
-    patched = PatchedMessage(joint_state(joints), [fields])
-    plain = PlainMessage(joint_state(joints), [fields])
-    for message in (patched, plain):
-        message.view(fields)[:] = numbers
-    read = read_back(patched, JointState)
-    assert read == plain.payload()
-    for field, row in zip(fields, numbers, strict=True):
-        assert list(getattr(read, field)) == row.tolist()
+@pytest.mark.parametrize("kind", [PatchedMessage, PlainMessage])
+def test_a_link_copies_numbers_to_the_beginning_of_a_field(kind: Any) -> None:
+    message = kind(joint_state(8), ["position"])
+    source = np.zeros((2, 6))
+    link = Link(message.view("position"), source[1])
+    source[1] = range(1, 7)
+    link()
+    assert list(message.view("position")) == [1, 2, 3, 4, 5, 6, 0, 0]
 
 
-@pytest.mark.parametrize("fields", [("position", "effort", "velocity"), ("position", "name")])
-def test_rows_that_do_not_lie_evenly_are_refused(fields: tuple[str, ...]) -> None:
-    with pytest.raises(ValueError, match=r"do not lie evenly|not numeric"):
-        PatchedMessage(joint_state(), [fields])
-
-
-def test_rows_of_several_lengths_are_refused() -> None:
-    message = joint_state()
-    message.effort = [0.0]
-    with pytest.raises(LayoutError, match="position, effort: do not lie evenly"):
-        PatchedMessage(message, [("position", "effort")])
+def test_a_link_refuses_what_is_not_contiguous() -> None:
+    message = PatchedMessage(joint_state(8), ["position"])
+    with pytest.raises(TypeError, match="contiguous"):
+        Link(message.view("position"), np.zeros((6, 2))[:, 0])
 
 
 @pytest.fixture

@@ -12,8 +12,7 @@ from robotd.device.state import CommandMode, Operation
 COPY_TRIES = 2000  # tens of milliseconds; a read takes a tenth of one
 
 
-# Rows of ``ProcessImage.values`` and ``ProcessImage.flags``. The order of the messages that carry
-# them, so that publishing copies whole blocks.
+# Rows of ``ProcessImage.values`` and ``ProcessImage.flags``.
 VALUES = ("position_command", "velocity_command", "position", "velocity", "torque")
 FLAGS = (
     "amp_alarm", "servo_on", "home_done", "home_switch", "negative_limit", "positive_limit",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Header
 from wmx_ros2_message.msg import AxisState
 
 from robotd.device.engine import Engine
-from robotd.device.image import FLAGS, VALUES, ProcessImage, columns
-from robotd.ros.cdr import HotPublisher, stamp_ns
+from robotd.device.image import ProcessImage
+from robotd.ros.cdr import HotPublisher, Link, stamp_ns
 
 TOPIC = "wmx/axis/state"
 RATE_HZ = 100.0
@@ -16,7 +17,7 @@ FRAME = "base_link"
 DEPTH = 10
 
 # Field of the message → array of the process image.
-FLAG_FIELDS = {
+FIELDS = {
     "amp_alarm": "amp_alarm",
     "servo_on": "servo_on",
     "home_done": "home_done",
@@ -24,8 +25,6 @@ FLAG_FIELDS = {
     "negative_ls": "negative_limit",
     "positive_ls": "positive_limit",
     "motion_complete": "motion_complete",
-}
-VALUE_FIELDS = {
     "pos_cmd": "position_command",
     "velocity_cmd": "velocity_command",
     "actual_pos": "position",
@@ -43,26 +42,21 @@ class AxisStateTopic:
         topic: its resolved name.
     """
 
-    def __init__(self, node: Node, axes: int, engine: Engine) -> None:
-        template = AxisState(
-            header=Header(frame_id=FRAME),
-            **{field: [False] * axes for field in FLAG_FIELDS},
-            **{field: [0.0] * axes for field in VALUE_FIELDS},
-        )
-        flags, values = tuple(FLAG_FIELDS), tuple(VALUE_FIELDS)
+    def __init__(self, node: Node, image: ProcessImage, engine: Engine) -> None:
+        arrays = {field: getattr(image, name) for field, name in FIELDS.items()}
+        zeros = {field: np.zeros_like(array).tolist() for field, array in arrays.items()}
+        template = AxisState(header=Header(frame_id=FRAME), **zeros)
         publisher = node.create_publisher(AxisState, TOPIC, DEPTH)
         self.topic = publisher.topic_name
         self._engine = engine
         self._clock = node.get_clock()
-        self._message = HotPublisher(publisher, template, [flags, values])
-        self._flags, self._values = self._message.view(flags), self._message.view(values)
-        self._flag_rows = columns([FLAGS.index(array) for array in FLAG_FIELDS.values()])
-        self._value_rows = columns([VALUES.index(array) for array in VALUE_FIELDS.values()])
+        self._message = HotPublisher(publisher, template, FIELDS)
+        self._links = [Link(self._message.view(field), array) for field, array in arrays.items()]
 
     def publish(self, image: ProcessImage) -> None:
         if not self._engine.ready:
             return
-        self._flags[:] = image.flags[self._flag_rows]
-        self._values[:] = image.values[self._value_rows]
+        for copy in self._links:
+            copy()
         self._message.stamp(stamp_ns(self._clock))
         self._message.publish()

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -14,7 +15,7 @@ from robotd.arrays import FloatArray
 from robotd.device.gripper import Gripper
 from robotd.device.image import ProcessImage, columns
 from robotd.robot import Robot
-from robotd.ros.cdr import HotPublisher, stamp_ns
+from robotd.ros.cdr import HotPublisher, Link, stamp_ns
 
 DEPTH = 10
 
@@ -56,14 +57,19 @@ class JointStateTopics:
         self._node = node
         self._engine = robot.engine
         self._clock = node.get_clock()
-        self._axes = columns(robot.joint_axes)
         self._joints = len(robot.joint_axes)
         self._names = list(names)
         self._fingers = fingers
         self._finger_m = 0.0
         self._stamped: list[HotPublisher] = []
         self._unstamped: list[HotPublisher] = []
-        self._views: list[FloatArray] = []  # of each message, (fields, names)
+        self._positions: list[FloatArray] = []  # of each message
+        self._links: list[Link] = []
+        self._index = columns(robot.joint_axes)
+        self._measured: FloatArray = robot.image.measured[:, self._index]
+        self._is_gathered = not isinstance(self._index, slice)  # the axes are not side by side
+        if self._is_gathered:
+            self._measured = np.ascontiguousarray(self._measured)
 
     def add_joint_states(self, topic: str) -> None:
         """Stamped JointState; effort in N·m, NaN where it is not known."""
@@ -81,10 +87,10 @@ class JointStateTopics:
     def publish(self, image: ProcessImage) -> None:
         if not self._engine.ready:
             return
-        joints = self._joints
-        measured = image.measured[:, self._axes]
-        for view in self._views:
-            view[:, :joints] = measured[: len(view)]
+        if self._is_gathered:
+            self._measured[:] = image.measured[:, self._index]
+        for copy in self._links:
+            copy()
         self._move_fingers(image.stamp_ns)
         now_ns = stamp_ns(self._clock)
         for message in self._stamped:
@@ -97,8 +103,8 @@ class JointStateTopics:
         position_m = self._fingers.position_m(time_ns) if self._fingers else 0.0
         if position_m != self._finger_m:
             self._finger_m = position_m
-            for view in self._views:
-                view[0, self._joints :] = position_m
+            for positions in self._positions:
+                positions[self._joints :] = position_m
 
     def _joint_state(self, topic: str, fields: tuple[str, ...]) -> HotPublisher:
         rest = [0.0] * len(self._names)
@@ -111,6 +117,8 @@ class JointStateTopics:
         """``fields`` are the first of position, velocity and effort."""
         publisher = self._node.create_publisher(type(template), topic, DEPTH)
         self.topics.append(publisher.topic_name)
-        message = HotPublisher(publisher, template, [fields])
-        self._views.append(message.view(fields))
+        message = HotPublisher(publisher, template, fields)
+        self._positions.append(message.view(fields[0]))
+        for field, values in zip(fields, self._measured, strict=False):
+            self._links.append(Link(message.view(field), values))
         return message

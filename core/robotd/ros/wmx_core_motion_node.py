@@ -47,7 +47,7 @@ class WmxCoreMotionNode(Node):
         ):
             handler = self._obey_or_tell(topic, command)
             add_subscription(self, message_type, topic, handler, COMMAND_DEPTH)
-        state = AxisStateTopic(self, robot.descriptor.axes, robot.engine)
+        state = AxisStateTopic(self, robot.image, robot.engine)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.cycle.every(rate_hz, "axis state", state.publish)
         self.rates_hz = {state.topic: rate_hz, self.resolve_topic_name(READY): 1 / PERIOD_S}
