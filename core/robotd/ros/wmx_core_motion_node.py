@@ -22,6 +22,7 @@ from robotd.ros.refusal_log import RefusalLog
 from robotd.ros.service import add_service, add_subscription
 
 COMMAND_DEPTH = 10
+MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log
 READY = "wmx/core_motion/ready"
 
 
@@ -90,8 +91,9 @@ class WmxCoreMotionNode(Node):
         return convert.fill_outcome(response, self._axes.names, results)
 
     def _load_parameters(self, request: Any, response: Any) -> Any:
-        if not request.file_path:
-            raise InvalidArgument("file_path is empty")
+        length = len(request.file_path)
+        if not 1 <= length <= MAX_PATH:
+            raise InvalidArgument(f"file_path has {length} characters, not 1 to {MAX_PATH}")
         self._engine.load_parameters(Path(request.file_path))
         response.success = True
         response.message = f"{request.file_path} loaded"
