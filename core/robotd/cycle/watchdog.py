@@ -14,9 +14,7 @@ log = get_logger("watchdog")
 HANG_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
 SIMULATED_HANG_S = 5.0  # nothing real moves: rather late than a run that depends on the computer
 CHECKS = 4  # looks within the time that a period may take
-
-
-OURS = {"robotd", *sys.stdlib_module_names}
+OURS = {"robotd", *sys.stdlib_module_names}  # packages that are no plugin's
 
 
 def place_of(thread: threading.Thread | None) -> str:
