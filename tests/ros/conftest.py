@@ -10,10 +10,24 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from tests.ros.robot_process import Client, RobotProcess
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line(
+        "markers", "second_backend: worth running on another backend than the simulation"
+    )
+
+
+def pytest_sessionfinish() -> None:
+    """The memory of WMX engines outlives them; one was made for each robot."""
+    for memory in Path("/dev/shm").glob(f"robotd-test-{os.getpid()}-*"):
+        memory.unlink()
 
 
 @pytest.fixture(scope="session")

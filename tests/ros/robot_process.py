@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -24,6 +25,7 @@ from robotd.ros.host import RosHost
 from robotd.testing.domain import own_domain
 
 BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the same on all
+ENGINES = itertools.count()
 WAIT_S = 20.0
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -63,7 +65,7 @@ class RobotProcess:
         environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{self.domain}",  # an engine of its own
+            "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{next(ENGINES)}",  # of its own
         }
         self.process = subprocess.Popen(
             [python, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments],

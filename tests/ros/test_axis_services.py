@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from tests.ros.robot_process import Client, wait_until
+from tests.ros.robot_process import BACKEND, Client, wait_until
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_mode_velocity_and_back(client: Client) -> None:
         ("set_on", [2, 2], [0, 0], "axis 2 is given twice"),
         ("set_on", [0, 1], [0, 2], "axis 1: data 2 is not 0 or 1"),
         ("set_mode", [0], [7], "axis 0: data 7 is not 0 or 1 or 2"),
-        ("set_mode", [0], [2], "torque mode: not supported by the sim backend"),
+        ("set_mode", [0], [2], f"torque mode: not supported by the {BACKEND} backend"),
         ("set_polarity", [0], [0], "axis 0: data 0 is not 1 or -1"),
         ("clear_alarm", [9], [], "axis 9 is outside 0..5"),
         ("homing", [0, 0], [], "axis 0 is given twice"),

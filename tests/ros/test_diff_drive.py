@@ -22,7 +22,7 @@ from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
 
 RADIUS_M, SEPARATION_M = 0.09, 0.55
 PERIOD_S = 0.05  # between two commands

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import EcatGetNetworkState, GetIoBit, SetAxis, SetEngine
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
 
 UNWILLING = """\
 schema: 1
@@ -26,8 +27,20 @@ name: unwilling
 axes: 2
 engine: {{open_tries: {tries}, open_retry_s: {retry_s}}}
 nodes: [wmx_engine_node, wmx_core_motion_node, wmx_io_node, wmx_ethercat_node]
-backends: {{sim: {{fail_open: {failures}, open_delay_s: {delay_s}}}}}
+backends:
+  sim: {{fail_open: {failures}, open_delay_s: {delay_s}}}
+  wmx: {{lock_timeout_s: {patience_s}}}
 """
+
+
+STANDIN_LOCKED = "WMX_STANDIN_LOCKED"
+
+
+@pytest.fixture(autouse=True)
+def willing_again() -> Iterator[None]:
+    """The next test's engine is not what ``unwilling`` made of this one's."""
+    yield
+    os.environ.pop(STANDIN_LOCKED, None)
 
 
 @pytest.fixture
@@ -49,11 +62,21 @@ def start(tmp_path: Path) -> Iterator[Any]:
 def unwilling(
     folder: Path, tries: int, failures: int, retry_s: float = 0.2, delay_s: float = 0.0
 ) -> str:
-    """A robot whose device fails to open ``failures`` times."""
+    """A robot whose device fails to open ``failures`` times, ``delay_s`` after it was asked to.
+
+    The engine of WMX cannot be told by the robot's file: its stand-in is, by the environment.
+    """
+    os.environ[STANDIN_LOCKED] = str(failures)
     path = folder / "unwilling" / "robot.yaml"
     path.parent.mkdir()
     path.write_text(
-        UNWILLING.format(tries=tries, failures=failures, retry_s=retry_s, delay_s=delay_s)
+        UNWILLING.format(
+            tries=tries,
+            failures=failures,
+            retry_s=retry_s,
+            delay_s=delay_s,
+            patience_s=max(delay_s, 0.01),
+        )
     )
     return str(path)
 

@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from tests.ros.robot_process import Client, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoint
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
 
 NAMES = [f"joint{number}" for number in range(1, 7)]
 RESULT = FollowJointTrajectory.Result

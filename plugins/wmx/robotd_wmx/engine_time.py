@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-LATEST_NS = 50_000_000  # a count that says more is not believed: the engine has lost cycles
+LATEST_NS = 20_000_000  # a count that says more is not believed: the engine has lost cycles
 RECOVERY = 0.01  # share of the passing time by which an estimate gives way
 
 

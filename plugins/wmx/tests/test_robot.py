@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +11,10 @@ from robotd.cycle.execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.drivers import Profile
 from robotd.device.state import EngineState, Operation
-from robotd.errors import ConnectError, NotReady, OperationError
+from robotd.errors import OperationError
 from robotd.motion import JointTolerance
-from robotd.robot import Robot, build_robot
-from robots import descriptor, eventually, goal, running
-from standin_build import PLUGIN, SDK, build_program, run
+from robotd.robot import Robot
+from robots import eventually, goal, running
 from standin_port import port
 
 PROFILE = Profile(1.0, 10.0, 10.0)
@@ -89,90 +86,6 @@ def test_cancel_stops_along_the_path(tmp_path: Path) -> None:
         assert robot.image.position[0] < 0.9
 
 
-def test_amp_alarm_during_a_trajectory_stops_all_and_is_recovered_from(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
-        with robot.follower.follow(goal([2.0], 1.0)) as execution:
-            eventually(lambda: robot.image.position[0] > 0.05)
-            port("amp_alarm", 1, 0x7500)
-            assert execution.wait(5.0)
-        assert execution.outcome is Outcome.FAULT
-        assert "joint2" in execution.message
-        assert str(0x7500) in execution.message
-        eventually(lambda: settled(robot))
-        with pytest.raises(OperationError, match="amplifier alarm 29952"):
-            robot.axes.servo(1, True)
-        robot.enable_joints()
-        with robot.follower.follow(goal([0.5], 0.0)) as execution:
-            assert execution.wait(5.0)
-        assert execution.outcome is Outcome.SUCCEEDED, execution.message
-
-
-def test_a_lost_slave_stops_motion_and_hot_connect_brings_it_back(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
-        with robot.follower.follow(goal([2.0], 1.0)) as execution:
-            eventually(lambda: robot.image.position[0] > 0.05)
-            port("slave_lost", 2)
-            assert execution.wait(5.0)
-        assert execution.outcome is Outcome.FAULT
-        assert "joint3" in execution.message
-        network = robot.fieldbus.network_state(0)
-        assert [slave.id for slave in network.slaves if slave.offline] == [2]
-        assert network.packet_loss > 0
-        with pytest.raises(ConnectError, match="joint3"):
-            robot.enable_joints()
-        robot.fieldbus.start_hot_connect(0)
-        eventually(lambda: not robot.image.offline[2])
-        robot.enable_joints()
-        assert robot.image.servo_on.all()
-
-
-def test_an_engine_stopped_by_somebody_else_is_opened_again(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
-        with robot.follower.follow(goal([2.0], 1.0)) as execution:
-            eventually(lambda: robot.image.position[0] > 0.05)
-            port("stop_engine")
-            assert execution.wait(5.0)
-        assert execution.outcome is Outcome.FAULT
-        assert "Shutdown" in execution.message
-        assert not robot.engine.ready
-        with pytest.raises(NotReady, match="not ready"):
-            robot.axes.move([Move(0, 0.1, PROFILE)])
-        robot.engine.close()
-        robot.engine.start()
-        robot.enable_joints()
-        robot.axes.move([Move(0, 0.1, PROFILE)])
-
-
-def test_a_killed_engine_is_noticed_and_opened_again(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
-        port("kill_engine")
-        eventually(lambda: not robot.engine.ready)
-        assert robot.engine.state is EngineState.UNKNOWN
-        robot.engine.close()
-        robot.engine.start()
-        robot.enable_joints()
-        assert robot.engine.ready
-
-
-def test_an_expired_licence_ends_motion_and_is_named(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
-        with robot.follower.follow(goal([2.0], 1.0)) as execution:
-            eventually(lambda: robot.image.position[0] > 0.05)
-            port("licence_expired", 1)
-            assert execution.wait(5.0)
-        assert execution.outcome is Outcome.FAULT
-        assert robot.engine.state is EngineState.RUNNING
-        robot.engine.settings = robot.engine.settings.model_copy(
-            update={"communication_timeout_s": 0.5}
-        )
-        with pytest.raises(NotReady, match="licence"):
-            robot.engine.start_communication()
-        port("licence_expired", 0)
-        robot.engine.start_communication()
-        robot.enable_joints()
-        assert robot.engine.ready
-
-
 def test_a_joint_that_is_held_is_a_following_error(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         port("stuck", 3, 1)
@@ -216,57 +129,3 @@ def test_jog_in_velocity_mode_and_stop(tmp_path: Path) -> None:
         eventually(lambda: abs(robot.image.velocity[1] + 0.5) < 0.01)
         robot.axes.jog([Jog(1, Profile(0.0, 5.0, 5.0))])
         eventually(lambda: settled(robot))
-
-
-def test_a_program_on_the_same_engine_moves_our_axis_and_we_see_it(tmp_path: Path) -> None:
-    program = build_program(PLUGIN / "tests" / "programs" / "mover.cpp")
-    with running(tmp_path) as robot:
-        where = float(run(program, f"{SDK}/", "4", "0.25"))
-        assert where == pytest.approx(0.25)
-        eventually(lambda: abs(robot.image.position[4] - 0.25) < 1e-5)
-        assert robot.io.output_bit(3, 2)
-        assert robot.engine.ready
-
-
-def test_two_robots_share_an_engine(tmp_path: Path) -> None:
-    with running(tmp_path) as owner:
-        with running(tmp_path, enable=False, shared=True, spline_channel=1) as guest:
-            owner.axes.move([Move(0, 0.2, PROFILE)])
-            eventually(lambda: abs(guest.image.position[0] - 0.2) < 1e-5)
-            with guest.follower.follow(goal([0.5], 0.3)) as execution:
-                assert execution.wait(5.0)
-            assert execution.outcome is Outcome.SUCCEEDED, execution.message
-            np.testing.assert_allclose(owner.image.position, 0.3, atol=1e-5)
-        # The guest has switched the axes off at its end, and left the engine alone.
-        assert owner.engine.ready
-        owner.enable_joints()
-        owner.axes.move([Move(0, 0.1, PROFILE)])
-
-
-def test_the_engine_stops_the_axes_when_the_daemon_dies(tmp_path: Path) -> None:
-    script = (
-        "import sys\n"
-        "from robotd.robot import open_robot\n"
-        "from robotd.device.axes import Jog\n"
-        "from robotd.device.drivers import Profile\n"
-        "with open_robot(sys.argv[1], 'wmx') as robot:\n"
-        "    robot.axes.set_command_mode(0, 1)\n"
-        "    robot.axes.jog([Jog(0, Profile(0.5, 5.0, 5.0))])\n"
-        "    print('moving', flush=True)\n"
-        "    sys.stdin.read()\n"
-    )
-    command = [sys.executable, "-P", "-c", script, str(descriptor(tmp_path, watchdog_s=0.2))]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, **pipes) as daemon:  # type: ignore[call-overload]
-        assert "moving" in iter(lambda: daemon.stdout.readline().strip(), "")
-        assert "axis 0 servo 1 state 8" in port("show")  # OperationState::Velocity
-        daemon.kill()
-    eventually(lambda: "engine 0" in port("show"))
-
-
-def test_what_a_start_up_cannot_do_is_said(tmp_path: Path) -> None:
-    port("device_locked", 1000)
-    robot = build_robot(descriptor(tmp_path, lock_timeout_s=0.3), "wmx")
-    with pytest.raises(ConnectError, match=r"wmx 297 \(device locked by another process\)"):
-        robot.start()
-    robot.shutdown()
