@@ -9,7 +9,8 @@ from wmx_ros2_message.msg import AxisState
 
 from robotd.device.engine import Engine
 from robotd.device.image import ProcessImage
-from robotd.ros.cdr import HotPublisher, Link, stamp_ns
+from robotd.ros.cdr import HotPublisher, Link
+from robotd.ros.stamp import StampClock
 
 TOPIC = "wmx/axis/state"
 RATE_HZ = 100.0
@@ -49,7 +50,7 @@ class AxisStateTopic:
         publisher = node.create_publisher(AxisState, TOPIC, DEPTH)
         self.topic = publisher.topic_name
         self._engine = engine
-        self._clock = node.get_clock()
+        self._clock = StampClock(node.get_clock())
         self._message = HotPublisher(publisher, template, FIELDS)
         self._links = [Link(self._message.view(field), array) for field, array in arrays.items()]
 
@@ -58,5 +59,5 @@ class AxisStateTopic:
             return
         for copy in self._links:
             copy()
-        self._message.stamp(stamp_ns(self._clock))
+        self._message.stamp(self._clock.now_ns())
         self._message.publish()

@@ -11,14 +11,12 @@ a destroyed publisher with it; the public function is the better bargain.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy._rclpy_pybind11 import RCLError
-from rclpy.clock import Clock, ROSClock
 from rclpy.exceptions import InvalidHandle
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message, serialize_message
@@ -155,12 +153,6 @@ class Link:
 
     def __call__(self) -> None:
         self._target[:] = self._source
-
-
-def stamp_ns(clock: Clock) -> int:
-    """``clock.now()`` in ns, at a third of its 2 us where ROS time is the system's. Any thread."""
-    follows_topic = isinstance(clock, ROSClock) and clock.ros_time_is_active
-    return int(clock.now().nanoseconds) if follows_topic else time.time_ns()
 
 
 class HotPublisher:

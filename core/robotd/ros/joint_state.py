@@ -15,7 +15,8 @@ from robotd.arrays import FloatArray
 from robotd.device.gripper import Gripper
 from robotd.device.image import ProcessImage, columns
 from robotd.robot import Robot
-from robotd.ros.cdr import HotPublisher, Link, stamp_ns
+from robotd.ros.cdr import HotPublisher, Link
+from robotd.ros.stamp import StampClock
 
 DEPTH = 10
 
@@ -56,7 +57,7 @@ class JointStateTopics:
         self.topics: list[str] = []
         self._node = node
         self._engine = robot.engine
-        self._clock = node.get_clock()
+        self._clock = StampClock(node.get_clock())
         self._joints = len(robot.joint_axes)
         self._names = list(names)
         self._fingers = fingers
@@ -92,7 +93,7 @@ class JointStateTopics:
         for copy in self._links:
             copy()
         self._move_fingers(image.stamp_ns)
-        now_ns = stamp_ns(self._clock)
+        now_ns = self._clock.now_ns()
         for message in self._stamped:
             message.stamp(now_ns)
             message.publish()
