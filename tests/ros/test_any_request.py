@@ -130,7 +130,7 @@ def test_a_parameter_file_that_is_none(robot: RobotUnderTest, tmp_path: Path) ->
     os.mkfifo(pipe)
     large.touch()
     os.truncate(large, 10_000_000_000)
-    full.write_text(f"<Parameters>{'<AxisPolarity/>' * 250_000}</Parameters>")
+    full.write_text(f"<Parameters>{'<AxisPolarity/>' * 140_000}</Parameters>")
     for path, reason in (
         (pipe, "is no file"),
         (Path("/dev/zero"), "is no file"),
@@ -140,3 +140,8 @@ def test_a_parameter_file_that_is_none(robot: RobotUnderTest, tmp_path: Path) ->
     ):
         with pytest.raises(OperationError, match=reason):
             robot.call(LoadWmxParams, "wmx/params/load", file_path=str(path))
+
+
+def test_parameters_of_no_axis_are_those_of_every_axis(robot: RobotUnderTest) -> None:
+    every = robot.call(GetWmxParams, "wmx/params/get", index=range(6)).params_dump
+    assert robot.call(GetWmxParams, "wmx/params/get").params_dump == every

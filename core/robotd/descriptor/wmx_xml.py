@@ -33,6 +33,8 @@ from robotd.errors import DescriptorError
 
 MAX_BYTES = 4_000_000
 """A complete file has 1.1 MB."""
+MAX_MARKUP = 150_000
+"""Tags and attributes; a complete file has 44 000. Freeing more would hold up the cycle."""
 VERSION = "1.00"
 
 _MAX_PROBLEMS = 1000  # then reading ends: each costs a search for the nearest known word
@@ -183,6 +185,9 @@ def _number(text: str) -> float:
 
 def _parse(path: Path) -> Any:
     data = read_limited(path, MAX_BYTES)
+    if (count := data.count(b"<") + data.count(b"=")) > MAX_MARKUP:
+        what = f"{count:_} tags and attributes, the limit is {MAX_MARKUP:_}"
+        raise DescriptorError(what, path=path)
     parser = etree.XMLParser(
         resolve_entities=False,
         load_dtd=False,

@@ -100,7 +100,8 @@ class WmxCoreMotionNode(Node):
         return response
 
     def _get_parameters(self, request: Any, response: Any) -> Any:
-        axes = convert.axis_numbers(request.index, len(self._axes))
+        count = len(self._axes)
+        axes = convert.axis_numbers(request.index or range(count), count)
         response.params_dump = [self._engine.dump_parameters(axis) for axis in axes]
         response.success = True
         response.message = "ok"

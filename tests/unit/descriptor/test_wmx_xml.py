@@ -17,7 +17,7 @@ from robotd.descriptor import (
 )
 from robotd.descriptor.wmx_parameter_table import Kind
 from robotd.descriptor.wmx_parameters import AXIS_PARAMETERS
-from robotd.descriptor.wmx_xml import MAX_BYTES
+from robotd.descriptor.wmx_xml import MAX_BYTES, MAX_MARKUP
 from robotd.errors import DescriptorError
 
 DEFAULTS = default_wmx_parameters()
@@ -185,7 +185,7 @@ def test_a_flood_of_refusals_is_cut(tmp_path: Path, full_text: str) -> None:
 
 @pytest.mark.parametrize("element", ["<AxisPolaritx/>", f"<{'x' * 40_000}/>", "<MaxTrqLimit/>"])
 def test_a_file_full_of_mistakes_is_not_read_to_its_end(tmp_path: Path, element: str) -> None:
-    body = element * ((MAX_BYTES - 1000) // len(element))
+    body = element * min((MAX_BYTES - 1000) // len(element), MAX_MARKUP - 100)
     begin_s = time.process_time()
     with pytest.raises(DescriptorError) as caught:
         read(tmp_path, axis_file(f"<AxisParam>{body}</AxisParam>"))
@@ -215,6 +215,8 @@ def test_an_axis_that_does_not_exist(tmp_path: Path, axis: str) -> None:
         ),
         ("<!DOCTYPE x><Parameters/>", "DOCTYPE is not allowed"),
         ("<a>" * 10_000, "not valid XML"),
+        ("<a/>" * (MAX_MARKUP + 1), "150_001 tags and attributes, the limit is 150_000"),
+        (f"<a {'=' * MAX_MARKUP}/>", "150_001 tags and attributes"),
         (b" " * (MAX_BYTES + 1), "larger than the limit of 4_000_000 bytes"),
     ],
 )
