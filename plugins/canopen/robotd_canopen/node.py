@@ -98,6 +98,7 @@ class Node:
 
     def configure(self, pdos: Sequence[Pdo]) -> None:
         """Pre-operational, heartbeats, start-up objects, PDOs."""
+        self.configured = False
         self.command(NmtCommand.PRE_OPERATIONAL)
         with _step("heartbeat"):
             self.sdo.write(0x1017, 0, round(self._common.heartbeat_s * 1000))

@@ -95,5 +95,5 @@ class Supervision:
         for axis in axes:
             axis.resume()
         node.online, node.fault = True, ""
-        del self.lost[node.id]
+        self.lost.pop(node.id, None)  # unless a worker has begun anew meanwhile
         log.info("a node is back", node=node.name)
