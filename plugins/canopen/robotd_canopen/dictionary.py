@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from configparser import Error as ConfigParserError
 from functools import lru_cache
 from importlib.resources import files
@@ -19,6 +20,7 @@ GENERIC_IO = "generic_401.eds"
 MAX_BYTES = 2_000_000  # of an EDS file; the generic drive has 40 kB
 MAX_SHOWN = 200  # characters of a reason
 AXIS_STEP = 0x800  # distance of the profile objects of two axes in one drive (CiA 402-1)
+_LINE = re.compile(r"\s*($|[;#]|\[[^\]]+\]|[^=:;\s\[][^=:;]*[=:])")
 PROFILE_AREA = range(0x6000, 0xA000)
 
 
@@ -33,12 +35,21 @@ def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
 def read_eds(path: Path, node: int) -> ObjectDictionary:
     """The dictionary of ``node``. Raises DescriptorError. Any thread."""
     try:
-        text = io.StringIO(read_limited(path, MAX_BYTES).decode())
-        dictionary: ObjectDictionary = import_eds(text, node)  # type: ignore[no-untyped-call]
+        text = read_limited(path, MAX_BYTES).decode()
+        _check_lines(text, path)
+        dictionary: ObjectDictionary = import_eds(io.StringIO(text), node)  # type: ignore[no-untyped-call]
     except (ValueError, LookupError, TypeError, OverflowError, ConfigParserError) as error:
         what = str(error).partition("\n")[0][:MAX_SHOWN]  # a parser lists every line
         raise DescriptorError(f"cannot be read as an EDS: {what}", path=path) from error
     return dictionary
+
+
+def _check_lines(text: str, path: Path) -> None:
+    """Refuse a line that is none; the parser's time would grow with the square of their number."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not _LINE.match(line):
+            what = f"neither a section nor key=value (value {line[:40]!r})"
+            raise DescriptorError(what, path=path, line=number)
 
 
 def empty_dictionary() -> ObjectDictionary:
