@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 IN_HAND_S = 0.1
+MOST_S = 0.002
 QUIET_S = 1.0
 
 
@@ -38,9 +39,12 @@ class Budget:
 
     @contextmanager
     def spent(self) -> Iterator[None]:
-        """Charge the time that the block takes."""
+        """Charge the time that the block takes, but no more than ``MOST_S``.
+
+        What takes long once, such as the log of an exception, must not cost those that follow.
+        """
         began_s = time.monotonic()
         try:
             yield
         finally:
-            self._left_s -= time.monotonic() - began_s
+            self._left_s -= min(time.monotonic() - began_s, MOST_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robotd.ros import budget
-from robotd.ros.budget import IN_HAND_S, Budget
+from robotd.ros.budget import IN_HAND_S, MOST_S, QUIET_S, Budget
 
 STEP_S = 1e-4
 
@@ -54,23 +54,28 @@ def test_nothing_is_refused_below_the_share(now: list[float]) -> None:
 
 
 def test_no_more_is_saved_than_is_in_hand(now: list[float]) -> None:
-    some = Budget(0.2)
+    some, done = Budget(0.2), 0
     now[0] += 3600.0
-    assert some.is_left()
-    work(some, now, 2 * IN_HAND_S)  # earns a fifth of that
-    assert not some.is_left()
+    while some.is_left():
+        work(some, now, MOST_S)
+        done += 1
+    assert done == pytest.approx(IN_HAND_S / MOST_S / 0.8, abs=1)
 
 
-def test_one_that_takes_long_is_paid_for_later(now: list[float]) -> None:
+def test_one_that_takes_long_does_not_cost_those_that_follow(now: list[float]) -> None:
     some = Budget(0.2)
-    work(some, now, 1.1)
-    assert not some.is_left()
+    work(some, now, 10.0)
+    assert some.is_left()
+
+
+def test_a_refusal_is_news_after_a_quiet_time(now: list[float]) -> None:
+    some = Budget(0.001)
+    while some.is_left():
+        work(some, now, MOST_S)
     assert some.is_news
-    now[0] += 0.5
     assert not some.is_left()
     assert not some.is_news
-    now[0] += 2.5
+    now[0] += QUIET_S  # earns half of what one costs
+    work(some, now, MOST_S)
     assert not some.is_left()
     assert some.is_news
-    now[0] += 1.0
-    assert some.is_left()
