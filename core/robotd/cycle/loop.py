@@ -194,7 +194,7 @@ class Cycle:
 
     def _hang(self, reason: str) -> None:
         """Watchdog: no command any more; what runs has failed; the axes are asked to stop."""
-        self._engine.abandon()
+        self._engine.abandon(reason)
         self._streamer.device_lost(reason)
         try:
             self._driver.stop(range(self._image.axes))

@@ -64,6 +64,7 @@ class Engine:
         self._ending = threading.Event()
         self._closed = False
         self._stale = False
+        self._hang = ""
         self._preparing = False
         self._ready = False
         self._ready_lock = threading.RLock()
@@ -91,7 +92,9 @@ class Engine:
 
     @property
     def fault(self) -> str:
-        """Why the device gives no fresh values, in its own words; "" if it does, or cannot say."""
+        """Why the device gives no fresh values, in words; "" if it does, or cannot say."""
+        if self._hang:
+            return self._hang
         try:
             return self._driver.fault() if self.state is EngineState.UNKNOWN else ""
         except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
@@ -219,16 +222,17 @@ class Engine:
 
     def set_stale(self, stale: bool) -> None:
         """Cycle thread: the device's values are (no longer) too old to be trusted."""
+        self._hang = ""
         if stale is not self._stale:
             self._stale = stale
             self.update_ready()
 
-    def abandon(self) -> None:
+    def abandon(self, reason: str) -> None:
         """Watchdog: the cycle hangs in the driver. Not ready, without asking the device.
 
         A cycle that goes on after all says by ``set_stale`` how old the values are.
         """
-        self._stale = True
+        self._stale, self._hang = True, reason
         if self._ready:
             self._ready = False
             for listener in self._listeners:

@@ -73,6 +73,7 @@ def test_a_read_that_hangs_makes_the_engine_not_ready(bench: Bench) -> None:
     assert bench.lost()
     assert bench.engine.state is EngineState.UNKNOWN
     assert bench.heard[-1] is False
+    assert "state Unknown): the cycle hangs" in bench.engine.refusal
     assert wait_until(lambda: ("stop", [0, 1]) in bench.axes.calls, 5.0, MonotonicClock())
 
 
@@ -88,6 +89,7 @@ def test_a_cycle_that_goes_on_is_ready_again(bench: Bench) -> None:
     bench.axes.hang.clear()
     bench.axes.go_on.set()
     assert bench.ready()
+    assert bench.engine.fault == ""
 
 
 def test_the_image_can_be_copied_while_the_driver_hangs(bench: Bench) -> None:
