@@ -194,7 +194,10 @@ def _share_heaps() -> None:
 
 @contextmanager
 def _stop_signals(events: SimpleQueue[Event]) -> Iterator[None]:
-    """SIGINT and SIGTERM as events. ``SimpleQueue.put`` is safe in a signal handler."""
+    """SIGINT and SIGTERM as events; ignored afterwards where one came.
+
+    ``SimpleQueue.put`` is safe in a signal handler.
+    """
     last_s = -REPEAT_S
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -210,7 +213,8 @@ def _stop_signals(events: SimpleQueue[Event]) -> Iterator[None]:
         yield
     finally:
         for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
+            # After a stop the process is about to end: one more signal must not spoil its status.
+            signal.signal(number, handler if last_s < 0.0 else signal.SIG_IGN)
 
 
 def _in_thread(name: str, function: Callable[[], None]) -> threading.Thread:
