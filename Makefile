@@ -3,6 +3,7 @@ PYTHON  ?= python3
 ROBOT   ?= cr3a
 BACKEND ?= sim
 MINUTES ?= 60
+TIMES   ?= 100
 ARGS    ?=
 
 SHELL       := /bin/bash
@@ -82,6 +83,10 @@ soak: $(ready) ## load ROBOT on BACKEND for MINUTES and see what grows
 	@$(say) 'tests.endurance.soak, $(MINUTES) min'
 	exec .venv/bin/python -m tests.endurance.soak --minutes $(MINUTES) --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
 
+kill: $(ready) ## end robotd by signals TIMES times, at random moments, and start it again
+	@$(say) 'tests.endurance.killing, $(TIMES) times'
+	exec .venv/bin/python -m tests.endurance.killing --times $(TIMES) $(ARGS)
+
 venv: $(ready) ## make .venv or bring it up to date
 	@:
 
@@ -119,4 +124,4 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
-.PHONY: help run test backends lint bench soak venv clean
+.PHONY: help run test backends lint bench soak kill venv clean

@@ -1,0 +1,174 @@
+"""``make kill``: end robotd by signals at moments at random, many times, and start it again."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from itertools import islice, product
+from pathlib import Path
+
+import click
+from tests.bench.machine import machine
+from tests.bench.tables import aligned
+from tests.endurance.lives import Life, Lives, Phase
+from tests.endurance.vitals import shm_total
+from tests.endurance.worlds import World, canopen_world, seconds_to_rest, wmx_world
+from tests.ros.robot_process import Client
+
+from robotd.testing.domain import own_domain
+
+OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
+Kind = tuple[Phase, signal.Signals]
+SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
+FIRST_JOINT_STATE_S = 5.0
+SHM_FILES = 12  # what processes that were killed just now may still have there
+
+
+@dataclass(frozen=True)
+class Death:
+    """What drives in a process of their own did when robotd was killed while they moved.
+
+    Attributes:
+        rest_s: from SIGKILL to standstill.
+        limit_s: the watchdog's time and the braking.
+        restart_s: from the start of the next robotd to its first joint state.
+    """
+
+    backend: str
+    rest_s: float
+    limit_s: float
+    restart_s: float
+
+
+@click.command()
+@click.option("--times", default=100, show_default=True, help="Lives on the simulation.")
+@click.option("--deaths", default=5, show_default=True, help="Kills in motion per real backend.")
+@click.option("--seed", type=int, help="Of the moments. Default: one by the clock, printed.")
+@click.option("--out", default=OUT, type=click.Path(path_type=Path), help="Folder of the result.")
+def main(times: int, deaths: int, seed: int | None, out: Path) -> None:
+    """Signals at random moments; exit status 1 when something was not as it should be."""
+    seed = time.time_ns() % 10**6 if seed is None else seed
+    click.echo(f"seed {seed}")
+    chance = random.Random(seed)
+    with own_domain() as domain:
+        client = Client(domain)
+        before = shm_total()
+        lives = list(_lives(Lives(client), times, chance))
+        left = shm_total() - before
+        died = [*_deaths_of(client, deaths, chance)]
+        client.close()
+    rows, problems = _table(lives), _problems(lives, died, left)
+    for line in (*aligned(rows), "", *aligned(_death_table(died)), "", *problems):
+        click.echo(line)
+    click.echo(f"files of /dev/shm: {left:+d}; {len(problems)} problems")
+    out.mkdir(parents=True, exist_ok=True)
+    content = {"seed": seed, "machine": machine(), "shm_files_more": left, "problems": problems}
+    content["lives"] = [asdict(life) for life in lives]
+    content["deaths"] = [asdict(death) for death in died]
+    (out / "killing.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    sys.exit(bool(problems))
+
+
+def _lives(lives: Lives, times: int, chance: random.Random) -> Iterator[Life]:
+    """Every phase with every signal in turn, and a last one that has to start after all of it."""
+    kinds = [*product(Phase, SIGNALS)]
+    for number, (phase, sent) in enumerate(islice(_endless(kinds, chance), times - 1), 1):
+        life = lives.live(phase, sent, chance)
+        if life.problem or number % 10 == 0:
+            click.echo(f"{number:4d}: {phase}, {sent.name}: {life.problem or 'as it should be'}")
+        yield life
+    yield lives.live(Phase.IDLE, signal.SIGTERM, chance)
+
+
+def _endless(kinds: Sequence[Kind], chance: random.Random) -> Iterator[Kind]:
+    while True:
+        yield from chance.sample(kinds, len(kinds))
+
+
+def _deaths_of(client: Client, count: int, chance: random.Random) -> Iterator[Death]:
+    with tempfile.TemporaryDirectory(prefix="robotd-killing-") as folder:
+        worlds: list[AbstractContextManager[World]] = [
+            canopen_world(Path(folder)),
+            wmx_world(),
+        ]
+        for opened in worlds if count else ():
+            with opened as world:
+                yield from deaths(client, world, count, chance)
+
+
+def deaths(client: Client, world: World, count: int, chance: random.Random) -> Iterator[Death]:
+    """Kill robotd while the drives of ``world`` move, ``count`` times."""
+    lives = Lives(client, robot=world.robot, backend=world.backend)
+    process, _ = lives.start()
+    for _ in range(count):
+        process.wait_ready()
+        lives.swing()
+        time.sleep(chance.uniform(0.0, 1.0))
+        position = world.look(process.process.pid)
+        process.end(signal.SIGKILL)
+        rest_s = seconds_to_rest(position)
+        process.__exit__()
+        process, restart_s = lives.start()
+        yield Death(world.backend, rest_s, world.watchdog_s + world.braking_s, restart_s)
+    process.wait_ready()
+    assert process.end(signal.SIGTERM) == 0, process.output
+    process.__exit__()
+
+
+def _problems(lives: Sequence[Life], died: Sequence[Death], left: int) -> list[str]:
+    found = [f"{each.phase}, {each.number.name}: {each.problem}" for each in lives if each.problem]
+    for what, seconds in _starts(lives, died):
+        if seconds > FIRST_JOINT_STATE_S:
+            found.append(f"{what}: {seconds:.1f} s to the first joint state")
+    found += [
+        f"{death.backend}: moved for {death.rest_s:.2f} s, the limit is {death.limit_s:g} s"
+        for death in died
+        if death.rest_s > death.limit_s
+    ]
+    if left > SHM_FILES:
+        found.append(f"{left} files more in /dev/shm")
+    return found
+
+
+def _starts(lives: Sequence[Life], died: Sequence[Death]) -> Iterator[tuple[str, float]]:
+    for life in lives:
+        if life.first_joint_state_s is not None:
+            yield str(life.phase), life.first_joint_state_s
+    for death in died:
+        yield death.backend, death.restart_s
+
+
+def _table(lives: Sequence[Life]) -> list[list[str]]:
+    rows = [["", *(number.name for number in SIGNALS), "first joint state, s: median", "longest"]]
+    for phase in Phase:
+        mine = [life for life in lives if life.phase is phase]
+        seconds = sorted(each.first_joint_state_s or 0.0 for each in mine)
+        cells = []
+        for number in SIGNALS:
+            ended = [life for life in mine if life.number is number]
+            good = sum(not life.problem for life in ended)
+            cells.append(f"{good}/{len(ended)}")
+        middle, longest = (seconds[len(seconds) // 2], seconds[-1]) if seconds else (0.0, 0.0)
+        times = ["–", "–"] if phase is Phase.STARTING else [f"{middle:.2f}", f"{longest:.2f}"]
+        rows.append([f"{phase}, as it should be", *cells, *times])
+    return rows
+
+
+def _death_table(died: Sequence[Death]) -> list[list[str]]:
+    rows = [["SIGKILL in motion", "s to standstill", "limit", "s to the next joint state"]]
+    rows += [
+        [each.backend, f"{each.rest_s:.2f}", f"{each.limit_s:g}", f"{each.restart_s:.2f}"]
+        for each in died
+    ]
+    return rows
+
+
+if __name__ == "__main__":
+    main()
