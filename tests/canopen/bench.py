@@ -32,7 +32,8 @@ from robotd_canopen.frame import Frame
 from robotd_canopen.layout import plan_network
 from robotd_canopen.options import BusOptions, CanopenOptions
 
-FRAMES = 20_000
+FRAMES = 5_000
+RUNS = 5
 CYCLE_S = 10.0
 RATE_HZ = 250
 OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
@@ -51,38 +52,41 @@ def per_second(count: int, work: Callable[[], None]) -> float:
     return count / (time.perf_counter() - began)
 
 
+def best(measure: Callable[[], tuple[float, float]]) -> tuple[float, float]:
+    """The highest rates of several runs: a busy computer makes work slower, never faster."""
+    rates = [measure() for _ in range(RUNS)]
+    return max(bare for bare, _ in rates), max(through for _, through in rates)
+
+
 def receiving() -> tuple[float, float]:
     """Frames per second that one core receives: bare python-can, and through the backend."""
     robot = load_robot_descriptor("cr3a", "canopen_simulated")
     section = CanopenOptions.model_validate(robot.backends["canopen"])
     layout = plan_network(robot, section)
     feedback = Feedback(layout.axes, 0.004, 0.1)
-    source = can.Bus(interface="virtual", channel="bench")
-    bare = can.Bus(interface="virtual", channel="bench")
-    bus = Bus(BusOptions(interface="virtual", channel="bench"), MonotonicClock())
-    for number, axis in enumerate(layout.axes):
-        for pdo in axis.tpdos:
-            bus.subscribe(pdo.cob_id, feedback.handler(number, pdo))
     frames = [Frame(pdo.cob_id, bytes(8)) for axis in layout.axes for pdo in axis.tpdos]
+    with (
+        can.Bus(interface="virtual", channel="bench") as source,
+        can.Bus(interface="virtual", channel="bench") as sink,
+    ):
+        bus = Bus(BusOptions(interface="virtual", channel="bench"))
+        for number, axis in enumerate(layout.axes):
+            for pdo in axis.tpdos:
+                bus.subscribe(pdo.cob_id, feedback.handler(number, pdo))
 
-    def fill() -> None:
-        for number in range(FRAMES):
-            source.send(frames[number % len(frames)])
+        def fill() -> None:
+            for number in range(FRAMES):
+                source.send(frames[number % len(frames)])
 
-    def drain_bare() -> None:
-        for _ in range(FRAMES):
-            bare.recv(1.0)
+        def drain_bare() -> None:
+            for _ in range(FRAMES):
+                sink.recv(1.0)
 
-    fill()
-    bare_rate = per_second(FRAMES, drain_bare)
-    bare.shutdown()
-    backend = can.Bus(interface="virtual", channel="bench")
-    fill()
-    ending = cast(threading.Event, UntilReceived(bus))
-    rate = per_second(FRAMES, lambda: bus._receive(backend, ending))
-    backend.shutdown()
-    source.shutdown()
-    return bare_rate, rate
+        fill()
+        bare_rate = per_second(FRAMES, drain_bare)
+        fill()
+        ending = cast(threading.Event, UntilReceived(bus))
+        return bare_rate, per_second(FRAMES, lambda: bus._receive(sink, ending))
 
 
 class UntilReceived:
@@ -100,28 +104,27 @@ class UntilReceived:
 
 def sending() -> tuple[float, float]:
     """Frames per second that one core sends: bare python-can, and through the backend."""
-    sink = can.Bus(interface="virtual", channel="bench-send")
-    bare = can.Bus(interface="virtual", channel="bench-send")
     message = can.Message(arbitration_id=0x201, data=bytes(7), is_extended_id=False)
-
-    def send_bare() -> None:
-        for _ in range(FRAMES):
-            bare.send(message)
-
-    bare_rate = per_second(FRAMES, send_bare)
-    bare.shutdown()
-    bus = Bus(BusOptions(interface="virtual", channel="bench-send"), MonotonicClock())
-    bus.open()
     axis = Rig(made()).master.axes[0]
+    bus = Bus(BusOptions(interface="virtual", channel="bench-send"))
+    with (
+        can.Bus(interface="virtual", channel="bench-send"),
+        can.Bus(interface="virtual", channel="bench-send") as bare,
+    ):
+        bus.open()
 
-    def send() -> None:
-        for _ in range(FRAMES):
-            axis.transmit(bus, 0.004)
+        def send_bare() -> None:
+            for _ in range(FRAMES):
+                bare.send(message)
 
-    rate = per_second(FRAMES, send)
-    bus.close()
-    sink.shutdown()
-    return bare_rate, rate
+        def send() -> None:
+            for _ in range(FRAMES):
+                axis.transmit(bus, 0.004)
+
+        try:
+            return per_second(FRAMES, send_bare), per_second(FRAMES, send)
+        finally:
+            bus.close()
 
 
 def cycle() -> Figures:
@@ -182,7 +185,7 @@ def main(out: Path = OUT) -> None:
     where = machine()
     figures: Figures = {}
     for name, measure in (("receive", receiving), ("send", sending)):
-        figures[f"{name}_bare_per_s"], figures[f"{name}_per_s"] = measure()
+        figures[f"{name}_bare_per_s"], figures[f"{name}_per_s"] = best(measure)
     figures |= cycle()
     rows = targets(figures)
     for name, value in figures.items():

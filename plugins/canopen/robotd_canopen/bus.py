@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import can
 
-from robotd.plugin.api import Clock, ConnectError, get_logger
+from robotd.plugin.api import ConnectError, get_logger
 from robotd_canopen.bus_load import wire_bits
 from robotd_canopen.error_frame import error_frame_text
 from robotd_canopen.frame import Frame
@@ -25,15 +25,15 @@ log = get_logger("canopen")
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # we report its errors ourselves
 logging.getLogger("can").addHandler(logging.NullHandler())
 
-Handler = Callable[[bytearray, int], None]
-"""Called in the receive thread with the data and the monotonic time (ns) of arrival."""
+Handler = Callable[[bytearray], None]
+"""Called in the receive thread with the data of a frame; ValueError: it makes no sense."""
 
 _POLL_S = 0.1  # how soon the receive thread notices that it shall end
 _PAUSE_S = 0.01  # between attempts while the bus fails
 _FAILURES = 20  # failed calls in a row that make a lost bus
 
 
-@dataclass
+@dataclass(slots=True)
 class Counters:
     """What happened on the bus since it was opened."""
 
@@ -61,7 +61,7 @@ class Bus:
         seen: COB-IDs that have been received since ``open``.
     """
 
-    def __init__(self, options: BusOptions, clock: Clock, realtime_priority: int = 0) -> None:
+    def __init__(self, options: BusOptions, realtime_priority: int = 0) -> None:
         self.name = str(options.channel)
         self.bitrate = options.bitrate
         self.fault: str | None = None
@@ -71,7 +71,6 @@ class Bus:
         self._load_from = (0, 0.0)
         self.seen: set[int] = set()
         self._options = options
-        self._clock = clock
         self._priority = realtime_priority
         self._handlers: dict[int, Handler] = {}
         self._can: can.BusABC | None = None
@@ -166,7 +165,7 @@ class Bus:
 
     def _receive(self, opened: can.BusABC, ending: threading.Event) -> None:
         request_realtime(self._priority)
-        counters, handlers, now_ns = self.counters, self._handlers, self._clock.now_ns
+        counters, handlers = self.counters, self._handlers
         while not ending.is_set():
             try:
                 message = opened.recv(_POLL_S)
@@ -178,7 +177,8 @@ class Bus:
                 continue
             if message is None:
                 continue
-            self._failures = 0
+            if self._failures:
+                self._failures = 0
             counters.received += 1
             counters.data_bytes += message.dlc
             if message.is_error_frame:
@@ -190,7 +190,7 @@ class Bus:
                 self.seen.add(message.arbitration_id)
                 continue
             try:
-                handler(message.data, now_ns())
+                handler(message.data)
             except Exception as error:  # noqa: BLE001 - nothing that arrives may end the thread
                 self._malformed(message, error)
 

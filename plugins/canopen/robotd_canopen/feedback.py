@@ -68,7 +68,7 @@ class Feedback:
         known = (axis, pdo) in self.pdos
         slot, seen = (self.pdos.index((axis, pdo)), self.seen) if known else (0, self.seen[:1] * 0)
 
-        def receive(data: bytearray, time_ns: int) -> None:
+        def receive(data: bytearray) -> None:
             if len(data) < size:
                 raise ValueError(f"{pdo.name} has {len(data)} bytes, {size} are mapped")
             number = 0

@@ -75,7 +75,7 @@ class IoImage:
     def _handler(self, module: IoLayout) -> Handler:
         first, length = module.options.input_byte, module.options.input_length
 
-        def receive(data: bytearray, time_ns: int) -> None:
+        def receive(data: bytearray) -> None:
             if len(data) < length:
                 raise ValueError(f"inputs have {len(data)} bytes, {length} are mapped")
             self.inputs[first : first + length] = data[:length]

@@ -39,7 +39,7 @@ class Master:
     def __init__(self, robot: RobotDescriptor, options: CanopenOptions, clock: Clock) -> None:
         self.options, self.clock = options, clock
         self.layout: NetworkLayout = plan_network(robot, options)
-        self.bus = Bus(options.bus, clock, max(0, robot.cycle.realtime_priority - 1))
+        self.bus = Bus(options.bus, max(0, robot.cycle.realtime_priority - 1))
         self.emergencies = EmergencyLog()
         period_s = self.layout.sync_period_s
         self.feedback = Feedback(self.layout.axes, period_s, robot.engine.stale_after_s)

@@ -165,15 +165,15 @@ class Node:
         except SdoAbort:
             return 0  # all but the first are optional (CiA 301, 7.5.2.19)
 
-    def _on_heartbeat(self, data: bytearray, time_ns: int) -> None:
+    def _on_heartbeat(self, data: bytearray) -> None:
         self.state = heartbeat_state(data)
         self._heartbeats += 1
         self._has_booted |= self.state is NmtState.BOOT_UP
         if self.state is not NmtState.OPERATIONAL:
             self.configured = False
 
-    def _on_emergency(self, data: bytearray, time_ns: int) -> None:
-        self._emergencies.add(Emergency.decode(self.id, data, time_ns))
+    def _on_emergency(self, data: bytearray) -> None:
+        self._emergencies.add(Emergency.decode(self.id, data, self._clock.now_ns()))
 
 
 @contextmanager

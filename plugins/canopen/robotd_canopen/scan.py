@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
-from robotd.plugin.api import MonotonicClock, RobotdError
+from robotd.plugin.api import RobotdError
 from robotd_canopen.bus import Bus
 from robotd_canopen.dictionary import empty_dictionary
 from robotd_canopen.nmt import NmtState, heartbeat_state
@@ -52,10 +52,10 @@ def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5)
     states: dict[int, NmtState] = {}
     answers: Counter[int] = Counter()
 
-    def on_answer(node: int, data: bytearray, time_ns: int) -> None:
+    def on_answer(node: int, data: bytearray) -> None:
         answers[node] += 1
 
-    def on_heartbeat(node: int, data: bytearray, time_ns: int) -> None:
+    def on_heartbeat(node: int, data: bytearray) -> None:
         states[node] = heartbeat_state(data)
 
     for node in range(1, _LAST_NODE + 1):
@@ -103,7 +103,7 @@ def _bus(interface: str, channel: str, bitrate: int) -> Bus:
     name, _, port = channel.partition("#")
     options = {"port": int(port)} if port else {}
     settings = BusOptions(interface=interface, channel=name, bitrate=bitrate, options=options)
-    return Bus(settings, MonotonicClock())
+    return Bus(settings)
 
 
 def _ask(bus: Bus, node: int, timeout_s: float) -> tuple[int, int, tuple[int, ...], str]:

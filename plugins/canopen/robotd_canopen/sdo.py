@@ -115,7 +115,7 @@ class Sdo:
             )
         raise OperationError(f"{where}: {reason}")
 
-    def _on_response(self, data: bytearray, time_ns: int) -> None:
+    def _on_response(self, data: bytearray) -> None:
         if len(data) != 8:
             raise ValueError(f"an SDO answer has 8 bytes, this one {len(data)}")
         self.answers += 1
