@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from random import SystemRandom
+from tempfile import TemporaryDirectory
 
 import click
 from tests.fuzz.campaign import Finding, make_input, run, try_input
@@ -50,16 +52,13 @@ def main(
     sys.exit(bool(found))
 
 
-def _one(seed: int, index: int, names: list[str]) -> list[Finding | dict[str, int]]:
-    results: list[Finding | dict[str, int]] = []
-    for reader in READERS:
-        if reader.name in names:
+def _one(seed: int, index: int, names: list[str]) -> Iterator[Finding | dict[str, int]]:
+    with TemporaryDirectory(prefix="robotd-fuzz-") as folder:
+        for reader in READERS:
             data = make_input(reader, seed, index)
-            folder = Path(click.get_app_dir("robotd-fuzz"))
-            folder.mkdir(parents=True, exist_ok=True)
-            if text := try_input(reader, data, folder):
-                results.append(Finding(reader.name, index, text, data))
-    return [*results, dict.fromkeys(names, 1)]
+            if reader.name in names and (text := try_input(reader, data, Path(folder))):
+                yield Finding(reader.name, index, text, data)
+    yield dict.fromkeys(names, 1)
 
 
 def _keep(finding: Finding, seed: int, out: Path) -> None:

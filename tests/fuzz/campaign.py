@@ -44,7 +44,7 @@ def make_input(reader: Reader, seed: int, index: int) -> bytes:
     if random.random() < 0.3:
         data = reader.generate(random).encode()
         return mutate_bytes(random, data) if random.random() < 0.2 else data
-    texts = [_shortened((ROOT / name).read_text(encoding="utf-8")) for name in reader.seeds]
+    texts = [shortened((ROOT / name).read_text(encoding="utf-8")) for name in reader.seeds]
     text = random.choice(texts)
     if random.random() < 0.5:
         return reader.mutate(random, text, texts).encode()
@@ -124,7 +124,7 @@ def _worker(connection: Connection, seed: int, first: int, names: list[str]) -> 
             index += 1
 
 
-def _shortened(text: str) -> str:
+def shortened(text: str) -> str:
     """Without its middle where it is long: 128 axes are read no other way than two."""
     if len(text) <= LONGEST:
         return text
