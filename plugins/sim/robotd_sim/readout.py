@@ -9,7 +9,7 @@ from robotd_sim.simulation import Simulation
 
 
 class Readout:
-    """Fills process images; allocates nothing per axis. Hold the world's lock.
+    """Fills process images. Hold the world's lock.
 
     Axes that do not answer keep their last values, as a receive buffer does. An image that shows
     what there is already costs a comparison: mostly the drives' states, at rest all of it.
