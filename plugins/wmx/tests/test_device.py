@@ -150,6 +150,16 @@ def test_inputs_and_outputs(tmp_path: Path) -> None:
             robot.io.output_bytes(7999, 2)
 
 
+def test_the_last_inputs_and_outputs_are_known_without_an_engine(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        told = robot.io.output_watcher(1, 0)
+        assert not told()
+        robot.io.set_output_bit(1, 0, True)
+        assert told()
+        robot.engine.close()
+        assert told()
+
+
 def test_rated_torque_makes_percent_newton_metres(tmp_path: Path) -> None:
     path = descriptor(tmp_path)
     data = yaml.safe_load(path.read_text("utf-8"))
