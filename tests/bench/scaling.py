@@ -46,7 +46,7 @@ def main(seconds: float, out: Path, only: str | None) -> None:
 
     Writes scaling.json and scaling.png, and the table into scaling.md where that is there.
     """
-    results: dict[str, Any] = {"machine": machine(), "seconds": seconds, "runs": []}
+    results: dict[str, Any] = {"machine": machine(), "seconds": seconds, "runs": [], "notes": []}
     with tempfile.TemporaryDirectory(prefix="robotd-scaling-") as folder:
         for run in runs():
             if only and getattr(run, only) == getattr(Run(), only) and run != Run():
@@ -55,7 +55,8 @@ def main(seconds: float, out: Path, only: str | None) -> None:
             try:
                 results["runs"].append(measure(run, seconds, Path(folder)))
             except (RuntimeError, OSError) as error:
-                click.echo(f"{run} failed: {error}", err=True)
+                results["notes"].append(f"{run} could not be measured")
+                click.echo(f"{run}: {error}", err=True)
     results["load_after"] = os.getloadavg()[0]
     report = "\n".join(_report(results))
     click.echo(report)
@@ -82,6 +83,7 @@ def _report(results: dict[str, Any]) -> Iterator[str]:
     for key, what in GROWING.items():
         if series := _series(found, key):
             yield f"- {_end(series, key, what)}"
+    yield from (f"- {note}" for note in results["notes"])
 
 
 def _end(series: Sequence[Figures], key: str, what: str) -> str:
@@ -109,7 +111,7 @@ def _draw(found: Sequence[Figures], path: Path) -> None:
         _curve(panels[0][column], series, key, {"CPU of one robot (% of a core)": "cpu_percent"})
         late = {"lateness p50 (µs)": "lateness_p50_us", "p99 (µs)": "lateness_p99_us"}
         _curve(panels[1][column], series, key, late)
-        panels[1][column].set(yscale="log")
+        panels[1][column].set(yscale="log", ylim=(10.0, None))
     figure.tight_layout()
     figure.savefig(path, dpi=100)
     plt.close(figure)
@@ -122,7 +124,13 @@ def _curve(panel: Any, series: Sequence[Figures], key: str, values: dict[str, st
         for each in series:
             face = line.get_color() if holds(each) else "white"
             panel.plot(each[key], each[name], "o", color=line.get_color(), markerfacecolor=face)
-    panel.set(xlabel=key.replace("_hz", " (Hz)"), xscale="log", xticks=at, xticklabels=at)
+    panel.set(
+        ylim=(0.0, None),
+        xlabel=key.replace("_hz", " (Hz)"),
+        xscale="log",
+        xticks=at,
+        xticklabels=at,
+    )
     panel.minorticks_off()
     panel.grid(alpha=0.3)
     panel.legend(fontsize=8)

@@ -52,9 +52,10 @@ def measure(run: Run, seconds: float, folder: Path) -> dict[str, Any]:
     """
     reports = [folder / f"report{number}.json" for number in range(run.robots)]
     with ExitStack() as stack:
-        programs = [stack.enter_context(_robot(run, report, stack)) for report in reports]
-        for program in programs:
-            program.wait_output("ready after")
+        programs = []
+        for report in reports:
+            programs.append(stack.enter_context(_robot(run, report, stack)))
+            programs[-1].wait_output("ready after")  # one after the other: all at once take long
         time.sleep(SETTLE_S)
         begin_ns, used_s = time.monotonic_ns(), -np.array([each.cpu_s() for each in programs])
         time.sleep(seconds)
