@@ -147,7 +147,7 @@ def test_shutdown_ends_a_start_that_waits_for_the_device() -> None:
     keys = {"backends": {"sim": {"fail_open": 1000}}}
     robot = make(**keys, engine={"open_tries": 1000, "open_retry_s": 3600.0})
     tried = threading.Event()
-    device: Any = unguarded(robot.engine._driver)
+    device: Any = robot.engine._driver
     open_device = device.open
 
     def opened(path: str = "", name: str = "") -> None:
