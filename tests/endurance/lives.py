@@ -88,7 +88,12 @@ class Lives:
     def start(self) -> tuple[RobotProcess, float]:
         """Start one and wait until its joint states come: the process, and the seconds it took."""
         began_ns = time.time_ns()
-        return self.spawn(), self._first_joint_state_s(began_ns)
+        process = self.spawn()
+        try:
+            return process, self._first_joint_state_s(began_ns)
+        except BaseException:
+            process.__exit__()
+            raise
 
     def _first_joint_state_s(self, began_ns: int) -> float:
         """Wait for joint states that were made since then; the seconds from then to now."""

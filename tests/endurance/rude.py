@@ -25,10 +25,11 @@ from wmx_ros2_message.srv import EcatGetNetworkState
 CROWD = 1000
 FLOOD_HZ = 10_000
 PROFILE = {"velocity": [0.1], "acc": [1.0], "dec": [1.0]}
+# All of them are refused: what is obeyed would be in the way of the honest client.
 FLOODED = (
     (AxisVelocity, "/wmx/axis/velocity", AxisVelocity(index=[0], **PROFILE)),
-    (AxisPose, "/wmx/axis/position", AxisPose(index=[0], target=[0.1], **PROFILE)),
-    (AxisPose, "/wmx/axis/position/relative", AxisPose(index=[0], target=[0.0], **PROFILE)),
+    (AxisPose, "/wmx/axis/position", AxisPose(index=[0], target=[99.0], **PROFILE)),
+    (AxisPose, "/wmx/axis/position/relative", AxisPose(index=[0], target=[99.0], **PROFILE)),
 )
 SLOW = (  # answered by workers
     (Trigger, "/wmx/engine/scan_network"),

@@ -1,0 +1,30 @@
+"""Clients that misbehave; ``python -m tests.endurance.clients`` has more of them, for longer."""
+
+from __future__ import annotations
+
+import pytest
+from rclpy.qos import QoSProfile
+from std_srvs.srv import Trigger
+from tests.endurance.clients import endure
+from tests.ros.robot_process import Client, wait_for
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize("kind", ["crowd", "deaf", "flood"])
+def test_a_robot_bears_them_and_works_afterwards(kind: str) -> None:
+    seen = endure(kind, 2.0)
+    assert not seen.problem, seen.problem
+    good, sent = seen.goals
+    assert good == sent
+
+
+@pytest.mark.parametrize("name", ["/wmx/engine/get_status", "/wmx/engine/scan_network"])
+def test_every_call_of_a_burst_is_answered(client: Client, name: str) -> None:
+    burst = 200
+    service = client.node.create_client(Trigger, name, qos_profile=QoSProfile(depth=burst))
+    assert service.wait_for_service(20.0)
+    answers = [service.call_async(Trigger.Request()) for _ in range(burst)]
+    for answer in answers:
+        assert wait_for(answer).message
+    client.node.destroy_client(service)
