@@ -77,7 +77,10 @@ lint: $(ready) ## check style, format, layers and types
 
 bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tests.bench
 	@$(say) 'tests.bench $(ARGS)'
-	exec .venv/bin/python -m tests.bench $(ARGS)
+	.venv/bin/python -m tests.bench $(ARGS)
+	$(say) 'tests.canopen.bench'
+	.venv/bin/python -m tests.canopen.bench
+	$(MAKE) -C plugins/wmx bench
 
 soak: $(ready) ## load ROBOT on BACKEND for MINUTES and see what grows
 	@$(say) 'tests.endurance.soak, $(MINUTES) min'

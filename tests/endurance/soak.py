@@ -55,6 +55,7 @@ def main(
     minutes: float, robot: str, variant: str | None, backend: str, seed: int, out: Path
 ) -> None:
     """Load a robot with traffic and see what grows. Exit status 1 when a bound is broken."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the clients, too
     descriptor = load_robot_descriptor(robot, variant)
     facts = {"minutes": minutes, "robot": descriptor.name, "backend": backend, "seed": seed}
     facts |= {"variant": variant, "machine": machine()}

@@ -83,6 +83,7 @@ class Cycle:
         self._communicating_since_ns = 0
         self._tasks: list[_Periodic] = []
         self._read_failure: str | None = None
+        self._lost: tuple[object, str] | None = None  # why nothing can be commanded, and in words
         self._failing = False
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -170,7 +171,7 @@ class Cycle:
     def _live(self, time_ns: int) -> None:
         state = self._engine.update_ready()
         if state not in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
-            self._streamer.device_lost(f"engine is {state.value}")
+            self._lose(state, f"engine is {state.value}")
             if self._communicating_since_ns:
                 self._communicating_since_ns = 0
                 self._engine.set_stale(False)
@@ -233,10 +234,17 @@ class Cycle:
         stale = age_ns > self._stale_after_ns
         self._engine.set_stale(stale)
         if stale:
-            self._streamer.device_lost(
-                self._read_failure or f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
-            )
+            old = f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
+            self._lose(self._read_failure, self._read_failure or old)
+        else:
+            self._lost = None
         return not stale
+
+    def _lose(self, why: object, reason: str) -> None:
+        """Nothing can be commanded. The device is asked for its reason once for each ``why``."""
+        if self._lost is None or self._lost[0] != why:
+            self._lost = why, ": ".join(filter(None, (reason, self._engine.fault)))
+        self._streamer.device_lost(self._lost[1])
 
     def _run_tasks(self, time_ns: int, *, first: bool) -> None:
         slack_ns = self.period_ns // 2

@@ -100,6 +100,7 @@ class EngineSettings(Section):
         0.1, description="Age at which readings are too old to be true: motion stops."
     )
     servo_timeout_s: Positive = Field(5.0, description="Time for a servo to report on or off.")
+    homing_timeout_s: Positive = Field(30.0, description="Time for an axis to find its home.")
 
 
 class JointSettings(Section):

@@ -156,7 +156,7 @@ class Axes:
         self._check_axis(axis)
         self._require(Capability.HOMING, "homing")
         self._check_idle(axis, "homing")
-        self._driver.home(axis, self._engine.settings.servo_timeout_s)
+        self._driver.home(axis, self._engine.settings.homing_timeout_s)
         self._see_newer(self._clock.now_ns())
 
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:

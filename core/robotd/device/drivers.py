@@ -66,7 +66,7 @@ class DeviceDriver(ABC):
         """The state as the device has it now. Never blocks."""
 
     def fault(self) -> str:
-        """Why the device gives no fresh values, in words; "" if it knows no reason.
+        """Why the device does not communicate, or gives no fresh values; "" if nothing is wrong.
 
         Never blocks.
         """

@@ -92,11 +92,11 @@ class Engine:
 
     @property
     def fault(self) -> str:
-        """Why the device gives no fresh values, in words; "" if it does, or cannot say."""
+        """Why the device does not communicate, in words; "" if it does, or cannot say."""
         if self._hang:
             return self._hang
         try:
-            return self._driver.fault() if self.state is EngineState.UNKNOWN else ""
+            return "" if self.state is EngineState.COMMUNICATING else self._driver.fault()
         except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
             return f"{type(error).__name__}: {error}"
 

@@ -58,7 +58,7 @@ class Health:
 
     def _fieldbus(self, master: int, state: EngineState, now_ns: int) -> Status:
         part = "fieldbus" if len(self._lost) == 1 else f"fieldbus {master}"
-        if state is not EngineState.COMMUNICATING:
+        if state not in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
             return unknown_status(part, state)
         try:
             network = self._robot.fieldbus.network_state(master)

@@ -248,6 +248,17 @@ def test_a_lost_communication_ends_what_runs_and_what_waits(rig: Rig) -> None:
     assert_works(rig)
 
 
+def test_the_device_adds_why_it_communicates_no_more(rig: Rig) -> None:
+    asked: list[int] = []
+    rig.engine._driver.fault = lambda: asked.append(0) or "somebody pulled the plug"  # type: ignore[method-assign]
+    with rig.goal(FAR) as execution:
+        rig.run(0.2)
+        rig.faults.drop_communication()
+        rig.run(0.1)
+    assert_fault(execution, "engine is Running: somebody pulled the plug")
+    assert len(asked) == 1, "the device is not asked again in every period"
+
+
 def test_nothing_can_be_commanded_before_the_first_image(rig: Rig) -> None:
     rig.faults.drop_communication()
     rig.run(PERIOD_S)

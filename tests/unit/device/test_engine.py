@@ -234,3 +234,15 @@ def test_a_failing_stop_does_not_keep_the_device_open(device: FakeDevice) -> Non
         engine.shutdown()
     assert names(device)[-1] == "close"
     assert engine.state is EngineState.SHUTDOWN
+
+
+def test_whoever_commands_a_device_that_does_not_communicate_is_told_why(
+    device: FakeDevice,
+) -> None:
+    engine = make(device)
+    engine.start()
+    device.current = EngineState.RUNNING
+    device.fault = lambda: "the licence has run out"  # type: ignore[method-assign]
+    engine.update_ready()
+    with pytest.raises(NotReady, match=r"state Running\): the licence has run out$"):
+        engine.require_ready()
