@@ -69,8 +69,9 @@ def newest(program: Program) -> Counter[str]:
     """
     if program._process.poll():
         raise RuntimeError(f"a client ended: {_tail(program._errors.fileno())}")
-    *lines, _ = ["", *_tail(program._output.fileno()).split("\n")]
-    return Counter(json.loads(lines[-1])) if lines[-1] else Counter()
+    *lines, _ = _tail(program._output.fileno()).split("\n")
+    counted = [line for line in lines if line.startswith("{")]  # ROS may say something in between
+    return Counter(json.loads(counted[-1])) if counted else Counter()
 
 
 def _tail(descriptor: int) -> str:
