@@ -15,7 +15,6 @@ from robotd.device.state import Operation
 from robotd.motion import (
     JointLimits,
     MotionState,
-    Rejoin,
     Sampler,
     StopPlan,
     Tolerances,
@@ -25,7 +24,6 @@ from robotd.motion import (
 
 SETTLED_PERIODS = 3  # consecutive periods within tolerance that count as arrived, or at rest
 REST_TIMEOUT_S = 2.0  # a joint that still creeps then is reported, not waited for
-PAUSE_PERIODS = 2.5  # between two periods: more, and the device had no setpoint for a while
 STALL_S = 0.02  # a cycle that stood this long may be why a device stopped by itself
 
 
@@ -72,7 +70,8 @@ class Execution:
         streams: whether the cycle sends its setpoints.
         trajectory: what is executed, planned and checked.
         start_ns: monotonic time of the trajectory's time 0.
-        setpoint: (2, m) positions and velocities for the end of the period.
+        position, velocity: (m,) the setpoint for the end of the period.
+        setpoint: the two as rows of one array, (2, m).
         columns: index of its joints among the device's axes.
         ending: why it is being stopped, None while it is not; set before ``outcome``.
         outcome, message: None and "" until it has ended.
@@ -99,10 +98,7 @@ class Execution:
         self.max_error: FloatArray = np.zeros(joints)
         position, velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
         self.setpoint: FloatArray = np.array([position, velocity])
-        self._path: FloatArray = self.setpoint.copy()
-        self._position, self._velocity = self._path
-        self._rejoin: Rejoin | None = None
-        self._rejoin_ns = start_ns
+        self.position, self.velocity = self.setpoint
         self._phase = Phase.RUNNING
         self._axes, self.columns = axes, columns(axes)
         self._followed = False
@@ -171,8 +167,7 @@ class Execution:
 
     def take_over(self, running: Execution) -> None:
         """Streamer: the setpoint that the joints are reaching now is one of ``running``."""
-        self._path[:] = running._path
-        self._rejoin, self._rejoin_ns = running._rejoin, running._rejoin_ns
+        self.setpoint[:] = running.setpoint
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
         """Cycle: judge the measured values of ``time_ns``, compute the setpoint one period on."""
@@ -183,17 +178,13 @@ class Execution:
         self._check_drives(image)
         if self._phase in (Phase.RUNNING, Phase.ARRIVING):
             self._judge(time_ns)
-        due_ns = time_ns + period_ns
         match self._phase:
             case Phase.RUNNING | Phase.STOPPING:
-                if self._pause_ns > PAUSE_PERIODS * period_ns:
-                    self._resume(time_ns, image)
-                self._move_on(due_ns, time_ns, image)
+                self._move_on(time_ns + period_ns, time_ns, image)
             case Phase.ARRIVING:
                 self._arrive(time_ns)
             case Phase.RESTING:
                 self._rest(time_ns, image)
-        self._set(due_ns)
 
     def finish(self, outcome: Outcome, message: str) -> None:
         """Streamer: this is the end, whatever the joints do. The first outcome stands."""
@@ -211,7 +202,7 @@ class Execution:
 
     def _observe(self, image: ProcessImage) -> None:
         self._measured[:] = image.measured[:2, self.columns]
-        self._aim[:] = self._path
+        self._aim[:] = self.setpoint
         np.subtract(self._desired, self._actual, self._error)
         np.abs(self._error, self._error)
         np.fmax(self.max_error, self._error, self.max_error)
@@ -282,40 +273,16 @@ class Execution:
         self._stop_ns = time_ns
         self._enter(Phase.STOPPING, time_ns)
 
-    def _resume(self, time_ns: int, image: ProcessImage) -> None:
-        """The cycle had stood: go on from where the device's command went in the meantime.
-
-        It held the last setpoint, or went on at its velocity; to be where the path is now within
-        one period would be a jump.
-        """
-        self._sample(time_ns)
-        offset = image.commands[:, self.columns] - self._path
-        if np.isfinite(offset).all():
-            self._rejoin, self._rejoin_ns = Rejoin(offset, self._limits), time_ns
-
-    def _set(self, due_ns: int) -> None:
-        """The setpoint: the path, and what is left of the way back to it."""
-        self.setpoint[:] = self._path
-        if self._rejoin is not None:
-            since_s = (due_ns - self._rejoin_ns) / NANOSECONDS
-            self.setpoint += self._rejoin.at(since_s)
-            if since_s >= self._rejoin.duration_s:
-                self._rejoin = None
-
-    def _sample(self, time_ns: int) -> float:
-        """The path at ``time_ns``, at full rate or along the stop; returns the rate."""
+    def _move_on(self, due_ns: int, time_ns: int, image: ProcessImage) -> None:
+        """The setpoint for ``due_ns``, on the path at full rate or along the stop."""
         rate = 1.0
         if self._stop is None:
-            self._time_s = (time_ns - self.start_ns) / NANOSECONDS
+            self._time_s = (due_ns - self.start_ns) / NANOSECONDS
         else:
-            self._time_s, rate, _ = self._stop.at((time_ns - self._stop_ns) / NANOSECONDS)
-        self._sampler.sample(self._time_s, self._position, self._velocity)
+            self._time_s, rate, _ = self._stop.at((due_ns - self._stop_ns) / NANOSECONDS)
+        self._sampler.sample(self._time_s, self.position, self.velocity)
         if rate != 1.0:
-            self._velocity *= rate
-        return rate
-
-    def _move_on(self, due_ns: int, time_ns: int, image: ProcessImage) -> None:
-        rate = self._sample(due_ns)
+            self.velocity *= rate
         if rate == 0.0 or (self._stop and self._time_s >= self.trajectory.duration_s):
             self._enter(Phase.RESTING, time_ns)
         elif self._time_s >= self.trajectory.duration_s:
@@ -329,7 +296,7 @@ class Execution:
             self._actual,
             self._actual_velocity,
         )
-        self._settled_periods = 0 if violation or self._rejoin else self._settled_periods + 1
+        self._settled_periods = 0 if violation else self._settled_periods + 1
         if self._settled_periods >= SETTLED_PERIODS:
             self.finish(Outcome.SUCCEEDED, self._success_text())
         elif violation and over_s > self._tolerances.goal_time_s:
@@ -340,7 +307,7 @@ class Execution:
         fast = np.abs(self._actual_velocity) > self._stopped_velocity
         # Of a drive that does not answer the last velocity stays, and says nothing.
         moving = bool((fast & ~image.offline[self._axes]).any())
-        self._settled_periods = 0 if moving or self._rejoin else self._settled_periods + 1
+        self._settled_periods = 0 if moving else self._settled_periods + 1
         timed_out = time_ns - self._phase_ns > REST_TIMEOUT_S * NANOSECONDS
         if self.ending and (self._settled_periods >= SETTLED_PERIODS or timed_out):
             outcome, message = self.ending

@@ -87,7 +87,7 @@ class DeviceExecution(Execution):
         self._ended.set()
 
     def _observe(self, image: ProcessImage) -> None:
-        self._path[:] = image.commands[:, self.columns]
+        self.setpoint[:] = image.commands[:, self.columns]
         super()._observe(image)
 
     def _begin_stop(self, time_ns: int) -> None:

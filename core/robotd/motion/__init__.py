@@ -10,7 +10,6 @@ from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.peaks import PathPeaks
 from robotd.motion.planning import check_start_delay, plan
 from robotd.motion.refusal import RefusalCode, TrajectoryRefused
-from robotd.motion.rejoin import Rejoin
 from robotd.motion.request import TrajectoryRequest
 from robotd.motion.stopping import StopPlan, plan_stop
 from robotd.motion.tolerance import (
@@ -29,7 +28,6 @@ __all__ = [
     "MotionState",
     "PathPeaks",
     "RefusalCode",
-    "Rejoin",
     "Sampler",
     "StopPlan",
     "ToleranceKind",

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.cycle.rig import ACCELERATION, PERIOD_S, RATE_HZ, Rig, arm
+from tests.unit.cycle.rig import ACCELERATION, PERIOD_S, Rig, arm
 
 from robotd.cycle.execution import Execution, Outcome
 from robotd.device.image import ProcessImage
 from robotd.device.state import EngineState, Operation
 from robotd.errors import ConnectError, NotReady
-from robotd.motion.rejoin import VELOCITY_SHARE
 
 FAR = (1.0, -0.6, 0.3)
 HOME = (0.0, 0.0, 0.0)
@@ -124,38 +123,15 @@ def test_a_cycle_that_stood_too_long_is_named_as_the_reason(rig: Rig) -> None:
     assert_works(rig)
 
 
-@pytest.mark.parametrize("stall_s", [0.004, 0.03, 0.1, 0.2])
-def test_after_a_short_stall_the_joints_return_to_the_path_without_a_jump(
-    rig: Rig, stall_s: float
-) -> None:
-    fastest: list[float] = []
-    rig.robot.cycle.every(RATE_HZ, "look", lambda image: fastest.append(image.velocity.max()))
+def test_a_short_stall_costs_setpoints_and_nothing_else(rig: Rig) -> None:
     with rig.goal(FAR) as execution:
-        rig.run(0.3)
-        rig.stall(stall_s)
+        rig.run(0.4)
+        rig.stall(0.03)
         rig.end(execution)
     assert execution.outcome is Outcome.SUCCEEDED
     times_s = rig.setpoints.due_s - execution.start_ns * 1e-9
-    planned, velocities, _ = execution.trajectory.evaluate(times_s)
-    on_path = (times_s < 0.3) | (times_s > 0.9)
-    np.testing.assert_allclose(rig.setpoints.position[on_path], planned[on_path], atol=1e-9)
-    added = VELOCITY_SHARE * rig.robot.axes.limits[0].velocity
-    assert max(fastest) < 1.05 * (np.abs(velocities).max() + added)
-    after = np.flatnonzero(np.diff(times_s) > 1.5 * PERIOD_S)[0] + 1
-    acceleration = np.abs(np.diff(rig.setpoints.velocity[after:], axis=0)).max() / PERIOD_S
-    assert acceleration < 2.5 * ACCELERATION
-
-
-def test_a_stop_after_a_stall_ends_at_rest_on_the_path(rig: Rig) -> None:
-    with rig.goal(FAR) as execution:
-        rig.run(0.3)
-        rig.stall(0.1)
-        execution.cancel()
-        rig.end(execution)
-    assert execution.outcome is Outcome.CANCELED
-    assert np.abs(rig.setpoints.velocity[-1]).max() < 1e-9
-    assert np.abs(rig.image.velocity).max() < 0.01
-    assert_works(rig)
+    planned = execution.trajectory.evaluate(times_s)[0]
+    np.testing.assert_allclose(rig.setpoints.position, planned, atol=1e-9)
 
 
 @pytest.mark.parametrize(
