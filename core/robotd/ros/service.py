@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
@@ -23,6 +21,7 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.ros.budget import Budget
 from robotd.ros.host import RosHost
+from robotd.ros.replies import Replies
 
 log = get_logger("ros")
 
@@ -64,7 +63,9 @@ def add_service(
         def answer_now(request: Any, _: Any) -> Any:
             return _answer(service_type, name, handler, request)
 
-        return node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
+        service = node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
+        service.send_response = Replies(node, service).send
+        return service
     return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
 
 
@@ -115,13 +116,7 @@ def _add_deferred_service(
     service = node.create_service(
         service_type, name, lambda request, _: request, qos_profile=SERVICE_QOS
     )
-    send_now = service.send_response
-
-    def send(response: Any, header: Any) -> None:
-        try:
-            send_now(response, header)
-        except (InvalidHandle, RCLError) as error:
-            log.warning("response not sent", service=name, reason=str(error))
+    send = Replies(node, service).send
 
     def answer_later(request: Any, header: Any) -> None:
         try:
