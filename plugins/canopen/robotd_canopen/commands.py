@@ -70,6 +70,8 @@ class Commands:
         axis = self._axis
         with axis.lock:
             self.require_online()
+            # Just after the start the drive may not have said yet that it is in alarm.
+            self._wait(lambda: axis.state is not DriveState.UNKNOWN, _STEP_S)
             if axis.state not in FAULTY:
                 return
             axis.bits = 0

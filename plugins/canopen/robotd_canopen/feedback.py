@@ -28,23 +28,23 @@ BoolArray = NDArray[np.bool_]
 class Feedback:
     """Values of n axes by object, in the drives' units.
 
-    The receive thread writes single elements, the cycle reads whole arrays. Age is counted in
-    SYNCs, for a drive that was not asked is not late.
+    The receive thread writes single elements; the cycle takes them all before it sends a SYNC, so
+    that no answer to the new one gets among those to the one before. Age is counted in SYNCs, for
+    a drive that was not asked is not late.
 
     Attributes:
-        columns: object → array of shape (n,).
+        columns: object → array of shape (n,), as the cycle has taken it.
         pdos: the synchronous TPDOs of all axes, as (axis, PDO).
-        seen: number of the SYNC after which each of ``pdos`` came last, -1: never.
+        seen: number of the SYNC after which each of ``pdos`` came last, -1: never; likewise.
         limits: SYNCs without it after which each of ``pdos`` is stale.
         syncs: SYNCs sent; counted by the cycle.
     """
 
     def __init__(self, axes: Sequence[AxisLayout], sync_period_s: float, stale_s: float) -> None:
         count = len(axes)
-        self.columns: dict[int, IntArray] = {
-            number: np.zeros(count, np.int64) for number in _OBJECTS
-        }
-        self._unread = np.zeros(count, np.int64)
+        self._arrived: IntArray = np.zeros((len(_OBJECTS) + 1, count), np.int64)
+        self._taken = self._arrived.copy()
+        self.columns: dict[int, IntArray] = dict(zip(_OBJECTS, self._taken, strict=False))
         self._heard = [False] * count
         self.pdos = [
             (number, pdo)
@@ -53,7 +53,8 @@ class Feedback:
             if pdo.transmission <= _EVENT_DRIVEN
         ]
         self._owners = np.array([number for number, _ in self.pdos], np.int64)
-        self.seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
+        self._seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
+        self.seen = self._seen.copy()
         self._turns = np.array([pdo.transmission for _, pdo in self.pdos], np.int64)
         least = math.floor(_TOLD_BEFORE * stale_s / sync_period_s)
         self.limits: IntArray = np.maximum(self._turns * _ALLOWED_MISSES, least)
@@ -64,9 +65,10 @@ class Feedback:
     def handler(self, axis: int, pdo: Pdo) -> Handler:
         """Receives one TPDO of one axis: raises ValueError for a frame that is too short."""
         size, unpack = pdo.layout.size, pdo.layout.unpack_from
-        columns = [self.columns.get(entry.base, self._unread) for entry in pdo.entries]
+        arrived = dict(zip(_OBJECTS, self._arrived, strict=False))
+        columns = [arrived.get(entry.base, self._arrived[-1]) for entry in pdo.entries]
         known = (axis, pdo) in self.pdos
-        slot, seen = (self.pdos.index((axis, pdo)), self.seen) if known else (0, self.seen[:1] * 0)
+        slot, seen = (self.pdos.index((axis, pdo)), self._seen) if known else (0, np.zeros(1))
 
         def receive(data: bytearray) -> None:
             if len(data) < size:
@@ -79,9 +81,14 @@ class Feedback:
 
         return receive
 
+    def take(self) -> None:
+        """Cycle: the values are those that have come until now."""
+        self._taken[:] = self._arrived
+        self.seen[:] = self._seen
+
     def forget(self, axis: int) -> None:
         """The drive is configured anew: what it said before does not count."""
-        self.seen[self._owners == axis] = _NEVER
+        self._seen[self._owners == axis] = self.seen[self._owners == axis] = _NEVER
         self._heard[axis] = False
 
     def heard(self, axis: int) -> bool:
@@ -103,14 +110,14 @@ class Feedback:
         late = self.syncs - self.seen > self._turns + 1
         return bool(late[self._owners == axis].any())
 
-    def missed(self, offline: BoolArray) -> int:
-        """SYNCs for which the most silent drive owes an answer; 0 while all is well.
+    def behind(self, offline: BoolArray) -> int:
+        """Latest SYNCs that the most silent drive has not answered; all without a drive. Cycle.
 
-        Drives of ``offline`` axes (n,) owe nothing. Without any other: all SYNCs.
+        Drives of ``offline`` axes (n,) do not count, nor do SYNCs before a TPDO's next turn.
         """
         known = (self.seen != _NEVER) & ~offline[self._owners]
-        owed = self.syncs - self.seen - self._turns
-        return max(0, int(owed.max(initial=0, where=known))) if known.any() else self.syncs
+        last = self.seen + self._turns - 1
+        return max(0, self.syncs - int(last[known].min())) if known.any() else self.syncs
 
     def unwrap(self) -> None:
         """Cycle: bring ``counts`` up to date; an endless axis runs over 32 bits."""

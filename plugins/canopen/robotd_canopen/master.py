@@ -111,6 +111,7 @@ class Master:
             image.offline[:] = True
             return
         self._cycles += 1
+        self.feedback.take()
         if self._cycles % self.layout.cycles_per_sync == 0:
             if not self._transmitted:
                 self._transmit()
@@ -119,10 +120,7 @@ class Master:
             self._transmitted = False
         self._watch(now_ns)
         fill(image, self.axes, self.feedback)
-        missed = self.feedback.missed(image.offline)
-        if missed < self.feedback.syncs:
-            age_ns = round(missed * self.layout.sync_period_s * NANOSECONDS)
-            image.fresh_ns = self.sync.before_ns - age_ns
+        self._date(image)
         if not any(axis.following for axis in self.axes):
             self._transmit()
         if self.supervision.lost and image.offline.all():
@@ -158,6 +156,14 @@ class Master:
         for axis in self.axes:
             if axis.node.online:
                 axis.transmit(self.bus, self.layout.sync_period_s, self.sync.periods)
+
+    def _date(self, image: ProcessImage) -> None:
+        """The image is of the SYNC that all have answered. While one is late it gets no new date:
+        commands, and the values of the others, would belong to another one.
+        """
+        behind = self.feedback.behind(image.offline)
+        if self.sync.count > behind < 2:
+            image.fresh_ns = self.sync.before_ns if behind else self.sync.time_ns
 
     def _watch(self, now_ns: int) -> None:
         # A pause of this computer is no silence of the nodes: what they sent waits to be read.

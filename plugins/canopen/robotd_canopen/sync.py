@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
+from robotd_canopen.grid import Grid
 from robotd_canopen.nmt import NmtState
 
 NANOSECONDS = 1_000_000_000
@@ -14,26 +15,30 @@ class SyncProducer:
     """Sends SYNC and, every so often, the master's heartbeat. Cycle thread.
 
     Drives lock their clocks to SYNC, so what they report belongs to the even grid of the SYNCs,
-    not to the moments at which a busy computer sent them. A SYNC is never early: the grid runs
-    through those that were least late.
+    not to the moments at which a busy computer sent them.
 
     Attributes:
         count: SYNCs sent.
-        time_ns: time of the last SYNC on the grid, monotonic; 0 before the first.
-        before_ns: that of the SYNC before, whose answers the cycle has when it sends the last.
-        periods: whole periods from the SYNC before to the last one; above 1 some were left out.
+        time_ns, before_ns: times of the last SYNC and of the one before, on the grid, monotonic; 0
+            without one.
+        periods: whole periods from the SYNC before to the last one: above 1 some were left out, 0
+            if it came close behind one that was late.
         jitter_ns: largest deviation of the distance of two SYNCs from the period.
     """
 
     def __init__(self, bus: Bus, period_s: float, heartbeat_s: float, master_node: int) -> None:
-        self.count = self.time_ns = self.before_ns = self.jitter_ns = 0
+        self.count = self.before_ns = self.jitter_ns = 0
         self.periods = 1
         self._bus = bus
-        self._period_ns = round(period_s * NANOSECONDS)
+        self._grid = Grid(round(period_s * NANOSECONDS))
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
         self._heartbeat_due_ns = self._sent_ns = 0
         self._sync_frame = Frame(_SYNC, b"")
         self._heartbeat_frame = Frame(_HEARTBEAT + master_node, bytes([NmtState.OPERATIONAL]))
+
+    @property
+    def time_ns(self) -> int:
+        return self._grid.time_ns
 
     def begin(self) -> None:
         """Worker: communication starts; the pause before is no jitter."""
@@ -50,11 +55,9 @@ class SyncProducer:
 
     def _note(self, now_ns: int) -> None:
         if self._sent_ns:
-            deviation_ns = abs(now_ns - self._sent_ns - self._period_ns)
+            deviation_ns = abs(now_ns - self._sent_ns - self._grid.period_ns)
             self.jitter_ns = max(self.jitter_ns, deviation_ns)
         self._sent_ns = now_ns
         self.count += 1
-        self.before_ns = self.time_ns
-        passed = (now_ns - self.time_ns) // self._period_ns
-        self.time_ns = self.time_ns + passed * self._period_ns if passed else now_ns
-        self.periods = max(1, passed)
+        self.before_ns = self._grid.time_ns
+        self.periods = self._grid.pass_to(now_ns)

@@ -13,6 +13,7 @@ from math import ceil, floor
 
 import numpy as np
 
+from robotd_canopen.grid import Grid
 from robotd_sim.profile import Segment
 from robotd_sim.servo import Mechanics, Servo
 from robotd_sim.world import FOREVER, NANOSECONDS, World
@@ -48,7 +49,7 @@ class Machine:
         axes = max(1, len(initial))
         self.servo = Servo(_mechanics(axes), TICK_S)
         self._clock = DriveClock(now_ns)
-        self._seen_ns = now_ns
+        self._grid = Grid(round(TICK_S * NANOSECONDS), now_ns)
         self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
         self._velocity, self._torque = self.servo.measure()
@@ -57,16 +58,14 @@ class Machine:
             self._follow(axis, Segment(0.0, position, 0.0, 0.0))
 
     def synchronise(self, now_ns: int, period_s: float) -> None:
-        """A SYNC has come at ``now_ns``: one period has passed, or more if some were lost."""
-        period_ns = round(period_s * NANOSECONDS)
-        periods = (now_ns - self._seen_ns) // period_ns
-        # A SYNC may be late but never early: the drives' time is that of the least late ones.
-        self._seen_ns = self._seen_ns + periods * period_ns if periods else now_ns
-        self._advance(max(1, periods) * period_ns)
+        """A SYNC has come at ``now_ns``: a period has passed, more if some were lost, or none."""
+        self._grid.period_ns = round(period_s * NANOSECONDS)
+        self._advance(self._grid.pass_to(now_ns) * self._grid.period_ns)
 
     def free_run(self, now_ns: int) -> None:
         """There is no SYNC: time goes on by itself."""
-        elapsed_ns, self._seen_ns = now_ns - self._seen_ns, now_ns
+        elapsed_ns = now_ns - self._grid.time_ns
+        self._grid.begin(now_ns)
         self._advance(elapsed_ns)
 
     def position(self, axis: int) -> float:
