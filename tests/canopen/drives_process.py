@@ -5,13 +5,35 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
+import yaml
+
 from robotd.descriptor import load_robot_descriptor
+from robotd_canopen.scan import sdo_of
+from robotd_canopen.sdo import Sdo
 
 GROUP = "239.74.163.9"
 PORT = 20000 + os.getpid() % 20000  # one robot for each process of tests
+ERROR_CODE, POSITION_ACTUAL = 0x603F, 0x6064
+
+
+class ObservedDrive:
+    """A drive as it is asked from outside, while no robotd is there that asks it too."""
+
+    def __init__(self, sdo: Sdo) -> None:
+        self._sdo = sdo
+
+    def position(self) -> int:
+        """In counts."""
+        return int.from_bytes(self._sdo.upload(POSITION_ACTUAL), "little", signed=True)
+
+    def error_code(self) -> int:
+        """Of its fault, 0 without one."""
+        return int.from_bytes(self._sdo.upload(ERROR_CODE), "little")
 
 
 class DrivesProcess:
@@ -49,6 +71,12 @@ class DrivesProcess:
         self._process.stdin.flush()
         assert self._answer() == "ok\n"
 
+    @contextmanager
+    def observed(self, node: int = 1) -> Iterator[ObservedDrive]:
+        """One of the drives, without robotd."""
+        with sdo_of("udp_multicast", f"{GROUP}#{PORT}", 1_000_000, node) as sdo:
+            yield ObservedDrive(sdo)
+
     def _answer(self) -> str:
         assert self._process is not None
         assert self._process.stdout is not None
@@ -62,20 +90,14 @@ class DrivesProcess:
         self.stop()
 
 
-def write_robot(folder: Path, robot: str = "cr3a") -> Path:
-    """A file of ``robot`` that finds its drives in the process above."""
-    base = load_robot_descriptor(robot).path
+def write_robot(folder: Path, robot: str = "cr3a", **options: float) -> Path:
+    """A file of ``robot`` that finds its drives in the process above; ``options`` are canopen's."""
+    section = {"bus": {"channel": GROUP, "options": {"port": PORT}}, **options}
+    content = {
+        "extends": str(load_robot_descriptor(robot).path),
+        "default_variant": "canopen_multicast",
+        "variants": {"canopen_multicast": {"backends": {"canopen": section}}},
+    }
     path = folder / f"{robot}.yaml"
-    path.write_text(
-        f"""\
-extends: {base}
-default_variant: canopen_multicast
-variants:
-  canopen_multicast:
-    backends:
-      canopen:
-        bus: {{channel: {GROUP}, options: {{port: {PORT}}}}}
-""",
-        encoding="utf-8",
-    )
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import random
 import signal
 import sys
@@ -19,8 +18,9 @@ import click
 from tests.bench.machine import machine
 from tests.bench.tables import aligned
 from tests.endurance.lives import Life, Lives, Phase
+from tests.endurance.rest import come_to_rest
 from tests.endurance.vitals import shm_total
-from tests.endurance.worlds import World, canopen_world, seconds_to_rest, wmx_world
+from tests.endurance.worlds import World, canopen_world, wmx_world
 from tests.ros.robot_process import Client
 
 from robotd.testing.domain import own_domain
@@ -37,15 +37,17 @@ class Death:
     """What drives in a process of their own did when robotd was killed while they moved.
 
     Attributes:
-        rest_s: from SIGKILL to standstill.
         limit_s: the watchdog's time and the braking.
-        restart_s: from the start of the next robotd to its first joint state.
+        rest_s: from SIGKILL to standstill; None when it could not be seen.
+        restart_s: from the start of the next robotd to its first joint state; None likewise.
+        problem: empty when all was as it should be.
     """
 
     backend: str
-    rest_s: float
     limit_s: float
-    restart_s: float
+    rest_s: float | None = None
+    restart_s: float | None = None
+    problem: str = ""
 
 
 @click.command()
@@ -57,23 +59,27 @@ def main(times: int, deaths: int, seed: int | None, out: Path) -> None:
     """Signals at random moments; exit status 1 when something was not as it should be."""
     seed = time.time_ns() % 10**6 if seed is None else seed
     click.echo(f"seed {seed}")
-    chance = random.Random(seed)
-    with own_domain() as domain:
-        client = Client(domain)
-        before = shm_total()
-        lives = list(_lives(Lives(client), times, chance))
+    chance, where = random.Random(seed), machine()
+    lives: list[Life] = []
+    died: list[Death] = []
+    before = shm_total()
+    try:
+        with own_domain() as domain:
+            client = Client(domain)
+            lives.extend(_lives(Lives(client), times, chance))
+            died.extend(_deaths_of(client, deaths, chance))
+            client.close()
+    finally:  # also of a run that was broken off
         left = shm_total() - before
-        died = [*_deaths_of(client, deaths, chance)]
-        client.close()
-    rows, problems = _table(lives), _problems(lives, died, left)
-    for line in (*aligned(rows), "", *aligned(_death_table(died)), "", *problems):
+        problems = _problems(lives, died, left)
+        content = {"seed": seed, "machine": where, "shm_files_more": left, "problems": problems}
+        content["lives"] = [asdict(life) for life in lives]
+        content["deaths"] = [asdict(death) for death in died]
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "killing.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    for line in (*aligned(_table(lives)), "", *aligned(_death_table(died)), "", *problems):
         click.echo(line)
     click.echo(f"files of /dev/shm: {left:+d}; {len(problems)} problems")
-    out.mkdir(parents=True, exist_ok=True)
-    content = {"seed": seed, "machine": machine(), "shm_files_more": left, "problems": problems}
-    content["lives"] = [asdict(life) for life in lives]
-    content["deaths"] = [asdict(death) for death in died]
-    (out / "killing.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     sys.exit(bool(problems))
 
 
@@ -95,22 +101,22 @@ def _endless(kinds: Sequence[Kind], chance: random.Random) -> Iterator[Kind]:
 
 def _deaths_of(client: Client, count: int, chance: random.Random) -> Iterator[Death]:
     with tempfile.TemporaryDirectory(prefix="robotd-killing-") as folder:
-        worlds: list[AbstractContextManager[World]] = [
-            canopen_world(Path(folder)),
-            wmx_world(),
-        ]
-        for opened in worlds if count else ():
-            with opened as world:
-                try:
+        worlds: dict[str, AbstractContextManager[World]] = {
+            "canopen": canopen_world(Path(folder)),
+            "wmx": wmx_world(),
+        }
+        for backend, opened in worlds.items() if count else ():
+            try:
+                with opened as world:
                     yield from deaths(client, world, count, chance)
-                except AssertionError as error:  # the lives before it are not to be lost
-                    click.echo(f"{world.backend}: {error}")
-                    yield Death(world.backend, math.inf, world.watchdog_s, math.inf)
+            except Exception as error:  # noqa: BLE001 - what was seen before is not to be lost
+                yield Death(backend, 0.0, problem=f"{type(error).__name__}: {error}")
 
 
 def deaths(client: Client, world: World, count: int, chance: random.Random) -> Iterator[Death]:
     """Kill robotd while the drives of ``world`` move, ``count`` times."""
     lives = Lives(client, robot=world.robot, backend=world.backend)
+    limit_s = world.watchdog_s + world.braking_s
     process, _ = lives.start()
     for _ in range(count):
         with process:
@@ -119,9 +125,10 @@ def deaths(client: Client, world: World, count: int, chance: random.Random) -> I
             time.sleep(chance.uniform(0.0, 1.0))
             position = world.look(process.process.pid)
             process.end(signal.SIGKILL)
-            rest_s = seconds_to_rest(position)
+            rest_s = come_to_rest(position).seconds
         process, restart_s = lives.start()
-        yield Death(world.backend, rest_s, world.watchdog_s + world.braking_s, restart_s)
+        slow = f"moved for {rest_s:.2f} s, the limit is {limit_s:g} s" if rest_s > limit_s else ""
+        yield Death(world.backend, limit_s, round(rest_s, 3), restart_s, slow)
     with process:
         process.wait_ready()
         assert process.end(signal.SIGTERM) == 0, process.output
@@ -132,11 +139,7 @@ def _problems(lives: Sequence[Life], died: Sequence[Death], left: int) -> list[s
     for what, seconds in _starts(lives, died):
         if seconds > FIRST_JOINT_STATE_S:
             found.append(f"{what}: {seconds:.1f} s to the first joint state")
-    found += [
-        f"{death.backend}: moved for {death.rest_s:.2f} s, the limit is {death.limit_s:g} s"
-        for death in died
-        if death.rest_s > death.limit_s
-    ]
+    found += [f"{death.backend}: {death.problem}" for death in died if death.problem]
     if left > SHM_FILES:
         found.append(f"{left} files more in /dev/shm")
     return found
@@ -147,7 +150,8 @@ def _starts(lives: Sequence[Life], died: Sequence[Death]) -> Iterator[tuple[str,
         if life.first_joint_state_s is not None:
             yield str(life.phase), life.first_joint_state_s
     for death in died:
-        yield death.backend, death.restart_s
+        if death.restart_s is not None:
+            yield death.backend, death.restart_s
 
 
 def _table(lives: Sequence[Life]) -> list[list[str]]:
@@ -168,10 +172,9 @@ def _table(lives: Sequence[Life]) -> list[list[str]]:
 
 def _death_table(died: Sequence[Death]) -> list[list[str]]:
     rows = [["SIGKILL in motion", "s to standstill", "limit", "s to the next joint state"]]
-    rows += [
-        [each.backend, f"{each.rest_s:.2f}", f"{each.limit_s:g}", f"{each.restart_s:.2f}"]
-        for each in died
-    ]
+    for each in died:
+        seconds = (each.rest_s, each.limit_s, each.restart_s)
+        rows.append([each.backend, *("–" if one is None else f"{one:.2f}" for one in seconds)])
     return rows
 
 

@@ -6,27 +6,15 @@ import os
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
+from tests.canopen.drives_process import DrivesProcess, write_robot
+from tests.endurance.rest import Position
 
-from robotd_canopen.scan import sdo_of
-
-ROOT = Path(__file__).parents[2]
-WMX_TESTS = ROOT / "plugins" / "wmx" / "tests"
-GROUP = "239.74.163.32"
-PORT = 20000 + os.getpid() % 20000
-POSITION_ACTUAL = 0x6064  # in counts; CiA 402
-STILL_S = 0.3  # without a change of position is standstill
-POLL_S = 0.01
-LONGEST_S = 10.0
-
-
-Position = Callable[[], float | None]
+WMX_TESTS = Path(__file__).parents[2] / "plugins" / "wmx" / "tests"
 
 
 @dataclass(frozen=True)
@@ -49,57 +37,13 @@ class World:
     look: Callable[[int], Position]
 
 
-def seconds_to_rest(position: Position) -> float:
-    """How long the first axis still moves from now on. Raises AssertionError when it goes on."""
-    began_s = changed_s = time.monotonic()
-    before = position()
-    while (now_s := time.monotonic()) - changed_s < STILL_S:
-        seen = position()
-        if seen is None:
-            return now_s - began_s
-        if seen != before:
-            before, changed_s = seen, now_s
-        assert now_s - began_s < LONGEST_S, f"still moves after {LONGEST_S:g} s"
-        time.sleep(POLL_S)
-    return changed_s - began_s
-
-
 @contextmanager
 def canopen_world(folder: Path) -> Iterator[World]:
     """The simulated CiA 402 drives of the arm, over UDP multicast."""
-    section = {
-        "bus": {"interface": "udp_multicast", "channel": GROUP, "options": {"port": PORT}},
-        "simulated": False,
-    }
-    robot = folder / "robot.yaml"
-    content = {
-        "extends": os.path.relpath(ROOT / "robots" / "cr3a" / "robot.yaml", folder),
-        "cycle": {"rate_hz": 250},
-        "engine": {"stale_after_s": 0.3},
-        "ros_parameters": {"manipulator_state": {"joint_feedback_rate": 250}},
-        "backends": {"canopen": section},
-    }
-    robot.write_text(yaml.safe_dump(content), encoding="utf-8")
-    command = [sys.executable, "-m", "robotd", "canopen", "simulate", "--robot", "cr3a"]
-    command += ["--channel", GROUP, "--port", str(PORT)]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, **pipes) as drives:  # type: ignore[call-overload]
-        try:
-            assert "nodes 1," in drives.stdout.readline()
-            with sdo_of("udp_multicast", f"{GROUP}#{PORT}", 1_000_000, 1) as sdo:
-                yield World(
-                    str(robot),
-                    "canopen",
-                    watchdog_s=0.5,  # heartbeat_timeout_s
-                    braking_s=1.0,
-                    look=lambda _: (
-                        lambda: int.from_bytes(
-                            sdo.upload(POSITION_ACTUAL, 0), "little", signed=True
-                        )
-                    ),
-                )
-        finally:
-            drives.kill()
+    watchdog_s = 0.5
+    robot = write_robot(folder, heartbeat_timeout_s=watchdog_s)
+    with DrivesProcess() as drives, drives.observed() as drive:
+        yield World(str(robot), "canopen", watchdog_s, braking_s=1.0, look=lambda _: drive.position)
 
 
 @contextmanager
