@@ -10,6 +10,8 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.device.image import ProcessImage
 
+LATE_PERIODS = 1.4  # from one sample to the next
+
 
 class Recording:
     """Samples in the order of time; every array has the shape (samples, n_axes).
@@ -72,6 +74,10 @@ class Recording:
     @cached_property
     def servo_on(self) -> IntArray:
         return np.asarray(self._column(5), np.int64)
+
+    def was_late(self, period_s: float) -> bool:
+        """Some values came late, so that those of a period are missing."""
+        return bool(np.diff(self.time_s).max(initial=0.0) > LATE_PERIODS * period_s)
 
     def slope(self, values: FloatArray, span_s: float) -> tuple[FloatArray, FloatArray]:
         """Mean rate of change over spans of ``span_s``: times (k,), and rates (k, n_axes)."""

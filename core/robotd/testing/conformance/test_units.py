@@ -11,6 +11,8 @@ from robotd.device.capabilities import Capability
 from robotd.device.drivers import Profile
 from robotd.device.image import ProcessImage
 from robotd.device.state import CommandMode
+from robotd.testing.conformance.attempts import judge
+from robotd.testing.conformance.recording import Recording
 from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
 
 LAG_S = 0.03  # granted between a commanded and a measured value
@@ -56,14 +58,23 @@ def test_the_measured_position_is_that_of_the_shaft(rig: Rig, bench: Bench) -> N
 
 
 def test_the_velocity_is_the_slope_of_the_position(rig: Rig) -> None:
-    with rig.recording() as recording:
-        rig.move(rig.all, rig.image.position_command + rig.travel())
-        rig.rest()
-    times_s, slope = recording.slope(recording.position, 0.02)
-    for axis in rig.all:
-        measured = np.interp(times_s, recording.time_s, recording.velocity[:, axis])
-        allowed = 0.05 * rig.profile(axis).velocity + LAG_S * rig.profile(axis).acceleration
-        assert np.abs(measured - slope[:, axis]).max() <= allowed
+    def motion() -> Recording:
+        with rig.recording() as recording:
+            rig.move(rig.all, rig.image.position_command + rig.travel())
+            rig.rest()
+        return recording
+
+    def problems(recording: Recording) -> list[str]:
+        times_s, slope = recording.slope(recording.position, 0.02)
+        found = []
+        for axis in rig.all:
+            measured = np.interp(times_s, recording.time_s, recording.velocity[:, axis])
+            profile, error = rig.profile(axis), np.abs(measured - slope[:, axis]).max()
+            if error > 0.05 * profile.velocity + LAG_S * profile.acceleration:
+                found.append(f"axis {axis}: measured {error:.3g} rad/s beside the slope")
+        return found
+
+    judge(rig, motion, problems)
 
 
 def test_the_commands_in_the_image_are_those_that_were_given(rig: Rig) -> None:

@@ -1,0 +1,41 @@
+"""Motions that are judged by when their values came, on a computer that may be busy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from robotd.testing.conformance.recording import Recording
+from robotd.testing.conformance.rig import Rig
+
+ATTEMPTS = 3
+
+
+def judge(
+    rig: Rig, motion: Callable[[], Recording], problems: Callable[[Recording], list[str]]
+) -> None:
+    """Run ``motion``; what ``problems`` finds in its recording is a failure.
+
+    In real time it is tried again when the cycle or the device's values came late: then setpoints
+    came late, or values do not belong to their times, which is no fault of the backend.
+    """
+    for _ in range(ATTEMPTS):
+        recording = motion()
+        found = problems(recording)
+        if not (found and recording.was_late(rig.period_s)):
+            assert not found, "; ".join(found)
+            return
+    pytest.skip(f"the computer was too busy to judge: values were late {ATTEMPTS} times")
+
+
+def steep_ramps(rig: Rig, recording: Recording, span_s: float, more: float) -> list[str]:
+    """Axes whose velocity command changes faster than ``more`` times their profile's ramp."""
+    _, ramps = recording.slope(recording.velocity_command, span_s)
+    steepest = abs(ramps).max(0)
+    limits = [more * rig.profile(axis).acceleration for axis in rig.all]
+    return [
+        f"axis {axis}: acceleration {steepest[axis]:.3g} rad/s², the limit is {limits[axis]:.3g}"
+        for axis in rig.all
+        if steepest[axis] > limits[axis]
+    ]
