@@ -9,7 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing
 from dataclasses import asdict, dataclass
 from itertools import islice, product
 from pathlib import Path
@@ -64,11 +64,9 @@ def main(times: int, deaths: int, seed: int | None, out: Path) -> None:
     died: list[Death] = []
     before = shm_total()
     try:
-        with own_domain() as domain:
-            client = Client(domain)
+        with own_domain() as domain, closing(Client(domain)) as client:
             lives.extend(_lives(Lives(client), times, chance))
             died.extend(_deaths_of(client, deaths, chance))
-            client.close()
     finally:  # also of a run that was broken off
         left = shm_total() - before
         problems = _problems(lives, died, left)
