@@ -129,7 +129,9 @@ def test_the_same_steps_give_the_same_joint_states(client: Client) -> None:
                 moving += 1
                 rows.append(state.position.tobytes() + state.velocity.tobytes())
         for each in (handle, client.send_goal(goal(0.0, 1.0))):
-            wait_until(lambda each=each: each.done or not ask(client, "step", periods=50), "the end")
+            wait_until(
+                lambda each=each: each.done or not ask(client, "step", periods=50), "the end"
+            )
             assert each.result()[1].error_code == 0
         return rows
 
