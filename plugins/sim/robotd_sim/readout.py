@@ -65,9 +65,11 @@ class Readout:
         image.mode[:] = states.mode_feedback
         image.operation[:] = states.operation
         image.reason[:] = states.reason
-        image.offline[:] = True
+        # In one step: other threads look at the image, and none may see a drive offline that is not.
         if self._simulation.communicating:
             np.logical_not(states.connected, image.offline)
+        else:
+            image.offline[:] = True
         # Without a position loop the engine lets the commanded position follow the measured one.
         follows = (states.mode_feedback != CommandMode.POSITION) | ~states.servo_on
         self._followers = np.flatnonzero(follows).tolist()
