@@ -65,7 +65,7 @@ class Readout:
         image.mode[:] = states.mode_feedback
         image.operation[:] = states.operation
         image.reason[:] = states.reason
-        # In one step: other threads look at the image, and none may see a drive offline that is not.
+        # In one step: no other thread may see a drive offline that is not.
         if self._simulation.communicating:
             np.logical_not(states.connected, image.offline)
         else:
