@@ -15,6 +15,8 @@ from robotd.motion.joints import MotionState
 from robotd.motion.refusal import refuse
 from robotd.motion.request import Points
 
+_HUGE = 1e100  # of a coefficient: its products with powers of the time stay finite
+
 
 class Interpolation(Enum):
     """How the path runs between its knots, and what is continuous at them."""
@@ -46,7 +48,7 @@ def interpolate(knots: Points, start: MotionState) -> FloatArray:
             coefficients = _cubic(times_s, positions, knots.velocities)
         else:
             coefficients = _quintic(times_s, positions, knots.velocities, knots.accelerations)
-    if not np.isfinite(coefficients).all():
+    if not (np.abs(coefficients) < _HUGE).all():
         raise refuse("the points are too far apart to be joined by a finite path")
     return coefficients
 

@@ -132,3 +132,5 @@ def test_a_trajectory_cannot_be_changed() -> None:
 def test_numbers_that_cannot_be_joined_are_refused() -> None:
     with pytest.raises(TrajectoryRefused, match="too far apart"):
         planned(request([0.001, 0.002], rows(1e308, -1e308), rows(0, 0), rows(0, 0)))
+    with pytest.raises(TrajectoryRefused, match="too far apart"):
+        planned(request([2.0], rows(1e308)))

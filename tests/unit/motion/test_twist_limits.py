@@ -37,9 +37,9 @@ def parts(all_limits: TwistLimits) -> tuple[RampLimits, RampLimits]:
 def same_direction(twist: PlanarTwist, command: PlanarTwist) -> bool:
     """Equal curvature, and not backwards: the sine of the angle between the two vanishes.
 
-    Below 1e-15 m/s and rad/s there is rounding and no direction.
+    Below 1e-12 m/s and rad/s there is rounding and no direction.
     """
-    if math.hypot(*twist) < 1e-15:
+    if math.hypot(*twist) < 1e-12:
         return True
     size = math.hypot(*twist) * math.hypot(*command)
     across = twist.linear * command.angular - twist.angular * command.linear
