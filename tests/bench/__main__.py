@@ -20,6 +20,7 @@ from tests.bench.figures import draw
 from tests.bench.machine import machine
 from tests.bench.planning import planning
 from tests.bench.process import fresh_environment
+from tests.bench.results import keep, out_option
 from tests.bench.scenario import Measured, measure, subscriber
 from tests.bench.subjects import subjects
 from tests.bench.tables import tables
@@ -27,12 +28,10 @@ from tests.bench.targets import targets
 
 from robotd.testing.domain import own_domain
 
-OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
-
 
 @click.command()
 @click.option("--seconds", default=8.0, show_default=True, help="Length of each measurement.")
-@click.option("--out", default=OUT, type=click.Path(path_type=Path), help="Folder of the results.")
+@out_option
 @click.option("--only", multiple=True, metavar="NAME", help="Only these; * and ? as in a shell.")
 def main(seconds: float, out: Path, only: Sequence[str]) -> None:
     """Measure robotd on the simulation, beside C and plain rclpy. Reports, never fails."""
@@ -54,8 +53,7 @@ def main(seconds: float, out: Path, only: Sequence[str]) -> None:
     results["load_after"] = os.getloadavg()[0]
     for line in (*_heading(results), *tables(results, rows)):
         print(line)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "latest.json").write_text(json.dumps(_rounded(results), indent=1) + "\n")
+    keep(out, "latest", _rounded(results))
     if measured:
         draw(measured, out)
     print(f"\nwritten to {out}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import tempfile
@@ -13,12 +12,12 @@ from typing import Any
 import click
 import matplotlib as mpl
 from tests.bench.machine import machine
+from tests.bench.results import keep, out_option
 from tests.bench.scaling_runs import HELD_PERCENT, Run, holds, measure, runs
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
-OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
 COLUMNS = {
     "axes": ("axes", "{:d}"),
@@ -37,7 +36,7 @@ Figures = dict[str, Any]
 
 @click.command()
 @click.option("--seconds", default=10.0, show_default=True, help="Length of each measurement.")
-@click.option("--out", default=OUT, type=click.Path(path_type=Path), help="Folder of the results.")
+@out_option
 @click.option("--axes", "only", flag_value="axes", help="Only the runs with more and more axes.")
 @click.option("--rates", "only", flag_value="rate_hz", help="Only those at higher rates.")
 @click.option("--robots", "only", flag_value="robots", help="Only those with more robots.")
@@ -60,8 +59,7 @@ def main(seconds: float, out: Path, only: str | None) -> None:
     results["load_after"] = os.getloadavg()[0]
     report = "\n".join(_report(results))
     click.echo(report)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "scaling.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    keep(out, "scaling", results)
     _draw(results["runs"], out / "scaling.png")
     _into_page(out / "scaling.md", report)
 

@@ -7,7 +7,6 @@ On the virtual bus of python-can. What the simulated drives of the process take 
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import threading
@@ -19,6 +18,7 @@ from typing import cast
 import can
 import numpy as np
 from tests.bench.machine import machine
+from tests.bench.results import OUT, keep
 from tests.canopen.rig import Rig
 
 from robotd.clock import MonotonicClock
@@ -36,7 +36,6 @@ FRAMES = 5_000
 RUNS = 5
 CYCLE_S = 10.0
 RATE_HZ = 250
-OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 
 Figures = dict[str, float]
 
@@ -196,7 +195,7 @@ def main(out: Path = OUT) -> None:
     rounded = {name: float(f"{value:.4g}") for name, value in figures.items()}
     load = {"load_after": os.getloadavg()[0]}
     results = {"machine": where, **load, "figures": rounded, "targets": rows}
-    (out / "canopen.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    keep(out, "canopen", results)
 
 
 if __name__ == "__main__":

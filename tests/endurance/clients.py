@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
@@ -15,13 +14,14 @@ from pathlib import Path
 import click
 from tests.bench.machine import machine
 from tests.bench.process import Program, fresh_environment
+from tests.bench.results import keep, out_option
 from tests.bench.tables import aligned
+from tests.endurance.cases import in_turn
 from tests.endurance.honest import afterwards, lateness_us, swing
 from tests.endurance.rude import KINDS
 from tests.endurance.vitals import vitals
 from tests.ros.robot_process import Client, RobotProcess
 
-OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 SECONDS = 8.0  # with what follows, no longer than the robot keeps its samples: 16 s
 LATENESS_P99_US = 1000.0
 MEMORY_MIB = 30.0  # 1000 goals and their results are kept for 10 s
@@ -50,22 +50,17 @@ class Seen:
 @click.command()
 @click.argument("kinds", nargs=-1, type=click.Choice([*KINDS]))
 @click.option("--seconds", default=SECONDS, show_default=True, help="Of each misbehaviour.")
-@click.option("--out", default=OUT, type=click.Path(path_type=Path), help="Folder of the result.")
+@out_option
 def main(kinds: Sequence[str], seconds: float, out: Path) -> None:
     """Let clients of KINDS misbehave, by default of all; exit status 1 when a robot suffers."""
     facts = machine()
-    seen = []
-    for kind in kinds or KINDS:
-        click.echo(f"{kind}: {KINDS[kind].__doc__}", err=True)
-        seen.append(endure(kind, seconds))
-        if seen[-1].problem:
-            click.echo(f"{kind}: {seen[-1].problem}", err=True)
+    cases = {kind: str(KINDS[kind].__doc__) for kind in kinds or KINDS}
+    seen = in_turn(cases, lambda kind: endure(kind, seconds))
     for line in aligned(_table(seen)):
         click.echo(line)
     late = [each for each in seen if each.lateness_p99_us > LATENESS_P99_US]
-    out.mkdir(parents=True, exist_ok=True)
     content = {"machine": facts, "seconds": seconds, "seen": [asdict(each) for each in seen]}
-    (out / "clients.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    keep(out, "clients", content)
     sys.exit(bool(late or any(each.problem for each in seen)))
 
 

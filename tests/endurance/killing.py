@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 import signal
 import sys
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import click
 from tests.bench.machine import machine
+from tests.bench.results import keep, out_option
 from tests.bench.tables import aligned
 from tests.endurance.lives import Life, Lives, Phase
 from tests.endurance.rest import come_to_rest
@@ -25,7 +25,6 @@ from tests.ros.robot_process import Client
 
 from robotd.testing.domain import own_domain
 
-OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 Kind = tuple[Phase, signal.Signals]
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 FIRST_JOINT_STATE_S = 5.0
@@ -54,7 +53,7 @@ class Death:
 @click.option("--times", default=100, show_default=True, help="Lives on the simulation.")
 @click.option("--deaths", default=5, show_default=True, help="Kills in motion per real backend.")
 @click.option("--seed", type=int, help="Of the moments. Default: one by the clock, printed.")
-@click.option("--out", default=OUT, type=click.Path(path_type=Path), help="Folder of the result.")
+@out_option
 def main(times: int, deaths: int, seed: int | None, out: Path) -> None:
     """Signals at random moments; exit status 1 when something was not as it should be."""
     seed = time.time_ns() % 10**6 if seed is None else seed
@@ -73,8 +72,7 @@ def main(times: int, deaths: int, seed: int | None, out: Path) -> None:
         content = {"seed": seed, "machine": where, "shm_files_more": left, "problems": problems}
         content["lives"] = [asdict(life) for life in lives]
         content["deaths"] = [asdict(death) for death in died]
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "killing.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        keep(out, "killing", content)
     for line in (*aligned(_table(lives)), "", *aligned(_death_table(died)), "", *problems):
         click.echo(line)
     click.echo(f"files of /dev/shm: {left:+d}; {len(problems)} problems")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 import time
@@ -16,7 +15,9 @@ import click
 from sensor_msgs.msg import JointState
 from tests.bench.machine import machine
 from tests.bench.process import Program, fresh_environment
+from tests.bench.results import keep, out_option
 from tests.bench.tables import aligned
+from tests.endurance.cases import in_turn
 from tests.endurance.conditions import CONDITIONS
 from tests.endurance.honest import FASTEST_RAD_S, afterwards, lateness_us, swing
 from tests.endurance.monitor import Monitor
@@ -24,7 +25,6 @@ from tests.ros.robot_process import Client
 
 from robotd.testing.domain import own_domain
 
-OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 SECONDS = 6.0
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
@@ -56,20 +56,16 @@ class Borne:
 @click.command()
 @click.argument("conditions", nargs=-1, type=click.Choice([*CONDITIONS]))
 @click.option("--seconds", default=SECONDS, show_default=True, help="Of each condition.")
-@click.option("--out", default=OUT, type=click.Path(path_type=Path), help="Folder of the result.")
+@out_option
 def main(conditions: Sequence[str], seconds: float, out: Path) -> None:
     """Run a robot under CONDITIONS, by default all; exit status 1 when it is not safe."""
-    facts, borne = machine(), []
-    for name in conditions or CONDITIONS:
-        click.echo(f"{name}: {CONDITIONS[name].summary}", err=True)
-        borne.append(bear(name, seconds))
-        if borne[-1].problem:
-            click.echo(f"{name}: {borne[-1].problem}", err=True)
+    facts = machine()
+    cases = {name: CONDITIONS[name].summary for name in conditions or CONDITIONS}
+    borne = in_turn(cases, lambda name: bear(name, seconds))
     for line in aligned(_table(borne)):
         click.echo(line)
-    out.mkdir(parents=True, exist_ok=True)
     content = {"machine": facts, "seconds": seconds, "borne": [asdict(each) for each in borne]}
-    (out / "machine.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    keep(out, "machine", content)
     sys.exit(any(each.problem for each in borne))
 
 

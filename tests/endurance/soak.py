@@ -17,6 +17,7 @@ from typing import Any
 import click
 from tests.bench.machine import machine
 from tests.bench.process import Program, fresh_environment
+from tests.bench.results import out_option
 from tests.bench.tables import aligned
 from tests.endurance.figures import draw
 from tests.endurance.judge import Bound, bounds
@@ -27,7 +28,6 @@ from tests.ros.robot_process import Client, RobotProcess, wait_until
 
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 
-OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 KEPT_SAMPLES = 720  # in the JSON: one in 5 s of an hour
 TROUBLE = re.compile(r"\[(error|critical) *\]|Traceback", re.IGNORECASE)
 
@@ -50,7 +50,7 @@ class Run:
 @click.option("--variant", help="Variant of the robot.")
 @click.option("--backend", default="sim", show_default=True, help="What drives it.")
 @click.option("--seed", default=1, show_default=True, help="Of the clients' random numbers.")
-@click.option("--out", default=OUT, type=click.Path(path_type=Path), help="Folder of the results.")
+@out_option
 def main(
     minutes: float, robot: str, variant: str | None, backend: str, seed: int, out: Path
 ) -> None:
