@@ -40,11 +40,12 @@ def engine_status(state: EngineState, backend: str, fault: str = "", *, ready: b
     """OK while axes can be commanded, ERROR when what is known is too old, else WARN."""
     values = {"state": state.value, "ready": _yes_no(ready), "backend": backend}
     if state is EngineState.UNKNOWN:
-        text = "the device gives no fresh values"
-        return Status("engine", Level.ERROR, f"{text}: {fault}" if fault else text, values)
-    if ready:
+        level, text = Level.ERROR, "the device gives no fresh values"
+    elif ready:
         return Status("engine", Level.OK, state.value, values)
-    return Status("engine", Level.WARN, f"{state.value}: axes cannot be commanded", values)
+    else:
+        level, text = Level.WARN, f"{state.value}: axes cannot be commanded"
+    return Status("engine", level, f"{text}: {fault}" if fault else text, values)
 
 
 def axis_status(

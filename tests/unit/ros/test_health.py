@@ -51,6 +51,11 @@ def test_an_engine_without_fresh_values_says_why() -> None:
     assert status.message == "the device gives no fresh values: the bus is off"
 
 
+def test_an_engine_that_does_not_communicate_says_why() -> None:
+    status = engine_status(EngineState.RUNNING, "wmx", "the licence has run out", ready=False)
+    assert status.message == "Running: axes cannot be commanded: the licence has run out"
+
+
 def test_the_device_adds_its_words_to_an_alarm() -> None:
     image = healthy()
     image.amp_alarm[0], image.alarm_code[0], image.reason[0] = True, 16, "DC link over-voltage"
