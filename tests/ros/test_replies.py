@@ -91,3 +91,38 @@ def test_a_client_that_is_not_known_yet_gets_its_answer(
     client = node_of(hosts[1], "client").create_client(Trigger, "asked")
     assert wait_for(ask(client)).message == "hello"
     assert len(seen) > 3, "the answer did not wait for the client"
+
+
+def test_a_response_that_waits_for_a_client_that_has_gone_leaves_the_interpreter_alone(
+    hosts: tuple[RosHost, RosHost], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server, node = node_of(hosts[0], "server"), node_of(hosts[1], "client")
+    taken, release, ended = threading.Event(), threading.Event(), threading.Event()
+
+    def hold(_: Any, response: Any) -> Any:
+        taken.set()
+        release.wait(WAIT_S)
+        return response
+
+    def last(_: Any, response: Any) -> Any:
+        ended.set()
+        return response
+
+    add_service(server, hosts[0], Trigger, "held", hold, blocking=False)
+    add_service(server, hosts[0], Trigger, "asked", greet, blocking=False)
+    add_service(server, hosts[0], Trigger, "last", last, blocking=False)
+    hasty = node.create_client(Trigger, "asked")
+    ask(node.create_client(Trigger, "held"))
+    assert taken.wait(WAIT_S)
+    for _ in range(BURST // 3):
+        ask(hasty)
+    node.destroy_client(hasty)
+    wait_until(lambda: not server.count_clients("asked"), "the server to know that it has gone")
+    monkeypatch.setattr(replies._Waiting, "may_go", lambda *_: True)  # the graph is behind
+    ask(node.create_client(Trigger, "last"))
+    release.set()
+    turns = 0
+    while not ended.is_set():
+        time.sleep(0.001)
+        turns += 1
+    assert turns > 10 * BURST, "this thread did not get the interpreter"  # 90 a send; locked, 15

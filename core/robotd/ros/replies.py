@@ -1,14 +1,14 @@
 """Responses that wait for their client without holding up anything else.
 
 rmw_fastrtps keeps ``rcl_send_response`` for up to 100 ms when it does not know the reader of the
-response: the client is not discovered whole yet, or has gone before its request was taken. rclpy
-holds the interpreter meanwhile, and with it the cycle. So the reader is looked up in the ROS graph
-first, 10 us for each client of the service (x86_64), and a response without one waits here.
+response: the client is not discovered whole yet, or has gone before its request was taken. So the
+reader of a client's first request is looked up in the ROS graph, 10 us for each client of the
+service (x86_64), and a response without one waits here. Where the graph is behind, the call itself
+waits, with the interpreter released: see ``unlocked.py``.
 """
 
 from __future__ import annotations
 
-import ctypes
 import threading
 import time
 from typing import Any, NamedTuple
@@ -20,12 +20,14 @@ from rclpy.node import Node
 from rclpy.service import Service
 
 from robotd.log import get_logger
+from robotd.ros.unlocked import RequestId, UnlockedSender, request_id_of
 
 log = get_logger("ros")
 
 _WAIT_S = 0.1  # as long as rmw_fastrtps
 _LOOK_S = 0.002
 _READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
+_KNOWN = 64  # readers that are not looked up again
 
 
 class Replies:
@@ -33,14 +35,16 @@ class Replies:
 
     Args:
         node: the service's owner.
-        service: its ``send_response``, as it is now, is what sends in the end.
+        service: whose requests are answered.
     """
 
     def __init__(self, node: Node, service: Service) -> None:
         self._node = node
         self._name = service.service_name
-        self._send_response = service.send_response
+        self._rclpy_send = service.send_response
+        self._send_unlocked = UnlockedSender(service)
         self._looks = "fastrtps" in rclpy.get_rmw_implementation_identifier()
+        self._known: set[bytes] = set()
         self._lock = threading.Lock()
         self._waiting: list[_Waiting] = []
 
@@ -54,9 +58,10 @@ class Replies:
             response: of the service's type.
             header: of the request, from rclpy.
         """
-        reader = reader_of(header) if self._looks else None
-        waiting = _Waiting(response, header, reader or b"", time.monotonic() + _WAIT_S)
-        if reader is None or waiting.may_go(self._readers()):
+        request = request_id_of(header)
+        reader = reader_of(request) if request and self._looks else None
+        waiting = _Waiting(response, header, request, reader or b"", time.monotonic() + _WAIT_S)
+        if reader is None or reader in self._known or waiting.may_go(self._readers()):
             self._send(waiting)
             return
         with self._lock:
@@ -85,9 +90,25 @@ class Replies:
 
     def _send(self, waiting: _Waiting) -> None:
         try:
-            self._send_response(waiting.response, waiting.header)
+            if waiting.request is None:
+                self._rclpy_send(waiting.response, waiting.header)
+                failure = ""
+            else:
+                failure = self._send_unlocked(waiting.response, waiting.request)
         except (InvalidHandle, RCLError) as error:
-            log.warning("response not sent", service=self._name, reason=str(error))
+            failure = str(error)
+        if not failure:
+            self._remember(waiting.reader)
+            return
+        self._known.discard(waiting.reader)
+        log.warning("response not sent", service=self._name, reason=failure)
+
+    def _remember(self, reader: bytes) -> None:
+        """Its answers go without a look; one that has gone meanwhile costs one wait."""
+        if reader not in self._known:
+            if len(self._known) >= _KNOWN:
+                self._known.clear()
+            self._known.add(reader)
 
     def _readers(self) -> set[bytes] | None:
         """GUIDs of all that read responses of this service; None when the node is gone.
@@ -108,6 +129,7 @@ class _Waiting(NamedTuple):
 
     response: Any
     header: Any
+    request: RequestId | None
     reader: bytes
     until_s: float
 
@@ -116,25 +138,7 @@ class _Waiting(NamedTuple):
         return readers is None or self.reader in readers
 
 
-class _RequestId(ctypes.Structure):
-    """``rmw_request_id_t``, of which rclpy shows the number alone."""
-
-    _fields_ = (("guid", ctypes.c_uint8 * 16), ("sequence_number", ctypes.c_int64))
-
-
-def reader_of(header: Any) -> bytes | None:
-    """GUID of the reader that waits for the response, 16 bytes; None when it cannot be told.
-
-    Args:
-        header: of the request, ``rmw_service_info_t`` or ``rmw_request_id_t`` of rclpy.
-    """
-    request = getattr(header, "request_id", header)
-    # pybind11 keeps the address of the C++ object behind the head of the Python object.
-    address = ctypes.c_void_p.from_address(id(request) + object.__basicsize__).value
-    if not address:
-        return None
-    identity = _RequestId.from_address(address)
-    if identity.sequence_number != request.sequence_number:
-        return None
-    guid = bytes(identity.guid)
+def reader_of(request: RequestId) -> bytes | None:
+    """GUID of the reader that waits for the response, 16 bytes; None when it cannot be told."""
+    guid = bytes(request.guid)
     return guid if guid[-1] & _READER else None

@@ -1,0 +1,95 @@
+"""``rcl_send_response`` with the interpreter released.
+
+rclpy holds the interpreter for as long as the call takes, up to 100 ms, and with it the cycle. The
+three functions of a message that rclpy calls too are found where it finds them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from typing import Any
+
+from rclpy.service import Service
+
+
+class RequestId(ctypes.Structure):
+    """``rmw_request_id_t``, of which rclpy shows the number alone."""
+
+    _fields_ = (("guid", ctypes.c_uint8 * 16), ("sequence_number", ctypes.c_int64))
+
+
+def request_id_of(header: Any) -> RequestId | None:
+    """What a request is known by, as long as ``header`` lives; None when it cannot be told.
+
+    Args:
+        header: of the request, ``rmw_service_info_t`` or ``rmw_request_id_t`` of rclpy.
+    """
+    request = getattr(header, "request_id", header)
+    # pybind11 keeps the address of the C++ object behind the head of the Python object.
+    address = ctypes.c_void_p.from_address(id(request) + object.__basicsize__).value
+    if not address:
+        return None
+    identity = RequestId.from_address(address)
+    return identity if identity.sequence_number == request.sequence_number else None
+
+
+class UnlockedSender:
+    """Sends the responses of one service. Any thread; one at a time."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._type = service.srv_type.Response
+        self._lock = threading.Lock()
+        support: Any = type(self._type)
+        support.__import_type_support__()
+        self._create = _function(support, "_CREATE_ROS_MESSAGE", _CREATE)
+        self._convert = _function(support, "_CONVERT_FROM_PY", _CONVERT)
+        self._destroy = _function(support, "_DESTROY_ROS_MESSAGE", _DESTROY)
+
+    def __call__(self, response: Any, request: RequestId) -> str:
+        """Send; why it failed, "" if it did not.
+
+        Raises:
+            TypeError: ``response`` is none of the service's.
+            rclpy.exceptions.InvalidHandle: the service is gone.
+        """
+        if not isinstance(response, self._type):
+            raise TypeError(f"{type(response).__name__} is not {self._type.__name__}")
+        message = self._create()
+        try:
+            self._convert(response, message)
+            with self._service.handle, self._lock:
+                pointer = self._service.handle.pointer
+                status = _rcl.rcl_send_response(pointer, ctypes.byref(request), message)
+                return _error() if status else ""
+        finally:
+            self._destroy(message)
+
+
+class _ErrorString(ctypes.Structure):
+    """``rcutils_error_string_t``."""
+
+    _fields_ = (("text", ctypes.c_char * 1024),)
+
+
+def _function(support: Any, name: str, signature: Any) -> Any:
+    """The C function whose address rosidl keeps in a capsule of a message's metaclass."""
+    return signature(_pointer_in(getattr(support, name), None))
+
+
+def _error() -> str:
+    """What rcl has to say of its last failure in this thread."""
+    text: bytes = _rcutils.rcutils_get_error_string().text
+    _rcutils.rcutils_reset_error()
+    return text.decode(errors="replace")
+
+
+_rcl, _rcutils = ctypes.CDLL("librcl.so"), ctypes.CDLL("librcutils.so")  # rclpy has loaded both
+_rcl.rcl_send_response.argtypes = [ctypes.c_void_p, ctypes.POINTER(RequestId), ctypes.c_void_p]
+_rcutils.rcutils_get_error_string.restype = _ErrorString
+_pointer_in = ctypes.pythonapi.PyCapsule_GetPointer
+_pointer_in.argtypes, _pointer_in.restype = [ctypes.py_object, ctypes.c_char_p], ctypes.c_void_p
+_CREATE = ctypes.CFUNCTYPE(ctypes.c_void_p)
+_CONVERT = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.py_object, ctypes.c_void_p)
+_DESTROY = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
