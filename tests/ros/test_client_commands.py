@@ -6,7 +6,8 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
@@ -20,22 +21,28 @@ pytestmark = pytest.mark.ros
 NOT_ENABLED = ("--nodes", "wmx_engine_node,wmx_core_motion_node")
 
 
-def start(domain: int, *arguments: str) -> subprocess.Popen[str]:
+@contextmanager
+def started(domain: int, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A command at work; killed at the end if it still is."""
     environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    return subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "robotd", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | environment,
-    )
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def robotd(domain: int, *arguments: str) -> tuple[int, str, str]:
     """Exit status, standard output and standard error of a command."""
-    process = start(domain, *arguments)
-    output, error = process.communicate(timeout=30)
-    return process.returncode, output, error
+    with started(domain, *arguments) as process:
+        output, error = process.communicate(timeout=30)
+        return process.returncode, output, error
 
 
 def positions(domain: int) -> list[float]:
@@ -124,11 +131,12 @@ def test_of_several_arms_one_must_be_chosen(cr3a: RobotProcess, client: Client) 
 def test_a_robot_that_dies_in_motion_is_noticed() -> None:
     with RobotProcess() as robot:
         robot.wait_ready()
-        moving = start(robot.domain, "move", "joint1=1.5", "--time", "20", "--timeout", "2")
-        with closing(Client(robot.domain)) as client:
-            joints: list[Any] = client.listen(JointState, "/joint_states")
-            wait_until(lambda: joints and joints[-1].position[0] > 0.01, "motion")
-        robot.process.kill()
-        _, error = moving.communicate(timeout=20)
+        move = ("move", "joint1=1.5", "--time", "20", "--timeout", "8")
+        with started(robot.domain, *move) as moving:
+            with closing(Client(robot.domain)) as client:
+                joints: list[Any] = client.listen(JointState, "/joint_states")
+                wait_until(lambda: joints and joints[-1].position[0] > 0.01, "motion")
+            robot.process.kill()
+            _, error = moving.communicate(timeout=30)
     assert moving.returncode == 5
     assert "it may be moving" in error
