@@ -93,6 +93,7 @@ def fresh_environment(domain: int) -> dict[str, str]:
         "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else each start compiles what is new
     if environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None):
         environment.pop("LD_LIBRARY_PATH", None)
     return environment

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import itertools
 import os
 import signal
@@ -33,6 +34,7 @@ backends:
 """
 
 
+LIBC = ctypes.CDLL(None)
 STANDIN_LOCKED = "WMX_STANDIN_LOCKED"
 
 
@@ -178,6 +180,15 @@ def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> No
     assert "communication stopped" in process.output
     for trouble in ("Traceback", "servo off failed", "controlled stop failed"):
         assert trouble not in process.output
+
+
+def test_a_signal_that_wakes_another_thread_stops_the_robot() -> None:
+    with RobotProcess() as process:
+        process.wait_ready()
+        threads = [int(task.name) for task in Path(f"/proc/{process.process.pid}/task").iterdir()]
+        assert LIBC.tgkill(process.process.pid, max(threads), signal.SIGTERM) == 0
+        assert process.exit_status() == 0
+        assert "device closed" in process.output
 
 
 def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:

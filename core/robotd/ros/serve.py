@@ -9,9 +9,9 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
@@ -38,6 +38,7 @@ EXIT_INTERRUPTED = 130
 M_ARENA_MAX, ARENAS = -8, 2  # malloc.h
 # A supervisor that signals the process and then its group means one signal, not two.
 REPEAT_S = 0.3
+LOOK_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def _run(
     start = _in_thread("robotd-start", lambda: _start(robot, node_names, events))
     failure: Exception | None = None
     try:
-        while not isinstance(event := events.get(), _Stop):
+        while not isinstance(event := _next(events), _Stop):
             if not isinstance(event, _StartEnded):
                 continue
             if event.error is None:
@@ -145,6 +146,17 @@ def _run(
         raise error
 
 
+def _next(events: SimpleQueue[Event]) -> Event:
+    """The next event. Main thread.
+
+    Python handles a signal here, but one that comes just before the wait, or to another thread,
+    does not end the wait.
+    """
+    while True:
+        with suppress(Empty):
+            return events.get(timeout=LOOK_S)
+
+
 def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) -> None:
     try:
         robot.start(enable=not ENABLING_NODES.isdisjoint(node_names))
@@ -152,8 +164,10 @@ def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) 
         events.put(_StartEnded(error))
     else:
         events.put(_StartEnded(None))
+    finally:
         # What start-up made stays: a full collection over it would cost the cycle 20 ms.
         gc.freeze()
+        gc.enable()
 
 
 def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> None:
@@ -169,7 +183,7 @@ def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> 
 
 
 def _wait_until_ended(robot: Robot, events: SimpleQueue[Event]) -> _Ended:
-    while not isinstance(event := events.get(), _Ended):
+    while not isinstance(event := _next(events), _Ended):
         if isinstance(event, _Stop):
             _exit_now(robot)
     return event
