@@ -21,7 +21,7 @@ from wmx_ros2_message.srv import EcatGetNetworkState
 from robotd.testing.domain import own_domain
 
 SETTLE_S = 1.0
-CALLS = 300
+CALLS = 2000
 GOALS = 30
 STARTS = 5
 PROFILE = Path(__file__).with_name("listener.xml")

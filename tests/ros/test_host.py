@@ -196,7 +196,7 @@ def test_message_handler_that_raises_gets_the_next_message(
         seen.release()
         raise RuntimeError("broken")
 
-    add_subscription(server, Empty, "topic", handler, 10)
+    add_subscription(server, host, Empty, "topic", handler, 10)
     publisher = caller.node.create_publisher(Empty, "topic", 10)
     deadline = time.monotonic() + WAIT_S
     while publisher.get_subscription_count() == 0:

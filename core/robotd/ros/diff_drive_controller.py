@@ -50,13 +50,13 @@ class DiffDriveController(Node):
         self._base.configure(drive_settings(parameters, drive))
         if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
             robot.engine.parameters_file = path
-        self._take_commands(parameters)
+        self._take_commands(host, parameters)
         self._publish_state(parameters, robot)
         publish_description(self, robot, parameters)
         parameters.done()
         add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
 
-    def _take_commands(self, parameters: Parameters) -> None:
+    def _take_commands(self, host: RosHost, parameters: Parameters) -> None:
         stamped = parameters.flag("use_stamped_vel", False, "take TwistStamped instead of Twist")
         topic = parameters.topic("cmd_vel_topic", "commands", required=True)
         echo = parameters.topic("encoder_vel_topic", "echo of the commands", required=True)
@@ -66,7 +66,7 @@ class DiffDriveController(Node):
             taken, handler = TwistStamped, lambda message: self._command(message.twist)
         else:
             taken, handler = Twist, self._command
-        subscription = add_subscription(self, taken, topic, handler, COMMAND_DEPTH)
+        subscription = add_subscription(self, host, taken, topic, handler, COMMAND_DEPTH)
         self._offered = OfferedTypes(
             self,
             subscription,

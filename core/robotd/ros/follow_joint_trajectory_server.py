@@ -115,6 +115,7 @@ class FollowJointTrajectoryServer(Node):
         return response
 
     def _admit(self, goal: Any) -> GoalResponse:
+        self._host.give_way()
         if self._live >= MOST_GOALS:
             log.warning("goal rejected", reason=f"{MOST_GOALS} goals have not ended yet")
             return GoalResponse.REJECT

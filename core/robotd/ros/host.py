@@ -47,6 +47,9 @@ class RosHost:
         workers: threads for ordinary calls; urgent ones have two of their own.
         make_executor: called with ``context=``; any rclpy executor.
         close_timeout_s: how long ``close`` waits for calls that are still running.
+
+    Attributes:
+        give_way: called in the executor thread before it handles what has come; may wait a moment.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class RosHost:
         make_executor: Callable[..., Executor] = EventsExecutor,
         close_timeout_s: float = 5.0,
     ) -> None:
+        self.give_way: Callable[[], None] = lambda: None
         self._args = list(args)
         self._domain_id = domain_id
         self._make_executor = make_executor

@@ -25,7 +25,8 @@ from robotd.ros.unlocked import RequestId, UnlockedSender, request_id_of
 log = get_logger("ros")
 
 _WAIT_S = 0.1  # as long as rmw_fastrtps
-_LOOK_S = 0.002
+_LOOK_S = 0.01
+_FRESH_S = 0.002  # a burst is answered by one look
 _READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
 _KNOWN = 64  # readers that are not looked up again
 
@@ -45,6 +46,8 @@ class Replies:
         self._send_unlocked = UnlockedSender(service)
         self._looks = "fastrtps" in rclpy.get_rmw_implementation_identifier()
         self._known: set[bytes] = set()
+        self._seen: set[bytes] | None = set()
+        self._seen_s = -_FRESH_S
         self._lock = threading.Lock()
         self._waiting: list[_Waiting] = []
 
@@ -111,10 +114,14 @@ class Replies:
             self._known.add(reader)
 
     def _readers(self) -> set[bytes] | None:
-        """GUIDs of all that read responses of this service; None when the node is gone.
+        """GUIDs of all that read responses of this service; None when the node is gone."""
+        now_s = time.monotonic()
+        if now_s - self._seen_s >= _FRESH_S:
+            self._seen, self._seen_s = self._look(), now_s
+        return self._seen
 
-        ``Node.get_subscriptions_info_by_topic`` has the same in public, in three times the time.
-        """
+    def _look(self) -> set[bytes] | None:
+        """``Node.get_subscriptions_info_by_topic`` has it in public, in three times the time."""
         topic = f"rr{self._name}Reply"
         try:
             with self._node.handle:

@@ -37,6 +37,7 @@ def nodes_of(
     Raises:
         DescriptorError, PluginError: a node or a parameter is wrong.
     """
+    host.give_way = robot.cycle.give_way
     nodes = [make_node(name, robot, host, registry) for name in names]
     if faults is not None:
         from robotd.ros.simulation_node import SimulationNode

@@ -61,6 +61,7 @@ def add_service(
     if not blocking:
 
         def answer_now(request: Any, _: Any) -> Any:
+            host.give_way()
             return _answer(service_type, name, handler, request)
 
         service = node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
@@ -71,6 +72,7 @@ def add_service(
 
 def add_subscription(
     node: Node,
+    host: RosHost,
     message_type: Any,
     topic: str,
     handler: Callable[[Any], None],
@@ -86,12 +88,12 @@ def add_subscription(
     budget = Budget(HANDLER_SHARE)
 
     def on_message(data: bytes) -> None:
-        if not budget.is_left():
-            if budget.is_news:
-                log.warning("messages come too fast, some are dropped", topic=topic)
-            return
-        with budget.spent():
-            handle(data)
+        host.give_way()
+        if budget.is_left():
+            with budget.spent():
+                handle(data)
+        elif budget.is_news:
+            log.warning("messages come too fast, some are dropped", topic=topic)
 
     def handle(data: bytes) -> None:
         try:
@@ -119,6 +121,7 @@ def _add_deferred_service(
     send = Replies(node, service).send
 
     def answer_later(request: Any, header: Any) -> None:
+        host.give_way()
         try:
             host.submit(
                 lambda: send(_answer(service_type, name, handler, request), header), urgent=urgent

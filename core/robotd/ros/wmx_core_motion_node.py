@@ -47,7 +47,7 @@ class WmxCoreMotionNode(Node):
             (AxisPose, "wmx/axis/position/relative", self._move_relative),
         ):
             handler = self._obey_or_tell(topic, command)
-            add_subscription(self, message_type, topic, handler, COMMAND_DEPTH)
+            add_subscription(self, host, message_type, topic, handler, COMMAND_DEPTH)
         state = AxisStateTopic(self, robot.image, robot.engine)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.cycle.every(rate_hz, "axis state", state.publish)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -184,6 +185,27 @@ def test_a_listener_that_raises_stops_neither_the_others_nor_the_cycle(rig: Rig)
         rig.run(3)
     assert heard == [True, False]
     assert [line["event"] for line in logs] == ["a listener of the engine failed"]
+
+
+def test_who_gives_way_waits_for_a_period_that_is_due(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[float] = []
+    monkeypatch.setattr(time, "sleep", waits.append)
+    rig.cycle.give_way()
+    assert not waits, "nobody has begun"
+    due_ns = rig.cycle.period(rig.clock.now_ns())
+    rig.cycle.give_way()
+    assert not waits, "a period away"
+    rig.clock.advance(PERIOD_NS * 1e-9)
+    rig.cycle.give_way()
+    assert 0.0 < sum(waits) < 1e-3, "it waits, but not for a cycle that hangs"
+
+    def another_period(_: float) -> None:
+        assert rig.cycle.period(due_ns) == due_ns + PERIOD_NS
+
+    monkeypatch.setattr(time, "sleep", another_period)
+    rig.cycle.give_way()  # a second period would not be this one's
 
 
 def _broken() -> EngineState:
