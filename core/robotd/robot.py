@@ -194,10 +194,8 @@ class Robot:
             self.axes.set_command_mode(axis, CommandMode.VELOCITY)
         self.axes.servo(axis, True)
 
-    def _stop_and_disable(self) -> None:
-        """Bring what moves to rest, then switch the servos off; failures are logged."""
-        if not self.engine.ready:
-            return
+    def bring_to_rest(self) -> None:
+        """A controlled stop of all that moves; failures are logged. Any worker."""
         everything, time_s = range(len(self.axes)), self.descriptor.engine.shutdown_s
         try:
             self.follower.stop(time_s)
@@ -207,7 +205,13 @@ class Robot:
             log.info("at rest")
         except RobotdError as error:
             log.error("controlled stop failed", reason=str(error))
-        enabled = [axis for axis in everything if self.image.servo_on[axis]]
+
+    def _stop_and_disable(self) -> None:
+        """Bring what moves to rest, then switch the servos off; failures are logged."""
+        if not self.engine.ready:
+            return
+        self.bring_to_rest()
+        enabled = [axis for axis in range(len(self.axes)) if self.image.servo_on[axis]]
         for axis, failure in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
             if failure is not None:
                 log.error("servo off failed", axis=self.axes.names[axis], reason=str(failure))

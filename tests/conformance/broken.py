@@ -87,6 +87,13 @@ class HangsInFault(Mutant):
                 super().read(image)
 
 
+class HangsInInputs(Mutant):
+    class Io(SimIo):
+        def read_inputs(self, byte: int, length: int) -> bytes:
+            threading.Event().wait()
+            return super().read_inputs(byte, length)
+
+
 class HangsInWrite(Mutant):
     class Io(SimIo):
         def write_output_bit(self, byte: int, bit: int, value: bool) -> None:

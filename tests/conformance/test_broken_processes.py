@@ -15,7 +15,7 @@ from tests.conformance.conftest import InstallMutant, InstallSource
 from tests.conformance.mutants import Mutant
 from tests.ros.robot_process import Client, Goal, RobotProcess
 from trajectory_msgs.msg import JointTrajectoryPoint
-from wmx_ros2_message.srv import SetIoBit
+from wmx_ros2_message.srv import GetIoBit, SetIoBit
 
 from robotd.cli.exit_codes import ExitCode
 
@@ -131,3 +131,19 @@ def test_an_output_that_hangs_holds_up_nothing_else(install_mutant: InstallMutan
         assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
         assert not pending.done()
         assert process.end() == ExitCode.OK, process.output
+
+
+def test_inputs_that_hang_stop_the_robot_because_nobody_else_can(
+    install_mutant: InstallMutant,
+) -> None:
+    with served(install_mutant(broken.HangsInInputs)) as (process, client):
+        inputs = client.node.create_client(GetIoBit, "/wmx/io/get_input_bit")
+        assert inputs.wait_for_service(10.0)
+        begin_goal(client)
+        inputs.call_async(GetIoBit.Request(byte=0, bit=0))
+        process.wait_output("ROS hangs")
+        process.wait_output("at rest")
+        assert "tests.conformance.broken: HangsInInputs.Io.read_inputs, line" in process.output
+        assert process.end() == ExitCode.OK, process.output
+        assert "servos off" in process.output
+        assert "a ROS handler hangs and was left to itself" in process.output

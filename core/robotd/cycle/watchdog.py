@@ -1,4 +1,4 @@
-"""Looks after the cycle: a driver that never returns from ``read`` must not look alive."""
+"""Looks after threads that call drivers: one that never returns must not look alive."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ log = get_logger("watchdog")
 
 HANG_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
 SIMULATED_HANG_S = 5.0  # nothing real moves: rather late than a run that depends on the computer
-CHECKS = 4  # looks within the time that a period may take
-OURS = {"robotd", *sys.stdlib_module_names}  # packages that are no plugin's
+CHECKS = 4  # looks within the time that a piece of work may take
+OURS = {"robotd", "rclpy", *sys.stdlib_module_names}  # packages that are no plugin's
 
 
 def place_of(thread: threading.Thread | None) -> str:
@@ -31,14 +31,15 @@ def place_of(thread: threading.Thread | None) -> str:
 
 
 class Watchdog:
-    """A thread of its own, ``robotd-watchdog``, that the cycle cannot hold up.
+    """A thread of its own, ``robotd-watchdog``, that the one it watches cannot hold up.
 
     Args:
-        age_ns: for how long the present period of the cycle has been under way, in real time
-            whatever the cycle's clock is; 0: none is.
-        place: where the cycle is now, for people.
-        limit_s: the longest that a period may take; it is granted ``HANG_S`` in any case.
-        hang: called when a period takes longer, with the reason; once for each such period.
+        age_ns: for how long the present piece of work has been under way, in real time whatever
+            the clock of the work is; 0: none is.
+        place: where the work is now, for people.
+        limit_s: the longest that it may take; it is granted ``HANG_S`` in any case.
+        hang: called when it takes longer, with the reason; once for each piece.
+        who, piece: what works, and what its pieces are called.
     """
 
     def __init__(
@@ -47,8 +48,12 @@ class Watchdog:
         place: Callable[[], str],
         limit_s: float,
         hang: Callable[[str], None],
+        *,
+        who: str = "the cycle",
+        piece: str = "a period",
     ) -> None:
         self._age_ns, self._place = age_ns, place
+        self._who, self._piece = who, piece
         self._limit_s = max(limit_s, HANG_S)
         self._hang = hang
         self._hanging = False
@@ -66,19 +71,20 @@ class Watchdog:
             self._thread.join(self._limit_s)
 
     def look(self) -> None:
-        """Judge the period that is under way."""
+        """Judge the piece that is under way."""
         age_s = self._age_ns() / NANOSECONDS
         if age_s <= self._limit_s:
             self._hanging = False
         elif not self._hanging:
             self._hanging = True
             place = self._place()
-            log.error("the cycle hangs", for_s=round(age_s, 3), place=place)
-            self._hang(f"the cycle hangs: a period takes longer than {self._limit_s:g} s ({place})")
+            what = f"{self._who} hangs"
+            log.error(what, for_s=round(age_s, 3), place=place)
+            self._hang(f"{what}: {self._piece} takes longer than {self._limit_s:g} s ({place})")
 
     def _run(self) -> None:
         while not self._stop.wait(self._limit_s / CHECKS):
             try:
                 self.look()
             except Exception:
-                log.exception("what a hanging cycle calls for failed")
+                log.exception("what a hang calls for failed")

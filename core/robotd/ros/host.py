@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import concurrent.futures
 import threading
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -20,6 +22,7 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from robotd.cycle.watchdog import Watchdog, place_of
 from robotd.errors import NotReady, OperationError
 from robotd.log import get_logger
 
@@ -31,6 +34,7 @@ except ImportError:  # an rclpy that does not have it yet
 log = get_logger("ros")
 
 _SPIN_TIMEOUT_S = 1.0
+_HANG_S = 2.0  # handlers in the executor thread read memory or hand on a command
 _URGENT_WORKERS = 2
 _PENDING_LIMIT = 64
 
@@ -50,6 +54,7 @@ class RosHost:
 
     Attributes:
         give_way: called in the executor thread before it handles what has come; may wait a moment.
+        on_hang: called when a handler there does not return, with the reason; once for each.
     """
 
     def __init__(
@@ -62,6 +67,11 @@ class RosHost:
         close_timeout_s: float = 5.0,
     ) -> None:
         self.give_way: Callable[[], None] = lambda: None
+        self.on_hang: Callable[[str], None] = lambda reason: None
+        self._handling_ns = 0
+        self._watchdog = Watchdog(
+            self._age_ns, self._place, _HANG_S, self._hang, who="ROS", piece="a handler"
+        )
         self._args = list(args)
         self._domain_id = domain_id
         self._make_executor = make_executor
@@ -97,9 +107,12 @@ class RosHost:
         except Exception as error:
             raise OperationError(f"ROS does not start: {error}") from error
         executor = self._make_executor(context=self._context)
-        thread = threading.Thread(target=self._spin, args=(executor,), name="robotd-ros")
+        thread = threading.Thread(
+            target=self._spin, args=(executor,), name="robotd-ros", daemon=True
+        )
         self._running = _Running(executor, thread)
         thread.start()
+        self._watchdog.start()
 
     def add_node(self, node: Node) -> None:
         """Serve ``node`` from now on and destroy it in ``close``. Any thread but the executor's.
@@ -111,6 +124,16 @@ class RosHost:
             raise NotReady("ROS is not running")
         self._running.executor.add_node(node)
         self._nodes.append(node)
+
+    @contextmanager
+    def handling(self) -> Iterator[None]:
+        """Around a handler in the executor thread, which holds up all others until it returns."""
+        self.give_way()
+        self._handling_ns = time.monotonic_ns()
+        try:
+            yield
+        finally:
+            self._handling_ns = 0
 
     def submit(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> None:
         """Run ``function(*args)`` in a worker; what it raises is logged. Any thread.
@@ -130,14 +153,19 @@ class RosHost:
         """End everything, in the order that loses nothing; a second call does nothing.
 
         Callbacks end first, then running calls get ``close_timeout_s`` to answer, then the nodes
-        go, then the executor, then rclpy. Any thread but the executor's and the workers'.
+        go, then the executor, then rclpy; none of them where a handler does not return within
+        ``close_timeout_s``. Any thread but the executor's and the workers'.
         """
         running, self._running = self._running, None
         if running is None:
             return
+        self._watchdog.stop()
         self._stopping.set()
         running.executor.create_task(_nothing, None)
-        running.thread.join()
+        running.thread.join(self._close_timeout_s)
+        if running.thread.is_alive():
+            log.error("a ROS handler hangs and was left to itself", place=place_of(running.thread))
+            return
         for pool in (self._urgent, self._workers):
             pool.close(self._close_timeout_s)
         for node in self._nodes:
@@ -157,6 +185,17 @@ class RosHost:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _age_ns(self) -> int:
+        began_ns = self._handling_ns
+        return time.monotonic_ns() - began_ns if began_ns else 0
+
+    def _place(self) -> str:
+        running = self._running
+        return place_of(running.thread) if running else ""
+
+    def _hang(self, reason: str) -> None:
+        self.on_hang(reason)
 
     def _spin(self, executor: Executor) -> None:
         while not self._stopping.is_set():

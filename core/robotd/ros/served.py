@@ -38,6 +38,7 @@ def nodes_of(
         DescriptorError, PluginError: a node or a parameter is wrong.
     """
     host.give_way = robot.cycle.give_way
+    host.on_hang = lambda reason: robot.bring_to_rest()  # nobody could stop it by ROS any more
     nodes = [make_node(name, robot, host, registry) for name in names]
     if faults is not None:
         from robotd.ros.simulation_node import SimulationNode

@@ -61,8 +61,8 @@ def add_service(
     if not blocking:
 
         def answer_now(request: Any, _: Any) -> Any:
-            host.give_way()
-            return _answer(service_type, name, handler, request)
+            with host.handling():
+                return _answer(service_type, name, handler, request)
 
         service = node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
         service.send_response = Replies(node, service).send
@@ -88,12 +88,12 @@ def add_subscription(
     budget = Budget(HANDLER_SHARE)
 
     def on_message(data: bytes) -> None:
-        host.give_way()
-        if budget.is_left():
-            with budget.spent():
-                handle(data)
-        elif budget.is_news:
-            log.warning("messages come too fast, some are dropped", topic=topic)
+        with host.handling():
+            if budget.is_left():
+                with budget.spent():
+                    handle(data)
+            elif budget.is_news:
+                log.warning("messages come too fast, some are dropped", topic=topic)
 
     def handle(data: bytes) -> None:
         try:
