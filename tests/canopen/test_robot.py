@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import can
 import numpy as np
 import pytest
@@ -35,6 +37,27 @@ def test_a_trajectory_ends_where_it_should_and_has_no_steps(open_rig: OpenRig) -
         setpoints = np.array([setpoint for _, setpoint in seen])[1:]
         speeds = np.abs(np.diff(setpoints, axis=0)) / np.diff(times_s)[:, np.newaxis]
         assert 0.6 < speeds.max() < 2 * 0.6  # from rest to rest, the fastest is 1.5 to 1.875
+
+
+def test_no_drive_gets_a_leap_after_the_cycle_has_stood(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as rig:
+        axis = rig.master.axes[0]
+        transmit, targets = axis.transmit, list[float]()
+
+        def noted(*arguments: Any) -> None:
+            targets.append(axis.position)
+            transmit(*arguments)
+
+        axis.transmit = noted  # type: ignore[method-assign]
+        with rig.robot.follower.follow(rig.request(2.0, 1.0)) as execution:
+            for position, pause_s in ((0.3, 0.06), (0.6, 0.03)):
+                rig.until(lambda position=position: rig.image.position[0] > position)  # type: ignore[misc]
+                rig.pause_cycle(pause_s)
+            assert execution.wait(8)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+        assert abs(rig.positions()[0] - 1.0) < 2e-3
+        fastest = np.abs(np.diff(targets)).max() * RATE_HZ
+        assert fastest < 2.0, "the path has 0.75 rad/s; made good in one period it would be 9"
 
 
 def test_cancel_stops_and_the_next_goal_starts_from_there(open_rig: OpenRig) -> None:

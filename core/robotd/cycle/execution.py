@@ -10,6 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
+from robotd.cycle.rejoin import Rejoin
 from robotd.device.image import ProcessImage, columns
 from robotd.device.state import Operation
 from robotd.motion import (
@@ -24,6 +25,7 @@ from robotd.motion import (
 
 SETTLED_PERIODS = 3  # consecutive periods within tolerance that count as arrived, or at rest
 REST_TIMEOUT_S = 2.0  # a joint that still creeps then is reported, not waited for
+PAUSED = 1.5  # periods between two that the cycle has not kept
 STALL_S = 0.02  # a cycle that stood this long may be why a device stopped by itself
 
 
@@ -88,6 +90,8 @@ class Execution:
         tolerances: Tolerances,
         start_ns: int,
         stopped_velocity: float,
+        *,
+        goes_on: bool = True,
     ) -> None:
         joints = len(trajectory.names)
         self.trajectory = trajectory
@@ -108,6 +112,8 @@ class Execution:
         self._sampler = Sampler(trajectory)
         self._time_s = 0.0
         self._stop: StopPlan | None = None
+        self._rejoin: Rejoin | None = None
+        self._goes_on = goes_on
         self._aim: FloatArray = self.setpoint.copy()
         self._desired, self._desired_velocity = self._aim
         self._measured: FloatArray = self.setpoint.copy()
@@ -168,6 +174,8 @@ class Execution:
     def take_over(self, running: Execution) -> None:
         """Streamer: the setpoint that the joints are reaching now is one of ``running``."""
         self.setpoint[:] = running.setpoint
+        if not running.done:
+            self._rejoin, self._advanced_ns = running._rejoin, running._advanced_ns
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
         """Cycle: judge the measured values of ``time_ns``, compute the setpoint one period on."""
@@ -283,10 +291,35 @@ class Execution:
         self._sampler.sample(self._time_s, self.position, self.velocity)
         if rate != 1.0:
             self.velocity *= rate
-        if rate == 0.0 or (self._stop and self._time_s >= self.trajectory.duration_s):
+        self._lead_back((due_ns - time_ns) / NANOSECONDS)
+        if self._rejoin is not None:
+            self._rejoin.lay_over(self.setpoint)
+        elif rate == 0.0 or (self._stop and self._time_s >= self.trajectory.duration_s):
             self._enter(Phase.RESTING, time_ns)
         elif self._time_s >= self.trajectory.duration_s:
             self._enter(Phase.ARRIVING, time_ns)
+
+    def _lead_back(self, period_s: float) -> None:
+        """Notice a pause of the cycle, and how far the way back to the path has come."""
+        pause_s = self._pause_ns / NANOSECONDS
+        if pause_s > PAUSED * period_s:
+            position, velocity = (
+                self._aim if self._goes_on else (self._desired, 0.0 * self._desired)
+            )
+            reached = np.array([position + velocity * pause_s, velocity])
+            self._rejoin = Rejoin(reached, self.setpoint, self._limits.velocity)
+            if self._rejoin.is_far.any():
+                self._end(Outcome.FAULT, self._far_text(self._rejoin, pause_s))
+        elif self._rejoin is not None and not self._rejoin.fade(period_s):
+            self._rejoin = None
+
+    def _far_text(self, rejoin: Rejoin, pause_s: float) -> str:
+        joint = int(np.argmax(rejoin.is_far))
+        return (
+            f"{self.trajectory.names[joint]} is {abs(rejoin.offset[joint]):.3f}"
+            f" {self._limits.units[joint]} off its path after the cycle had stood for"
+            f" {pause_s * 1e3:.0f} ms"
+        )
 
     def _arrive(self, time_ns: int) -> None:
         over_s = (time_ns - self._phase_ns) / NANOSECONDS

@@ -79,7 +79,7 @@ class TrajectoryFollower:
         self._execution = (
             partial(DeviceExecution, on_device, descriptor.trajectory.max_points)
             if on_device
-            else Execution
+            else partial(Execution, goes_on=axes.goes_on)
         )
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._claim = ExitStack()

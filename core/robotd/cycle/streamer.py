@@ -157,8 +157,8 @@ class Streamer:
         elif not running.on_path:
             self._drop_next(Outcome.FAULT, SPLICE_LOST)
         elif running.done or self._due_ns >= successor.start_ns:
-            running.finish(Outcome.PREEMPTED, PREEMPTED)
             successor.take_over(running)
+            running.finish(Outcome.PREEMPTED, PREEMPTED)
             self._running, self._next = successor, None
 
     def _drop(self, outcome: Outcome, message: str) -> None:

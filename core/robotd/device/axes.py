@@ -91,6 +91,11 @@ class Axes:
         """True where the device interpolates trajectories itself, see ``AxisDriver.follow``."""
         return Capability.TRAJECTORIES_ON_DEVICE in self._capabilities
 
+    @property
+    def goes_on(self) -> bool:
+        """``AxisDriver.goes_on``."""
+        return self._driver.goes_on
+
     def __len__(self) -> int:
         return len(self.names)
 

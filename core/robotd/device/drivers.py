@@ -88,6 +88,14 @@ class DeviceDriver(ABC):
 class AxisDriver(ABC):
     """The axes of one device."""
 
+    @property
+    def goes_on(self) -> bool:
+        """What an axis does while the cycle stands still and ``stream`` is not called.
+
+        True: it goes on with the velocity of the last setpoint. False: it stands there.
+        """
+        return True
+
     @abstractmethod
     def read(self, image: ProcessImage) -> None:
         """Cycle thread: fill every array of ``image`` and its ``fresh_ns``."""
@@ -99,7 +107,7 @@ class AxisDriver(ABC):
         An axis in position mode passes through its position at its velocity; one in velocity
         mode changes evenly to its velocity, and its position is ignored. Only axes between
         ``begin_stream`` and ``end_stream`` obey; the others' entries are ignored. What is
-        ignored may be NaN.
+        ignored may be NaN. After a pause the setpoints begin where ``goes_on`` leads.
         """
 
     @abstractmethod

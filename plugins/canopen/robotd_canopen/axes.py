@@ -24,6 +24,10 @@ class CanopenAxes(AxisDriver):
         self._master = master
         self._commands = [Commands(axis, master.clock) for axis in master.axes]
 
+    @property
+    def goes_on(self) -> bool:
+        return False  # without SYNC, which the cycle sends, a drive stands
+
     def read(self, image: ProcessImage) -> None:
         self._master.read(image)
 

@@ -123,17 +123,6 @@ def test_a_cycle_that_stood_too_long_is_named_as_the_reason(rig: Rig) -> None:
     assert_works(rig)
 
 
-def test_a_short_stall_costs_setpoints_and_nothing_else(rig: Rig) -> None:
-    with rig.goal(FAR) as execution:
-        rig.run(0.4)
-        rig.stall(0.03)
-        rig.end(execution)
-    assert execution.outcome is Outcome.SUCCEEDED
-    times_s = rig.setpoints.due_s - execution.start_ns * 1e-9
-    planned = execution.trajectory.evaluate(times_s)[0]
-    np.testing.assert_allclose(rig.setpoints.position, planned, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("array", "value", "reason"),
     [
