@@ -303,10 +303,8 @@ class Execution:
         """Notice a pause of the cycle, and how far the way back to the path has come."""
         pause_s = self._pause_ns / NANOSECONDS
         if pause_s > PAUSED * period_s:
-            position, velocity = (
-                self._aim if self._goes_on else (self._desired, 0.0 * self._desired)
-            )
-            reached = np.array([position + velocity * pause_s, velocity])
+            velocity = self._desired_velocity * float(self._goes_on)
+            reached = np.array([self._desired + velocity * pause_s, velocity])
             self._rejoin = Rejoin(reached, self.setpoint, self._limits.velocity)
             if self._rejoin.is_far.any():
                 self._end(Outcome.FAULT, self._far_text(self._rejoin, pause_s))

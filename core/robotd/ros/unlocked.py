@@ -20,7 +20,7 @@ class RequestId(ctypes.Structure):
 
 
 def request_id_of(header: Any) -> RequestId | None:
-    """What a request is known by, as long as ``header`` lives; None when it cannot be told.
+    """What a request is known by; None when it cannot be told.
 
     Args:
         header: of the request, ``rmw_service_info_t`` or ``rmw_request_id_t`` of rclpy.
@@ -31,7 +31,9 @@ def request_id_of(header: Any) -> RequestId | None:
     if not address:
         return None
     identity = RequestId.from_address(address)
-    return identity if identity.sequence_number == request.sequence_number else None
+    if identity.sequence_number != request.sequence_number:
+        return None
+    return RequestId.from_buffer_copy(identity)
 
 
 class UnlockedSender:
