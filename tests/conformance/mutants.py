@@ -111,6 +111,13 @@ class StreamedDegrees(Mutant):
             super().stream(position / DEGREES, velocity / DEGREES)
 
 
+class SaysItStands(Mutant):
+    class Axes(SimAxes):
+        @property
+        def goes_on(self) -> bool:
+            return False
+
+
 class TurnsPerMinute(Mutant):
     class Axes(SimAxes):
         def read(self, image: ProcessImage) -> None:

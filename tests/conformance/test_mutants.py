@@ -11,6 +11,7 @@ from tests.conformance.kit import run_kit
 from tests.conformance.mutants import Mutant
 
 UNITS, PROFILES = "test_units.py::test_", "test_profiles.py::test_"
+PATHS = "test_trajectories.py::test_"
 STOPPING, ENABLE = "test_stopping.py::test_", "test_enable.py::test_"
 FAULTS, COST = "test_faults.py::test_", "test_cost.py::test_"
 
@@ -32,7 +33,12 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
     (mutants.JumpAtEnable, ENABLE + "enabling_after_a_move_by_hand_does_not_jump", "start"),
     (mutants.ServoThatLies, ENABLE + "servo_returns_when_the_drive_says_so", "servo_on"),
     (mutants.EnablesByItself, "test_engine.py::test_starting_enables_and_moves_nothing", "servo"),
-    (mutants.SpringsBack, "test_trajectories.py::test_a_trajectory_arrives", "position"),
+    (
+        mutants.SaysItStands,
+        PATHS + "no_joint_leaps_after_the_cycle_has_stood",
+        "on",
+    ),
+    (mutants.SpringsBack, PATHS + "a_trajectory_arrives", "position"),
     (mutants.StaleValues, "test_ageing.py::test_values_follow_the_motion", "stale_s"),
     (mutants.AlwaysFresh, "test_ageing.py::test_a_dead_bus_does_not_look_alive", "not ready"),
     (mutants.AnotherClock, "test_ageing.py::test_values_are_fresh", "another clock|ready|stale"),

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 import pytest
 
 from robotd.cycle.execution import Outcome
+from robotd.device.image import ProcessImage
 from robotd.testing.conformance.attempts import judge
 from robotd.testing.conformance.recording import Recording
 from robotd.testing.conformance.rig import SETTLED_RAD, Rig
 
 LAG_S = 0.03  # granted between the path and the measured position
 MORE = 1.15  # what a value may be above its limit
+STANDS_AFTER_S, STANDS_S = 0.5, 0.05
+LEAP = 3.0  # times the fastest of the path; what is made good within a period is faster
 MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 
 
@@ -140,6 +144,31 @@ def test_a_new_goal_takes_over_without_a_jump(jointed: Rig) -> None:
         return recording
 
     check_smooth(rig, motion)
+
+
+def test_no_joint_leaps_after_the_cycle_has_stood(jointed: Rig) -> None:
+    """``AxisDriver.goes_on`` says where a joint is by then."""
+    rig, joints = jointed, list(jointed.robot.joint_axes)
+    periods = count()
+
+    def stand_once(image: ProcessImage) -> None:
+        if next(periods) == round(STANDS_AFTER_S / rig.period_s):
+            rig.robot.cycle.delay(STANDS_S)
+
+    with (
+        rig.recording() as recording,
+        rig.following([1.2], [joint_travel(rig)]) as execution,
+        rig.each_period(stand_once),
+    ):
+        rig.until(lambda: execution.done, "the trajectory ends")
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    assert np.diff(recording.time_s).max() > STANDS_S / 2
+    times_s = np.linspace(0.0, execution.trajectory.duration_s, 100)
+    path = np.abs(execution.trajectory.evaluate(times_s)[1]).max(0)
+    _, speeds = recording.slope(recording.position, 2 * rig.period_s)
+    fastest = np.abs(speeds[:, joints]).max(0)
+    for name, speed, meant in zip(rig.robot.joint_names, fastest, path, strict=True):
+        assert speed <= LEAP * meant, f"{name}: {speed:.3g} rad/s on a path of {meant:.3g}"
 
 
 def test_trajectories_may_follow_at_once_on_each_other(jointed: Rig) -> None:
