@@ -19,7 +19,7 @@ from tests.bench.results import keep, out_option
 from tests.bench.tables import aligned
 from tests.endurance.lives import Life, Lives, Phase
 from tests.endurance.rest import come_to_rest
-from tests.endurance.vitals import shm_total
+from tests.endurance.vitals import shm_segments
 from tests.endurance.worlds import World, canopen_world, wmx_world
 from tests.ros.robot_process import Client
 
@@ -28,7 +28,7 @@ from robotd.testing.domain import own_domain
 Kind = tuple[Phase, signal.Signals]
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 FIRST_JOINT_STATE_S = 5.0
-SHM_FILES = 12  # what processes that were killed just now may still have there
+SEGMENTS = 6  # in shared memory: robotd removes what is older than 10 s
 
 
 @dataclass(frozen=True)
@@ -61,21 +61,21 @@ def main(times: int, deaths: int, seed: int | None, out: Path) -> None:
     chance, where = random.Random(seed), machine()
     lives: list[Life] = []
     died: list[Death] = []
-    before = shm_total()
+    before = shm_segments()
     try:
         with own_domain() as domain, closing(Client(domain)) as client:
             lives.extend(_lives(Lives(client), times, chance))
             died.extend(_deaths_of(client, deaths, chance))
     finally:  # also of a run that was broken off
-        left = shm_total() - before
+        left = shm_segments() - before
         problems = _problems(lives, died, left)
-        content = {"seed": seed, "machine": where, "shm_files_more": left, "problems": problems}
+        content = {"seed": seed, "machine": where, "segments_more": left, "problems": problems}
         content["lives"] = [asdict(life) for life in lives]
         content["deaths"] = [asdict(death) for death in died]
         keep(out, "killing", content)
     for line in (*aligned(_table(lives)), "", *aligned(_death_table(died)), "", *problems):
         click.echo(line)
-    click.echo(f"files of /dev/shm: {left:+d}; {len(problems)} problems")
+    click.echo(f"segments in /dev/shm: {left:+d}; {len(problems)} problems")
     sys.exit(bool(problems))
 
 
@@ -136,8 +136,8 @@ def _problems(lives: Sequence[Life], died: Sequence[Death], left: int) -> list[s
         if seconds > FIRST_JOINT_STATE_S:
             found.append(f"{what}: {seconds:.1f} s to the first joint state")
     found += [f"{death.backend}: {death.problem}" for death in died if death.problem]
-    if left > SHM_FILES:
-        found.append(f"{left} files more in /dev/shm")
+    if left > SEGMENTS:
+        found.append(f"{left} segments more in /dev/shm")
     return found
 
 

@@ -21,6 +21,7 @@ SWING_RAD, SWING_S = 1.2, 3.0
 MOVING_RAD_S = 0.1
 # A start-up takes 0.7 s, a shut-down at rest 0.3 s: the moments are somewhere in them.
 STARTING_S, IDLE_S, SWINGING_S, STOPPING_S = 0.8, 0.5, 1.5, 0.6
+INTERPRETER = "Failed to import the site module"  # Ctrl-C before Python has begun: its status is 1
 REPEATED = 130  # a second signal, or Ctrl-C before anything was served
 
 
@@ -151,6 +152,8 @@ class Lives:
 
 def problem_of(phase: Phase, number: signal.Signals, status: int, output: str) -> str:
     """What is wrong with an end, empty when nothing is."""
+    if phase is Phase.STARTING and INTERPRETER in output:
+        return ""
     if status not in _allowed(phase, number):
         return f"status {status}: {output[-300:]}"
     if number is signal.SIGKILL or status == REPEATED:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from tests.bench.process import CPU_CLOCK_SCHED, MIB
 
+SHM = Path("/dev/shm")
+SEGMENT = re.compile(r"fastrtps_[0-9a-f]{16}")
 SHARED_MEMORY = re.compile(r"(/dev/shm/\S+)")
 
 
@@ -46,4 +48,12 @@ def vitals(pid: int) -> Vitals:
 
 def shm_total() -> int:
     """Files in /dev/shm, of everybody: what processes that were killed have left is among them."""
-    return sum(1 for _ in Path("/dev/shm").iterdir())
+    return sum(1 for _ in SHM.iterdir())
+
+
+def shm_segments() -> int:
+    """Those of Fast DDS that one process owns, of half a megabyte: what has to go with it.
+
+    The files of a port stay for whoever has the port next.
+    """
+    return sum(1 for path in SHM.iterdir() if SEGMENT.fullmatch(path.name))

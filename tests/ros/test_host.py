@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
@@ -14,6 +15,8 @@ from typing import Any
 
 import pytest
 import rclpy
+from control_msgs.action import FollowJointTrajectory
+from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -294,3 +297,24 @@ def test_other_process_answers_and_ends_on_a_signal(caller: Caller, number: sign
     assert (answer.success, answer.message) == (True, "from the other process")
     assert output == "closed ['MainThread']\n"
     assert process.returncode == 0
+
+
+def test_nothing_of_the_middleware_stays_after_the_end() -> None:
+    def threads() -> int:
+        names = [task.joinpath("comm").read_text() for task in Path("/proc/self/task").iterdir()]
+        return sum(name.startswith("dds.") for name in names)
+
+    with RosHost():
+        pass  # what Fast DDS keeps for the process is there now
+    before, collects = threads(), gc.isenabled()
+    gc.disable()
+    try:
+        with RosHost() as host:
+            node = rclpy.create_node("asks", context=host.context)
+            host.add_node(node)
+            ActionClient(node, FollowJointTrajectory, "nobody")
+            assert threads() > before
+        assert threads() == before
+    finally:
+        if collects:
+            gc.enable()

@@ -103,10 +103,6 @@ class FollowJointTrajectoryServer(Node):
             result_timeout=RESULT_KEPT_S,
         )
 
-    def destroy_node(self) -> None:
-        self._server.destroy()
-        super().destroy_node()
-
     def _set_gripper(self, request: Any, response: Any) -> Any:
         if self._robot.gripper is not None:
             self._robot.gripper.command(request.data)

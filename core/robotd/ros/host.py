@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 import rclpy
+from rclpy.action import ActionClient, ActionServer
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -169,6 +170,10 @@ class RosHost:
         for pool in (self._urgent, self._workers):
             pool.close(self._close_timeout_s)
         for node in self._nodes:
+            for waitable in [*node.waitables]:
+                # rclpy leaves them to the garbage collector, and with them everything else.
+                if isinstance(waitable, ActionClient | ActionServer):
+                    waitable.destroy()
             node.destroy_node()
         self._nodes.clear()
         running.executor.shutdown()
