@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import theilslopes
 from tests.endurance.monitor import CycleLook
 
-WARM_UP_S = 300.0  # of a long run; a short one warms up for a quarter of its time
+WARM_UP_S = 1200.0  # of a long run; a short one warms up for a third of its time
 RSS_MIB = 2.0  # by the fit, over all of the run: an allocator's own movements are below it
 COUNT = 0.5  # of threads, descriptors, mappings: one more for good is too many
 DRIFT = 1e-3
@@ -38,7 +38,7 @@ def growth(times_s: Sequence[float], values: Sequence[float]) -> float:
     Theil and Sen's slope: up to 29 % of the samples may be outliers.
     """
     time, value = np.asarray(times_s), np.asarray(values, dtype=float)
-    later = time >= time[0] + min(WARM_UP_S, (time[-1] - time[0]) / 4.0)
+    later = time >= time[0] + min(WARM_UP_S, (time[-1] - time[0]) / 3.0)
     time, value = _thinned(time[later]), _thinned(value[later])
     slope = theilslopes(value, time).slope if len(time) > 1 else 0.0
     return float(slope * (time[-1] - time[0]))

@@ -86,7 +86,7 @@ def bear(name: str, seconds: float) -> Borne:
         stack.callback(client.close)
         client.wait_engine()
         speeds = _speeds(client)
-        problem = swing(client, 0)
+        problem = afterwards(client)
         monitor = Monitor(client)
         speeds.clear()
         window, ends = _move(condition.during(Path(folder)), seconds, client)
