@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from robotd.errors import InvalidArgument
 
+LEAST = 1e-9  # of a speed or a ramp: what takes decades overflows in drives
+
 
 @dataclass(frozen=True)
 class AxisLimits:
@@ -125,6 +127,8 @@ def _check_positive(axis: str, name: str, value: float) -> None:
     _check_finite(axis, name, value)
     if value <= 0.0:
         raise InvalidArgument(f"{axis}: {name} is {value:g}, must be positive")
+    if value < LEAST:
+        raise InvalidArgument(f"{axis}: {name} is {value:g}, must be at least {LEAST:g}")
 
 
 def _beyond(

@@ -11,10 +11,12 @@ from std_srvs.srv import SetBool, Trigger
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
+from robotd.clock import MonotonicClock, wait_until
 from robotd.ros.client import LATCHED, RosClient
 
 GRIPPER = "wmx/set_gripper"
 AXIS_STATE = "wmx/axis/state"
+DISCOVERY_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,10 @@ def read_report(client: RosClient) -> RobotReport:
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
-        published = is_ready and client.node.count_publishers(AXIS_STATE)
+        # One node of a robot may be heard of before the other.
+        published = is_ready and wait_until(
+            lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
+        )
         return RobotReport(state, is_ready, axis_reports(axes.wait()) if published else None)
 
 

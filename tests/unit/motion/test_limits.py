@@ -24,6 +24,8 @@ JOINT = AxisLimits(-3.14, 2.86, 3.14, 12.57)
         ((0.0, math.inf, 1.0, 1.0), "joint3: velocity is inf, must be a finite number"),
         ((0.0, 1.0, 0.0, 1.0), "joint3: acceleration is 0, must be positive"),
         ((0.0, 1.0, 1.0, -2.0), "joint3: deceleration is -2, must be positive"),
+        ((0.0, 5e-324, 1.0, 1.0), "joint3: velocity is 4.94066e-324, must be at least 1e-09"),
+        ((0.0, 1.0, 1.0, 1e-12), "joint3: deceleration is 1e-12, must be at least 1e-09"),
         ((0.0, 1.0, 13.0, 1.0), "joint3: acceleration 13 rad/s² exceeds 12.57 rad/s²"),
         ((0.0, 1.0, 1.0, 13.0), "joint3: deceleration 13 rad/s² exceeds 12.57 rad/s²"),
     ],
