@@ -6,7 +6,7 @@ The one file that sees every step of the path.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -34,6 +34,8 @@ from robotd.plugin.manager import Backend, load_backend
 from robotd.simulated_clock import PacedClock, SimulatedClock, SteppedClock
 
 log = get_logger("robot")
+
+QUICK_STOP_S = 1.0  # for what a controlled stop has not brought to rest
 
 
 class Robot:
@@ -195,7 +197,10 @@ class Robot:
         self.axes.servo(axis, True)
 
     def bring_to_rest(self) -> None:
-        """A controlled stop of all that moves; failures are logged. Any worker."""
+        """A controlled stop of all that moves; failures are logged. Any worker.
+
+        What does not stand in time, because its ramp is too gentle, gets a quick stop.
+        """
         everything, time_s = range(len(self.axes)), self.descriptor.engine.shutdown_s
         try:
             self.follower.stop(time_s)
@@ -205,6 +210,8 @@ class Robot:
             log.info("at rest")
         except RobotdError as error:
             log.error("controlled stop failed", reason=str(error))
+            with suppress(RobotdError):  # a device that cannot be reached, again
+                self.axes.rest(everything, QUICK_STOP_S, quick=True)
 
     def _stop_and_disable(self) -> None:
         """Bring what moves to rest, then switch the servos off; failures are logged."""

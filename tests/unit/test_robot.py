@@ -13,7 +13,9 @@ from tests.unit.cycle.rig import Rig, arm
 
 from robotd.clock import MonotonicClock
 from robotd.cycle.execution import Outcome
-from robotd.device.state import EngineState
+from robotd.device.axes import Jog
+from robotd.device.drivers import Profile
+from robotd.device.state import CommandMode, EngineState
 from robotd.errors import ConnectError, NotReady, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.guard import unguarded
@@ -90,6 +92,26 @@ def test_shutdown_brings_a_move_to_rest(rig: Rig) -> None:
     assert speeds[0] > 0.5
     assert steps.max() < 5.0 * 0.002 * 1.5, "braked with the move's own deceleration"
     assert abs(speeds[-1]) < 0.02
+
+
+def test_shutdown_ends_a_jog_with_a_ramp_that_takes_for_ever_by_a_quick_stop() -> None:
+    rig, axis = Rig(arm(axes=4)).up(), 3  # one without limits: others are refused such a ramp
+    rig.robot.axes.servo(axis, True)
+    rig.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    rig.robot.axes.jog([Jog(axis, Profile(1.0, 5.0, 1e-6))])
+    rig.run(0.5)
+    assert rig.image.velocity[axis] > 0.5
+    powered: list[float] = []
+    servo = rig.robot.axes._driver.servo
+
+    def noted(number: int, on: bool, timeout_s: float) -> None:
+        powered.append(abs(rig.image.velocity[axis]))
+        servo(number, on, timeout_s)
+
+    rig.robot.axes._driver.servo = noted  # type: ignore[method-assign]
+    rig.robot.shutdown()
+    assert powered
+    assert max(powered) < 0.1, "it moved when its servo was switched off"
 
 
 def test_a_move_that_the_image_does_not_show_yet_is_stopped_too(rig: Rig) -> None:

@@ -206,12 +206,12 @@ class Axes:
         """The fastest controlled stop; never refused because of an owner."""
         self._stop(axes, self._driver.quick_stop)
 
-    def rest(self, axes: Sequence[int], timeout_s: float) -> None:
-        """Controlled stop, and wait until the axes are idle.
+    def rest(self, axes: Sequence[int], timeout_s: float, *, quick: bool = False) -> None:
+        """Controlled stop, or a quick one, and wait until the axes are idle.
 
         Raises DeviceTimeout naming the axes that still move.
         """
-        self.stop(axes)
+        (self.quick_stop if quick else self.stop)(axes)
         self._see_newer(self._commanded_ns)
         if not wait_until(lambda: not self._moving(axes), timeout_s, self._clock):
             names = ", ".join(self.names[axis] for axis in self._moving(axes))
