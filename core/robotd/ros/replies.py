@@ -24,7 +24,7 @@ from robotd.ros.unlocked import RequestId, UnlockedSender, request_id_of
 
 log = get_logger("ros")
 
-_WAIT_S = 0.1  # as long as rmw_fastrtps
+_WAIT_S = 0.5  # rmw_fastrtps: 0.1, but it holds up others meanwhile
 _LOOK_S = 0.01
 _FRESH_S = 0.002  # a burst is answered by one look
 _READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
@@ -54,7 +54,7 @@ class Replies:
     def send(self, response: Any, header: Any) -> None:
         """Send now, or, in a thread of its own, as soon as the client's reader is there.
 
-        A client whose reader does not come within 100 ms has gone, its response is dropped. For
+        A client whose reader does not come within half a second has gone, its response is dropped. For
         a node that is gone there is a warning. Any thread.
 
         Args:
