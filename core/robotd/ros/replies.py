@@ -54,8 +54,8 @@ class Replies:
     def send(self, response: Any, header: Any) -> None:
         """Send now, or, in a thread of its own, as soon as the client's reader is there.
 
-        A client whose reader does not come within half a second has gone, its response is dropped. For
-        a node that is gone there is a warning. Any thread.
+        A client whose reader does not come within half a second has gone, its response is dropped.
+        For a node that is gone there is a warning. Any thread.
 
         Args:
             response: of the service's type.
