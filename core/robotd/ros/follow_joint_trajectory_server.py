@@ -111,12 +111,12 @@ class FollowJointTrajectoryServer(Node):
         return response
 
     def _admit(self, goal: Any) -> GoalResponse:
-        self._host.give_way()
-        if self._live >= MOST_GOALS:
-            log.warning("goal rejected", reason=f"{MOST_GOALS} goals have not ended yet")
-            return GoalResponse.REJECT
-        self._live += 1
-        return GoalResponse.ACCEPT
+        with self._host.handling():
+            if self._live >= MOST_GOALS:
+                log.warning("goal rejected", reason=f"{MOST_GOALS} goals have not ended yet")
+                return GoalResponse.REJECT
+            self._live += 1
+            return GoalResponse.ACCEPT
 
     def _cancel(self, goal: Any) -> CancelResponse:
         if execution := self._executions.get(bytes(goal.goal_id.uuid)):

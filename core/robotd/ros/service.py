@@ -121,13 +121,14 @@ def _add_deferred_service(
     send = Replies(node, service).send
 
     def answer_later(request: Any, header: Any) -> None:
-        host.give_way()
-        try:
-            host.submit(
-                lambda: send(_answer(service_type, name, handler, request), header), urgent=urgent
-            )
-        except RobotdError as error:
-            send(_refusal(service_type, name, str(error)), header)
+        with host.handling():
+            try:
+                host.submit(
+                    lambda: send(_answer(service_type, name, handler, request), header),
+                    urgent=urgent,
+                )
+            except RobotdError as error:
+                send(_refusal(service_type, name, str(error)), header)
 
     # Every rclpy executor passes what the callback returned, with the request's header, to
     # send_response. That is the one place where the header can be had.
