@@ -49,31 +49,47 @@ def greet(_: Any, response: Any) -> Any:
     return response
 
 
+class Busy:
+    """A server whose executor thread is held, with calls of a client that has gone meanwhile.
+
+    Attributes:
+        node: of the clients.
+        held: the answer to the call that holds it.
+    """
+
+    def __init__(self, hosts: tuple[RosHost, RosHost], calls: int, *, blocking: bool) -> None:
+        self._release, taken = threading.Event(), threading.Event()
+        self.server, self.node = node_of(hosts[0], "server"), node_of(hosts[1], "client")
+
+        def hold(request: Any, response: Any) -> Any:
+            taken.set()
+            self._release.wait(WAIT_S)
+            return greet(request, response)
+
+        add_service(self.server, hosts[0], Trigger, "held", hold, blocking=False)
+        add_service(self.server, hosts[0], Trigger, "asked", greet, blocking=blocking)
+        hasty = self.node.create_client(Trigger, "asked", qos_profile=QoSProfile(depth=BURST))
+        self.held = ask(self.node.create_client(Trigger, "held"))
+        assert taken.wait(WAIT_S)
+        for _ in range(calls):
+            ask(hasty)
+        self.node.destroy_client(hasty)
+        gone = "the server to know that it has gone"
+        wait_until(lambda: not self.server.count_clients("asked"), gone)
+
+    def release(self) -> None:
+        self._release.set()
+
+
 @pytest.mark.parametrize("blocking", [True, False])
 def test_clients_that_have_gone_hold_up_nobody(
     hosts: tuple[RosHost, RosHost], blocking: bool
 ) -> None:
-    server, node = node_of(hosts[0], "server"), node_of(hosts[1], "client")
-    taken, release = threading.Event(), threading.Event()
-
-    def hold(request: Any, response: Any) -> Any:
-        taken.set()
-        release.wait(WAIT_S)
-        return greet(request, response)
-
-    add_service(server, hosts[0], Trigger, "held", hold, blocking=False)  # holds the executor
-    add_service(server, hosts[0], Trigger, "asked", greet, blocking=blocking)
-    hasty = node.create_client(Trigger, "asked", qos_profile=QoSProfile(depth=BURST))
-    held = ask(node.create_client(Trigger, "held"))
-    assert taken.wait(WAIT_S)
-    for _ in range(BURST):
-        ask(hasty)
-    node.destroy_client(hasty)
-    wait_until(lambda: not server.count_clients("asked"), "the server to know that it has gone")
-    honest = ask(node.create_client(Trigger, "asked"))
+    busy = Busy(hosts, BURST, blocking=blocking)
+    honest = ask(busy.node.create_client(Trigger, "asked"))
     began_s = time.monotonic()
-    release.set()
-    assert wait_for(honest).message == wait_for(held).message == "hello"
+    busy.release()
+    assert wait_for(honest).message == wait_for(busy.held).message == "hello"
     assert time.monotonic() - began_s < 0.1 * BURST / 2
 
 
@@ -96,31 +112,16 @@ def test_a_client_that_is_not_known_yet_gets_its_answer(
 def test_a_response_that_waits_for_a_client_that_has_gone_leaves_the_interpreter_alone(
     hosts: tuple[RosHost, RosHost], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    server, node = node_of(hosts[0], "server"), node_of(hosts[1], "client")
-    taken, release, ended = threading.Event(), threading.Event(), threading.Event()
-
-    def hold(_: Any, response: Any) -> Any:
-        taken.set()
-        release.wait(WAIT_S)
-        return response
+    busy, ended = Busy(hosts, BURST // 3, blocking=False), threading.Event()
 
     def last(_: Any, response: Any) -> Any:
         ended.set()
         return response
 
-    add_service(server, hosts[0], Trigger, "held", hold, blocking=False)
-    add_service(server, hosts[0], Trigger, "asked", greet, blocking=False)
-    add_service(server, hosts[0], Trigger, "last", last, blocking=False)
-    hasty = node.create_client(Trigger, "asked")
-    ask(node.create_client(Trigger, "held"))
-    assert taken.wait(WAIT_S)
-    for _ in range(BURST // 3):
-        ask(hasty)
-    node.destroy_client(hasty)
-    wait_until(lambda: not server.count_clients("asked"), "the server to know that it has gone")
+    add_service(busy.server, hosts[0], Trigger, "last", last, blocking=False)
     monkeypatch.setattr(replies._Waiting, "may_go", lambda *_: True)  # the graph is behind
-    ask(node.create_client(Trigger, "last"))
-    release.set()
+    ask(busy.node.create_client(Trigger, "last"))
+    busy.release()
     turns = 0
     while not ended.is_set():
         time.sleep(0.001)
