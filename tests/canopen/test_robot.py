@@ -17,6 +17,7 @@ from robotd.device.state import CommandMode, Operation
 from robotd.errors import ConnectError
 
 PROFILE = Profile(1.0, 5.0, 5.0)
+SLOWLY = Profile(0.3, 5.0, 5.0)  # a stop may come late on a busy computer
 RATE_HZ = 250  # of the cycle
 
 
@@ -76,12 +77,12 @@ def test_profile_position_moves_stop_and_go_on(open_rig: OpenRig) -> None:
         rig.idle(0)
         assert abs(rig.image.position[0] - 0.2) < 2e-3
         assert rig.image.motion_complete[0]
-        rig.robot.axes.move([Move(0, 2.0, PROFILE)])
+        rig.robot.axes.move([Move(0, 2.0, SLOWLY)])
         rig.until(lambda: rig.image.position[0] > 0.5)
         rig.robot.axes.stop([0])
         rig.idle(0)
         stopped = rig.image.position[0]
-        assert stopped < 1.9
+        assert stopped < 1.0
         rig.robot.axes.move([Move(0, stopped + 0.1, PROFILE)])
         rig.idle(0)
         assert abs(rig.image.position[0] - stopped - 0.1) < 2e-3
