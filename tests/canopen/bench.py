@@ -31,6 +31,7 @@ from robotd_canopen.feedback import Feedback
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import plan_network
 from robotd_canopen.options import BusOptions, CanopenOptions
+from robotd_canopen.scaling import Scaling
 from robotd_canopen.sync import SyncProducer
 
 FRAMES = 5_000
@@ -72,7 +73,8 @@ def receiving() -> tuple[float, float]:
         bus = Bus(BusOptions(interface="virtual", channel="bench"))
         for number, axis in enumerate(layout.axes):
             for pdo in axis.tpdos:
-                bus.subscribe(pdo.cob_id, feedback.handler(number, pdo))
+                scaling = Scaling(axis.options, None)
+                bus.subscribe(pdo.cob_id, feedback.handler(number, pdo, scaling))
 
         def fill() -> None:
             for number in range(FRAMES):

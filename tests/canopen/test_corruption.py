@@ -17,6 +17,7 @@ ANSWERS = [0x580 + node for node in range(1, 7)]
 CYCLIC = [base + node for base in (0x180, 0x280, 0x380, 0x700) for node in range(1, 7)]
 OTHERS = [0x081, 0x6FF, 0x7E4, 0x123]
 FRAMES = 200
+FAR_RAD = 0.5  # where no command of the test leads
 
 
 def test_strange_frames_do_not_disturb_a_trajectory(open_rig: OpenRig) -> None:
@@ -53,6 +54,7 @@ def test_corrupted_answers_and_pdos_kill_nothing(open_rig: OpenRig) -> None:
                 rig.robot.enable_joints()
             with suppress(RobotdError):
                 rig.follow(0.2, 0.1)
+            assert abs(rig.drive(2).drives[0].position) < FAR_RAD
         rig.inject("2 heal")
         engine.stop_communication()
         engine.start_communication()

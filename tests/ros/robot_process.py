@@ -48,6 +48,11 @@ def wait_for(future: Any, timeout_s: float = WAIT_S) -> Any:
     return future.result()
 
 
+def stamp_s(message: Any) -> float:
+    """The time in a message's header."""
+    return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
+
+
 class RobotProcess:
     """``robotd run`` with its standard output and error in one text."""
 

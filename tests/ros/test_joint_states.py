@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import Client, RobotProcess, stamp_s, wait_until
 
 pytestmark = pytest.mark.ros
 
 NAMES = [f"joint{number}" for number in range(1, 7)] + ["picker_1_joint", "picker_2_joint"]
-
-
-def seconds(message: Any) -> float:
-    return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
 
 
 def test_names_and_numbers(client: Client) -> None:
@@ -34,7 +29,7 @@ def test_rate_is_the_parameter_s(client: Client) -> None:
     start = len(messages)
     wait_until(lambda: len(messages) > start + 1000, "1000 messages", 10.0)
     window = messages[start : start + 1000]
-    rate_hz = (len(window) - 1) / (seconds(window[-1]) - seconds(window[0]))
+    rate_hz = (len(window) - 1) / (stamp_s(window[-1]) - stamp_s(window[0]))
     assert rate_hz == pytest.approx(500, rel=0.2)
 
 
@@ -71,11 +66,11 @@ def test_simulated_time_is_the_stamp() -> None:
         client = Client(process.domain)
         try:
             messages = client.listen(JointState, "/joint_states")
-            assert seconds(client.next(messages)) == 0.0
+            assert stamp_s(client.next(messages)) == 0.0
             clock = client.publisher(Clock, "/clock")
             message = Clock()
             message.clock.sec = 1234
             clock.publish(message)
-            client.next(messages, lambda each: seconds(each) == 1234.0)
+            client.next(messages, lambda each: stamp_s(each) == 1234.0)
         finally:
             client.close()

@@ -15,7 +15,7 @@ from control_msgs.action import FollowJointTrajectory
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, stamp_s, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import EcatGetNetworkState, GetIoBit, SetAxis, SetEngine
@@ -152,7 +152,7 @@ def steepest(joints: list[Any]) -> float:
     """The highest deceleration of joint1 in rad/s², over windows of 20 ms or more."""
     samples: list[tuple[float, float]] = []
     for message in joints:
-        time_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        time_s = stamp_s(message)
         if not samples or time_s - samples[-1][0] >= 0.02:
             samples.append((time_s, message.velocity[0]))
     return max((v1 - v2) / (t2 - t1) for (t1, v1), (t2, v2) in itertools.pairwise(samples))

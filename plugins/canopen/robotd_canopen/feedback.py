@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotd_canopen.bus import Handler
 from robotd_canopen.layout import AxisLayout
+from robotd_canopen.leap import LeapFilter
+from robotd_canopen.modes import OperationMode
 from robotd_canopen.pdo import Pdo
-from robotd_canopen.scaling import SPAN
+from robotd_canopen.scaling import SPAN, Scaling
 
 STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
 VELOCITY, TORQUE, ERROR_CODE, INPUTS = 0x606C, 0x6077, 0x603F, 0x60FD
 _OBJECTS = (STATUSWORD, MODE, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, INPUTS)
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
 _TOLD_BEFORE = 0.8  # of the age at which values are too old: so a node is named, not an age
+_HORIZON = 2  # times the age at which a TPDO is stale
 _NEVER = -1
 _EVENT_DRIVEN = 240
 
@@ -61,25 +65,43 @@ class Feedback:
         self.syncs = 0
         self.counts: IntArray = np.zeros(count, np.int64)  # position without the encoder's wrap
         self._raw: IntArray = np.zeros(count, np.int64)
+        self._sync_period_s = sync_period_s
 
-    def handler(self, axis: int, pdo: Pdo) -> Handler:
-        """Receives one TPDO of one axis: raises ValueError for a frame that is too short."""
+    def handler(self, axis: int, pdo: Pdo, scaling: Scaling) -> Handler:
+        """Receives one TPDO of one axis.
+
+        It raises ValueError, and takes nothing of it, for a frame that is too short or whose
+        position cannot be. PDOs on events are believed: nobody knows when the next one comes.
+        """
         size, unpack = pdo.layout.size, pdo.layout.unpack_from
         arrived = dict(zip(_OBJECTS, self._arrived, strict=False))
         columns = [arrived.get(entry.base, self._arrived[-1]) for entry in pdo.entries]
         known = (axis, pdo) in self.pdos
         slot, seen = (self.pdos.index((axis, pdo)), self._seen) if known else (0, np.zeros(1))
+        leaps, position = None, 0
+        if known and pdo.holds(POSITION):
+            horizon_s = _HORIZON * float(self.limits[slot]) * self._sync_period_s
+            leaps = LeapFilter(scaling, horizon_s, partial(self._counts_anew, axis, slot))
+            position = [entry.base for entry in pdo.entries].index(POSITION)
 
         def receive(data: bytearray) -> None:
             if len(data) < size:
                 raise ValueError(f"{pdo.name} has {len(data)} bytes, {size} are mapped")
+            values = unpack(data)
+            if leaps is not None:
+                leaps.check(values[position])
             number = 0
-            for value in unpack(data):
+            for value in values:
                 columns[number][axis] = value
                 number += 1  # noqa: SIM113 - for each frame of the bus: enumerate costs more
             seen[slot] = self.syncs
 
         return receive
+
+    def _counts_anew(self, axis: int, slot: int) -> bool:
+        """The position has nothing to do with the one before."""
+        is_first = self._seen[slot] == _NEVER
+        return bool(is_first or self._arrived[_OBJECTS.index(MODE)][axis] == OperationMode.HOMING)
 
     def take(self) -> None:
         """Cycle: the values are those that have come until now."""

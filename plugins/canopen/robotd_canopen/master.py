@@ -188,10 +188,11 @@ class Master:
             joint = joints.get(number)
             name = joint.name if joint else f"axis {number}"
             node = self._add_node(layout.options, name, _DRIVE, layout.dictionary)
-            scaling = Scaling(layout.options, joint.rated_torque_nm if joint else None)
+            known = (joint.rated_torque_nm, joint.velocity_rad_s) if joint else (None, None)
+            scaling = Scaling(layout.options, *known)
             axes.append(Axis(number, layout, node, self.feedback, scaling))
             for pdo in layout.tpdos:
-                self.bus.subscribe(pdo.cob_id, self.feedback.handler(number, pdo))
+                self.bus.subscribe(pdo.cob_id, self.feedback.handler(number, pdo, scaling))
         return axes
 
     def _add_node(

@@ -6,15 +6,28 @@ from robotd_canopen.options import AxisOptions
 
 SPAN = 1 << 32
 _HALF = SPAN >> 1
+_UNLIMITED = 100.0  # rad/s or m/s that no axis exceeds of which the robot does not say a limit
 
 
 class Scaling:
-    """Counts and units of one axis; changed by a worker while the servo is off."""
+    """Counts and units of one axis; changed by a worker while the servo is off.
 
-    def __init__(self, options: AxisOptions, rated_torque_nm: float | None) -> None:
+    Args:
+        options: the axis' section.
+        rated_torque_nm: None where it is not known.
+        velocity_limit: rad/s or m/s; None for an axis that is no joint.
+    """
+
+    def __init__(
+        self,
+        options: AxisOptions,
+        rated_torque_nm: float | None,
+        velocity_limit: float | None = None,
+    ) -> None:
         self.counts_per_unit = options.counts_per_rad
         self.polarity = options.polarity
         self.rated_torque_nm = float("nan") if rated_torque_nm is None else rated_torque_nm
+        self.velocity_limit = velocity_limit or _UNLIMITED
         self._velocity = options.velocity_per_rad_s
         self._acceleration = options.acceleration_per_rad_s2
 

@@ -1,14 +1,18 @@
-"""To which SYNC the values of the image belong."""
+"""To which SYNC the values of the image belong, and which of them are believed."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.unit.canopen.network import options, plan
 
 from robotd_canopen.feedback import POSITION, Feedback
+from robotd_canopen.scaling import Scaling
 
 ONLINE = np.zeros(2, bool)
+REACH = 16_000  # counts: 100 rad/s for twice 20 SYNCs
 CYCLIC = slice(0, 2)  # TPDOs that come with each SYNC; the third comes with each fourth
 
 
@@ -18,6 +22,11 @@ class Drives:
     def __init__(self) -> None:
         self.axes = plan(options()).axes
         self.feedback = Feedback(self.axes, 0.004, 0.1)
+        self.handlers = {
+            (number, pdo.cob_id): self.feedback.handler(number, pdo, Scaling(axis.options, None))
+            for number, axis in enumerate(self.axes)
+            for pdo in axis.tpdos
+        }
 
     def sync(self) -> None:
         """As the cycle does it."""
@@ -27,7 +36,7 @@ class Drives:
     def answer(self, axis: int, count: int = 0, *, which: slice = slice(None)) -> None:
         for pdo in self.axes[axis].tpdos[which]:
             values = [count if entry.base == POSITION else 0 for entry in pdo.entries]
-            self.feedback.handler(axis, pdo)(bytearray(pdo.layout.pack(*values)))
+            self.handlers[axis, pdo.cob_id](bytearray(pdo.layout.pack(*values)))
 
 
 @pytest.fixture
@@ -68,3 +77,44 @@ def test_answers_between_two_syncs_are_of_the_last_one(drives: Drives) -> None:
     drives.answer(1)
     drives.feedback.take()
     assert drives.feedback.behind(ONLINE) == 0
+
+
+def test_a_position_that_cannot_be_is_not_believed(drives: Drives) -> None:
+    with pytest.raises(ValueError, match="the position leaps by -20 rad"):
+        drives.answer(0, -20_000, which=CYCLIC)
+    drives.answer(0, 100)
+    drives.sync()
+    assert drives.feedback.columns[POSITION][0] == 100
+
+
+def test_a_leap_is_believed_when_the_next_position_is_near_it(drives: Drives) -> None:
+    with pytest.raises(ValueError, match="leaps by 20 rad"):
+        drives.answer(0, 20_000, which=CYCLIC)
+    drives.answer(0, 20_010)
+    drives.sync()
+    assert drives.feedback.columns[POSITION][0] == 20_010
+
+
+def test_the_first_position_after_the_start_is_believed(drives: Drives) -> None:
+    drives.feedback.forget(0)
+    drives.answer(0, 2_000_000)
+    drives.sync()
+    assert drives.feedback.columns[POSITION][0] == 2_000_000
+
+
+def test_an_endless_axis_runs_over_without_a_leap(drives: Drives) -> None:
+    drives.feedback.forget(0)
+    drives.answer(0, 2**31 - 5)
+    drives.answer(0, -(2**31) + 5)
+
+
+@given(st.lists(st.integers(-(2**31), 2**31 - 1).filter(lambda count: abs(count) > REACH)))
+def test_garbage_between_two_positions_changes_nothing(garbage: list[int]) -> None:
+    drives = Drives()
+    drives.answer(0)
+    for count in garbage:
+        with pytest.raises(ValueError, match="leaps"):
+            drives.answer(0, count, which=CYCLIC)
+        drives.answer(0, 5)
+        drives.sync()
+        assert drives.feedback.columns[POSITION][0] == 5

@@ -1,0 +1,37 @@
+"""A position that an axis cannot have reached since it last said where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robotd_canopen.scaling import Scaling, wrapped
+
+
+class LeapFilter:
+    """Keeps one axis' positions that cannot be out; the receive thread.
+
+    What is measured becomes the command when the servo goes on or off: believed garbage would be
+    sent to the motor. A leap is believed when the next position is near it, for then the drive has
+    counted anew.
+
+    Args:
+        scaling: of the axis; its ``velocity_limit`` says how far it can go.
+        horizon_s: longest time between two positions that are both believed.
+        may_leap: the drive is new, or sets its position at this moment.
+    """
+
+    def __init__(self, scaling: Scaling, horizon_s: float, may_leap: Callable[[], bool]) -> None:
+        self._scaling, self._horizon_s, self._may_leap = scaling, horizon_s, may_leap
+        self._last = self._suspect = 0
+
+    def check(self, count: int) -> None:
+        """Raise ValueError when ``count`` is not to be believed."""
+        scaling = self._scaling
+        reach = scaling.counts_per_unit * scaling.velocity_limit * self._horizon_s
+        step = wrapped(count - self._last)
+        if abs(step) > reach and not self._may_leap():
+            near_suspect = abs(wrapped(count - self._suspect)) <= reach
+            self._suspect = count
+            if not near_suspect:
+                raise ValueError(f"the position leaps by {step * scaling.position:.3g} rad (or m)")
+        self._last = self._suspect = count
