@@ -16,9 +16,9 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from numpy.typing import NDArray
-from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 from tests.bench.subjects import Load
+from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import ACTION, WAIT_S, Client
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.srv import EcatGetNetworkState, GetIoBit
@@ -80,12 +80,12 @@ class BenchClient(Client):
             for thread in threads:
                 thread.join()
 
-    def _action_client(self) -> ActionClient:
-        client = ActionClient(self.node, FollowJointTrajectory, ACTION)
+    def _action_client(self) -> GoalClient:
+        client = GoalClient(self.node, FollowJointTrajectory, ACTION)
         assert client.wait_for_server(WAIT_S), f"no action {ACTION}"
         return client
 
-    def _goal(self, client: ActionClient, goal: Any) -> float:
+    def _goal(self, client: GoalClient, goal: Any) -> float:
         """Send a goal and wait for its end; the time in µs until it was accepted."""
         handles: list[Any] = []
         answers: list[Any] = []

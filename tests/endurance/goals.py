@@ -10,7 +10,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
-from rclpy.action import ActionClient
+from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import WAIT_S, Client, wait_for, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -39,7 +39,7 @@ class Goals:
     ) -> None:
         parameters = descriptor.ros_parameters["follow_joint_trajectory_server"]
         action = f"/{parameters['joint_trajectory_action']}"
-        self._actions = ActionClient(client.node, FollowJointTrajectory, action)
+        self._actions = GoalClient(client.node, FollowJointTrajectory, action)
         self._joints = [joint.name for joint in descriptor.joints]
         self._counts, self._chance = counts, chance
 

@@ -12,12 +12,12 @@ import click
 import numpy as np
 from action_msgs.srv import CancelGoal
 from control_msgs.action import FollowJointTrajectory
-from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tests.endurance.goals import goal_of
 from tests.endurance.lives import JOINTS
+from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import ACTION, WAIT_S, Client, wait_for
 from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
 from wmx_ros2_message.srv import EcatGetNetworkState
@@ -113,8 +113,8 @@ def _ask_for_result(sent: Any) -> None:
         sent.result().get_result_async()
 
 
-def _actions(client: Client) -> ActionClient:
-    actions = ActionClient(
+def _actions(client: Client) -> GoalClient:
+    actions = GoalClient(
         client.node,
         FollowJointTrajectory,
         ACTION,

@@ -17,9 +17,9 @@ from typing import Any, Self
 
 import rclpy
 from control_msgs.action import FollowJointTrajectory
-from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
+from tests.ros.action_client import GoalClient
 
 from robotd.ros.host import RosHost
 from robotd.testing.domain import own_domain
@@ -128,7 +128,7 @@ class Client:
         self.node = rclpy.create_node("client", context=self.host.context)
         self.host.add_node(self.node)
         self._clients: dict[str, Any] = {}
-        self._actions: dict[str, ActionClient] = {}
+        self._actions: dict[str, GoalClient] = {}
 
     def close(self) -> None:
         self.host.close()
@@ -172,7 +172,7 @@ class Client:
         """Send a goal and wait until it is accepted."""
         client = self._actions.get(action)
         if client is None:
-            client = ActionClient(self.node, FollowJointTrajectory, action)
+            client = GoalClient(self.node, FollowJointTrajectory, action)
             self._actions[action] = client
             assert client.wait_for_server(WAIT_S)
         on_feedback = None if feedback is None else lambda each: feedback.append(each.feedback)
