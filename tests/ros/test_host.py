@@ -304,16 +304,19 @@ def test_nothing_of_the_middleware_stays_after_the_end() -> None:
         names = [task.joinpath("comm").read_text() for task in Path("/proc/self/task").iterdir()]
         return sum(name.startswith("dds.") for name in names)
 
-    with RosHost():
-        pass  # what Fast DDS keeps for the process is there now
-    before, collects = threads(), gc.isenabled()
-    gc.disable()
-    try:
+    def serve() -> int:
         with RosHost() as host:
             node = rclpy.create_node("asks", context=host.context)
             host.add_node(node)
             ActionClient(node, FollowJointTrajectory, "nobody")
-            assert threads() > before
+            return threads()
+
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        serve()
+        before = threads()  # what Fast DDS keeps for the process
+        assert serve() > before
         assert threads() == before
     finally:
         if collects:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from functools import cached_property
 
@@ -93,15 +94,27 @@ class Recording:
 
 
 class Recorder:
-    """A task of the cycle that fills ``sink``, and calls ``task``, while there is one."""
+    """A task of the cycle that fills a recording, and calls a task, while there is one.
+
+    What has been taken away is used no more when the method returns.
+    """
 
     def __init__(self) -> None:
-        self.sink: Recording | None = None
-        self.task: Callable[[ProcessImage], None] | None = None
+        self._in_use = threading.Lock()
+        self._sink: Recording | None = None
+        self._task: Callable[[ProcessImage], None] | None = None
+
+    def fill(self, sink: Recording | None) -> None:
+        with self._in_use:
+            self._sink = sink
+
+    def call(self, task: Callable[[ProcessImage], None] | None) -> None:
+        with self._in_use:
+            self._task = task
 
     def __call__(self, image: ProcessImage) -> None:
-        sink, task = self.sink, self.task
-        if sink is not None:
-            sink.add(image)
-        if task is not None:
-            task(image)
+        with self._in_use:
+            if self._sink is not None:
+                self._sink.add(image)
+            if self._task is not None:
+                self._task(image)

@@ -131,20 +131,20 @@ class Rig:
     def recording(self) -> Iterator[Recording]:
         """Every period's values while the block runs."""
         recording = Recording()
-        self._recorder.sink = recording
+        self._recorder.fill(recording)
         try:
             yield recording
         finally:
-            self._recorder.sink = None
+            self._recorder.fill(None)
 
     @contextmanager
     def each_period(self, task: Callable[[ProcessImage], None]) -> Iterator[None]:
         """Call ``task(image)`` in every period while the block runs, from the cycle."""
-        self._recorder.task = task
+        self._recorder.call(task)
         try:
             yield
         finally:
-            self._recorder.task = None
+            self._recorder.call(None)
 
     # Motion
 
