@@ -238,12 +238,13 @@ def test_without_a_servo_it_stands_and_says_so_once(
     assert off.success, off.message
     base.drive(0.5, 0.0, 0.5)
     assert abs(base.speed) < 1e-9
+    process.wait_output("right wheel: servo is off")
     assert process.output.count("right wheel: servo is off") == 1
     on = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[1])
     assert on.success, on.message
     base.drive(0.5, 0.0, 0.5)
     assert base.speed > 0.1
-    assert "the base can move again" in process.output
+    process.wait_output("the base can move again")
     base.rest()
 
 
