@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -65,11 +65,16 @@ def client(process: RobotProcess) -> Iterator[Client]:
 
 
 class Base:
-    """What a client sees of the base, and how it commands it."""
+    """What a client sees of the base, and how it commands it.
+
+    Attributes:
+        sent: time, linear and angular velocity of each command.
+    """
 
     def __init__(self, client: Client) -> None:
         self._client = client
         self._publisher = client.publisher(Twist, "/cmd_vel")
+        self.sent: list[tuple[float, float, float]] = []
         self.odometry = client.listen(Odometry, "/odom_enc")
         self.axes = client.listen(AxisState, "/wmx/axis/state")
         client.next(self.odometry)
@@ -87,6 +92,7 @@ class Base:
     def command(self, linear: float, angular: float) -> None:
         twist = Twist()
         twist.linear.x, twist.angular.z = linear, angular
+        self.sent.append((time.monotonic(), linear, angular))
         self._publisher.publish(twist)
 
     def drive(self, linear: float, angular: float, seconds: float) -> None:
@@ -113,16 +119,27 @@ def base(client: Client) -> Base:
     return Base(client)
 
 
-def wheels_say(states: list[Any]) -> tuple[float, float, float, float]:
-    """x, y, heading and way by the true wheel positions, from one state to the next."""
+def along(steps: Iterable[tuple[float, float]]) -> tuple[float, float, float, float]:
+    """x, y, heading and way after steps of (length, turn)."""
     x = y = heading = way = 0.0
-    for before, after in pairwise(states):
-        left, right = (RADIUS_M * (after.actual_pos[a] - before.actual_pos[a]) for a in (0, 1))
-        turn, length = (right - left) / SEPARATION_M, (left + right) / 2
+    for length, turn in steps:
         x += length * math.cos(heading + turn / 2)
         y += length * math.sin(heading + turn / 2)
         heading, way = heading + turn, way + abs(length)
     return x, y, heading, way
+
+
+def wheels_say(states: list[Any]) -> Iterator[tuple[float, float]]:
+    """Steps by the true wheel positions, from one state to the next."""
+    for before, after in pairwise(states):
+        left, right = (RADIUS_M * (after.actual_pos[a] - before.actual_pos[a]) for a in (0, 1))
+        yield (left + right) / 2, (right - left) / SEPARATION_M
+
+
+def client_says(sent: list[tuple[float, float, float]]) -> Iterator[tuple[float, float]]:
+    """Steps by the commands, each in force until the next; ramps up and down cancel out."""
+    for (begin_s, linear, angular), (end_s, _, _) in pairwise(sent):
+        yield linear * (end_s - begin_s), angular * (end_s - begin_s)
 
 
 def test_names_and_types(client: Client, base: Base) -> None:
@@ -154,19 +171,21 @@ def test_the_parameters_of_the_reference(client: Client) -> None:
 
 def test_a_square_of_ten_metres(base: Base) -> None:
     base.reset()
-    start = len(base.axes) - 1
+    start, begun = len(base.axes) - 1, len(base.sent)
     for _ in range(4):
         base.drive(1.0, 0.0, 2.5)
         base.drive(0.0, 0.0, 0.5)
         base.drive(0.0, math.pi / 2, 1.0)
         base.drive(0.0, 0.0, 0.5)
     base.rest()
-    x, y, heading, way = wheels_say(base.axes[start:])
-    assert way == pytest.approx(10.0, abs=0.3)
+    x, y, heading, way = along(wheels_say(base.axes[start:]))
     assert math.hypot(base.pose[0] - x, base.pose[1] - y) < 1e-3
     off = math.remainder(base.pose[2] - heading, 2 * math.pi)
     assert abs(off) < math.radians(0.1)
-    assert math.hypot(x, y) < 0.3, "the square does not close within the timing of the client"
+    x_sent, y_sent, heading_sent, way_sent = along(client_says(base.sent[begun:]))
+    assert way == pytest.approx(way_sent, abs=0.3)
+    assert heading == pytest.approx(heading_sent, abs=0.1)
+    assert math.hypot(x - x_sent, y - y_sent) < 0.3, "the square is not the one that was commanded"
 
 
 def test_a_killed_client_stops_the_base_in_time(process: RobotProcess, base: Base) -> None:

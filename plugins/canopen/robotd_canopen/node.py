@@ -19,6 +19,7 @@ from robotd_canopen.sdo import Sdo, SdoAbort
 _IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 _EMCY, _HEARTBEAT = 0x080, 0x700
 _START_S = 2.0  # for the first heartbeat that says OPERATIONAL
+_TWICE = "more answers than questions: two nodes have this id"
 _UNKNOWN_OBJECT = 0x06020000
 
 
@@ -78,16 +79,13 @@ class Node:
     def identify(self) -> None:
         """Profile and identity. Raises OperationError or DeviceTimeout naming step and object."""
         self.command(NmtCommand.PRE_OPERATIONAL)  # a stopped node answers no SDO
-        asked, answered = self.sdo.requests, self.sdo.answers
-        with _step("identity"):
+        with _step("identity"), self._alone_with_its_id():
             profile = self.sdo.read(0x1000) & 0xFFFF
             if profile != self._profile:
                 raise OperationError(
                     f"device type 0x1000 is CiA {profile}, expected is CiA {self._profile}"
                 )
             self.identity = tuple(self._identity_part(sub) for sub in range(1, 5))
-            if self.sdo.answers - answered > self.sdo.requests - asked:
-                raise OperationError("more answers than questions: two nodes have this id")
         for sub, key in enumerate(_IDENTITY):
             wanted, have = getattr(self._wanted, key), self.identity[sub]
             if wanted is not None and wanted != have:
@@ -158,6 +156,23 @@ class Node:
         """Why a drive is in alarm: its emergency, else the code of object 0x603F."""
         active = self._emergencies.active.get(self.id)
         return active.text if active is not None else f"error code {error_text(error_code)}"
+
+    @contextmanager
+    def _alone_with_its_id(self) -> Iterator[None]:
+        """More answers than questions say that it is not, whatever else they lead to."""
+        asked, answered = self.sdo.requests, self.sdo.answers
+
+        def answers_twice() -> bool:
+            return self.sdo.answers - answered > self.sdo.requests - asked
+
+        try:
+            yield
+        except OperationError as error:
+            if not wait_until(answers_twice, self._common.sdo_timeout_s, self._clock):
+                raise
+            raise OperationError(_TWICE) from error
+        if answers_twice():
+            raise OperationError(_TWICE)
 
     def _identity_part(self, sub: int) -> int:
         try:
