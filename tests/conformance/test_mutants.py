@@ -36,7 +36,7 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
     (
         mutants.SaysItStands,
         PATHS + "no_joint_leaps_after_the_cycle_has_stood",
-        "on",
+        "rad/s on a path of",
     ),
     (mutants.SpringsBack, PATHS + "a_trajectory_arrives", "position"),
     (mutants.StaleValues, "test_ageing.py::test_values_follow_the_motion", "stale_s"),

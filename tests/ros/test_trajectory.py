@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
 
 NAMES = [f"joint{number}" for number in range(1, 7)]
 RESULT = FollowJointTrajectory.Result
-FASTEST_RAD_S = 3.14  # of a joint
+FASTEST_RAD_S = 1.5  # the path's 1 rad/s, and the way back to it after a pause
 NO_JUMP_RAD = 0.03  # a busy device's values are some milliseconds older than their stamps
 
 
@@ -65,14 +65,14 @@ def at_zero(client: Client, joints: list[Any]) -> None:
 
 def test_reaches_the_goal_with_feedback_on_the_way(client: Client, joints: list[Any]) -> None:
     feedback: list[Any] = []
-    sent = client.send_goal(goal((0.5, pose(0.2, -0.1)), (1.0, pose(0.4, -0.2))), feedback)
+    sent = client.send_goal(goal((1.0, pose(0.2, -0.1)), (2.0, pose(0.4, -0.2))), feedback)
     status, result = sent.result()
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
     assert result.error_code == RESULT.SUCCESSFUL
     assert result.error_string
     client.next(joints)
     assert position(joints) == pytest.approx(pose(0.4, -0.2), abs=5e-3)
-    assert len(feedback) >= 5  # about 50; a busy computer sends fewer
+    assert len(feedback) >= 20
     middle = feedback[len(feedback) // 2]
     assert list(middle.joint_names) == NAMES
     assert 0.0 < middle.desired.positions[0] < 0.4

@@ -14,7 +14,7 @@ from robotd_canopen.layout import AxisLayout
 from robotd_canopen.leap import LeapFilter
 from robotd_canopen.modes import OperationMode
 from robotd_canopen.pdo import Pdo
-from robotd_canopen.scaling import SPAN, Scaling
+from robotd_canopen.scaling import SPAN, Scaling, wrapped
 
 STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
 VELOCITY, TORQUE, ERROR_CODE, INPUTS = 0x606C, 0x6077, 0x603F, 0x60FD
@@ -154,5 +154,4 @@ class Feedback:
 
     def demand(self, axis: int) -> int:
         """The drive's own position demand, without the wrap."""
-        step = int(self.columns[DEMAND][axis] - self._raw[axis])
-        return int(self.counts[axis]) + (step + SPAN // 2) % SPAN - SPAN // 2
+        return int(self.counts[axis]) + wrapped(int(self.columns[DEMAND][axis] - self._raw[axis]))

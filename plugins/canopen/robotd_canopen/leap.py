@@ -29,9 +29,8 @@ class LeapFilter:
         scaling = self._scaling
         reach = scaling.counts_per_unit * scaling.velocity_limit * self._horizon_s
         step = wrapped(count - self._last)
-        if abs(step) > reach and not self._may_leap():
-            near_suspect = abs(wrapped(count - self._suspect)) <= reach
+        is_far = abs(step) > reach and abs(wrapped(count - self._suspect)) > reach
+        if is_far and not self._may_leap():
             self._suspect = count
-            if not near_suspect:
-                raise ValueError(f"the position leaps by {step * scaling.position:.3g} rad (or m)")
+            raise ValueError(f"the position leaps by {step * scaling.position:.3g} rad (or m)")
         self._last = self._suspect = count
