@@ -75,20 +75,20 @@ lint: $(ready) ## check style, format, layers and types
 	$(say) 'mypy'
 	.venv/bin/mypy
 
-bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tests.bench
-	@$(say) 'tests.bench $(ARGS)'
-	.venv/bin/python -m tests.bench $(ARGS)
-	$(say) 'tests.canopen.bench'
-	.venv/bin/python -m tests.canopen.bench
+bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
+	@$(say) 'tools.bench $(ARGS)'
+	.venv/bin/python -m tools.bench $(ARGS)
+	$(say) 'tools.bench.canopen'
+	.venv/bin/python -m tools.bench.canopen
 	$(MAKE) -C plugins/wmx bench
 
 soak: $(ready) ## load ROBOT on BACKEND for MINUTES and see what grows
-	@$(say) 'tests.endurance.soak, $(MINUTES) min'
-	exec .venv/bin/python -m tests.endurance.soak --minutes $(MINUTES) --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
+	@$(say) 'tools.endurance.soak, $(MINUTES) min'
+	exec .venv/bin/python -m tools.endurance.soak --minutes $(MINUTES) --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
 
 kill: $(ready) ## end robotd by signals TIMES times, at random moments, and start it again
-	@$(say) 'tests.endurance.killing, $(TIMES) times'
-	exec .venv/bin/python -m tests.endurance.killing --times $(TIMES) $(ARGS)
+	@$(say) 'tools.endurance.killing, $(TIMES) times'
+	exec .venv/bin/python -m tools.endurance.killing --times $(TIMES) $(ARGS)
 
 venv: $(ready) ## make .venv or bring it up to date
 	@:

@@ -11,27 +11,27 @@ from functools import cached_property, partial
 from pathlib import Path
 
 from robotd.clock import Clock, MonotonicClock
-from robotd.cycle.follower import TrajectoryFollower
-from robotd.cycle.loop import Cycle
-from robotd.cycle.mobile_base import MobileBase, wheel_limits
-from robotd.cycle.streamer import Streamer
+from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
+from robotd.control.control_loop import ControlLoop
+from robotd.control.mobile_base import MobileBase, wheel_limits
+from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Axes, each
-from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
-from robotd.device.engine import Engine
+from robotd.device.connection import Connection
+from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
-from robotd.device.image import ProcessImage
 from robotd.device.io import Io
+from robotd.device.process_image import ProcessImage
+from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.state import CommandMode
-from robotd.device.travel import TravelGuard
 from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits
 from robotd.plugin.hookspecs import BackendInfo, DeviceContext
 from robotd.plugin.manager import Backend, load_backend
-from robotd.simulated_clock import PacedClock, SimulatedClock, SteppedClock
 
 log = get_logger("robot")
 
@@ -64,7 +64,7 @@ class Robot:
         self.joint_names = tuple(joint.name for joint in descriptor.joints)
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
         self.image = ProcessImage(descriptor.axes)
-        self.engine = Engine(
+        self.connection = Connection(
             device,
             descriptor.engine,
             descriptor.parameters_file,
@@ -74,40 +74,44 @@ class Robot:
         self.axes = Axes(
             driver,
             self.image,
-            self.engine,
+            self.connection,
             _axis_limits(descriptor),
             _axis_names(descriptor),
             capabilities,
             name,
             clock,
         )
-        self.io = Io(backend.io(device, context), self.engine, name)
-        self.fieldbus = Fieldbus(backend.fieldbus(device, context), self.engine, capabilities, name)
+        self.io = Io(backend.io(device, context), self.connection, name)
+        self.fieldbus = Fieldbus(
+            backend.fieldbus(device, context), self.connection, capabilities, name
+        )
         self.gripper = Gripper(self.io, descriptor.gripper) if descriptor.gripper else None
-        streamer = Streamer(driver, descriptor.axes, descriptor.cycle.rate_hz)
-        self.cycle = Cycle(
+        mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz)
+        self.control_loop = ControlLoop(
             driver,
-            self.engine,
+            self.connection,
             self.image,
-            streamer,
+            mixer,
             descriptor.cycle.rate_hz,
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        guard = TravelGuard(self.axes, driver, 1.0 / descriptor.cycle.rate_hz)
-        self.cycle.every(descriptor.cycle.rate_hz, "travel", guard.look)
+        guard = SoftLimitGuard(self.axes, driver, 1.0 / descriptor.cycle.rate_hz)
+        self.control_loop.every(descriptor.cycle.rate_hz, "travel", guard.look)
         self.follower = TrajectoryFollower(
             self.axes,
-            streamer,
+            mixer,
             descriptor,
             clock,
             driver if self.axes.trajectories_on_device else None,
         )
         drive = descriptor.drive
-        self.base = MobileBase(self.axes, streamer, drive, clock) if drive else None
+        self.base = MobileBase(self.axes, mixer, drive, clock) if drive else None
         self.wheel_axes = drive.axes if drive else ()
-        self.engine.before_stop = self._stop_and_disable
-        self._make_bench: Callable[[], Bench | None] = partial(backend.bench, device, context)
+        self.connection.before_stop = self._stop_and_disable
+        self._make_bench: Callable[[], FaultInjector | None] = partial(
+            backend.fault_injector, device, context
+        )
 
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: cycle, device, communication, parameters, then the servos.
@@ -122,11 +126,11 @@ class Robot:
             ConnectError: the device did not open, or an axis did not come up (all are named).
             RobotdError: communication or parameters failed.
         """
-        self.cycle.start()
+        self.control_loop.start()
         if self.base is not None:
             self.base.start()
-        self.engine.start()
-        if enable and self.engine.ready:
+        self.connection.start()
+        if enable and self.connection.ready:
             self.enable_joints()
 
     def step(self, periods: int) -> None:
@@ -135,7 +139,7 @@ class Robot:
         Afterwards time stands. The same commands between the same steps lead to the same motion,
         bit for bit. Raises InvalidArgument on a clock that cannot be stepped.
         """
-        time_ns = periods * self.cycle.period_ns
+        time_ns = periods * self.control_loop.period_ns
         match self.clock:
             case SteppedClock():
                 self.clock.sleep_until_ns(self.clock.now_ns() + time_ns)
@@ -145,16 +149,16 @@ class Robot:
                 raise InvalidArgument("only simulated time can be stepped")
 
     @cached_property
-    def bench(self) -> Bench:
+    def fault_injector(self) -> FaultInjector:
         """The world around the simulated robot, where faults are made.
 
         Raises Unsupported on a backend that is not simulated or has no bench.
         """
         name = self.backend.name
-        bench = self._make_bench() if Capability.SIMULATED in self.backend.capabilities else None
-        if bench is None:
+        injector = self._make_bench() if Capability.SIMULATED in self.backend.capabilities else None
+        if injector is None:
             raise Unsupported("faults on request", name)
-        return bench
+        return injector
 
     def enable_joints(self) -> None:
         """Clear alarm, then servo on, axis by axis: the start-up's and the recovery's way.
@@ -180,13 +184,13 @@ class Robot:
         if isinstance(self.clock, PacedClock):
             self.clock.resume()
         try:
-            self.engine.shutdown()
+            self.connection.shutdown()
         except RobotdError as error:
             log.error("shut-down failed", reason=str(error))
         finally:
             if self.base is not None:
                 self.base.close()
-            self.cycle.stop()
+            self.control_loop.stop()
             if isinstance(self.clock, PacedClock):
                 self.clock.end()
 
@@ -215,7 +219,7 @@ class Robot:
 
     def _stop_and_disable(self) -> None:
         """Bring what moves to rest, then switch the servos off; failures are logged."""
-        if not self.engine.ready:
+        if not self.connection.ready:
             return
         self.bring_to_rest()
         enabled = [axis for axis in range(len(self.axes)) if self.image.servo_on[axis]]

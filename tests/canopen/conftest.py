@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
-from tests.canopen.rig import Rig
+from tests.canopen.harness import Harness
 
 from robotd.clock import MonotonicClock
 from robotd.descriptor import load_robot_descriptor
@@ -19,7 +19,7 @@ from robotd.robot import Robot
 SMALL = str(Path(__file__).parent / "three_drives.yaml")  # where six axes prove nothing more
 _numbers = itertools.count()
 
-OpenRig = Callable[..., AbstractContextManager[Rig]]
+OpenRig = Callable[..., AbstractContextManager[Harness]]
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def open_rig(tmp_path: Path) -> OpenRig:
         enable: bool = True,
         engine: dict[str, float] | None = None,
         **options: object,
-    ) -> Iterator[Rig]:
+    ) -> Iterator[Harness]:
         descriptor = load_robot_descriptor(robot, None if robot == SMALL else "canopen_simulated")
         section = dict(descriptor.backends["canopen"])
         channel = f"{os.getpid()}-{next(_numbers)}"
@@ -41,11 +41,11 @@ def open_rig(tmp_path: Path) -> OpenRig:
         settings = descriptor.engine.model_copy(update=engine or {})
         changed = {"backends": {"canopen": section}, "engine": settings}
         descriptor = descriptor.model_copy(update=changed)
-        rig = Rig(Robot(descriptor, load_backend("canopen"), MonotonicClock()))
+        harness = Harness(Robot(descriptor, load_backend("canopen"), MonotonicClock()))
         try:
-            rig.robot.start(enable=enable)
-            yield rig
+            harness.robot.start(enable=enable)
+            yield harness
         finally:
-            rig.robot.shutdown()
+            harness.robot.shutdown()
 
     return opened

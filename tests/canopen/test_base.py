@@ -11,15 +11,15 @@ from robotd.device.state import CommandMode
 
 
 def test_wheels_follow_velocities_and_stop(open_rig: OpenRig) -> None:
-    with open_rig("baymax", enable=False) as rig:
-        axes = rig.robot.axes
+    with open_rig("baymax", enable=False) as harness:
+        axes = harness.robot.axes
         for wheel in (0, 1):
             axes.servo(wheel, True)
             axes.set_command_mode(wheel, CommandMode.VELOCITY)
         wanted = np.array([2.0, -1.0])
         axes.jog([Jog(wheel, Profile(wanted[wheel], 5.0, 5.0)) for wheel in (0, 1)])
-        rig.until(lambda: bool(np.abs(rig.image.velocity - wanted).max() < 1e-2))
+        harness.until(lambda: bool(np.abs(harness.image.velocity - wanted).max() < 1e-2))
         axes.stop([0, 1])
         for wheel in (0, 1):
-            rig.idle(wheel)
-        assert np.abs(rig.image.velocity).max() < 1e-2
+            harness.idle(wheel)
+        assert np.abs(harness.image.velocity).max() < 1e-2

@@ -10,12 +10,12 @@ from robotd_canopen.scan import scan_bus
 
 
 def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
-    with open_rig(enable=False, sdo_timeout_s=0.05) as rig:
-        rig.robot.engine.stop_communication()
+    with open_rig(enable=False, sdo_timeout_s=0.05) as harness:
+        harness.robot.connection.stop_communication()
         for line in ("2 abort 0x1017 0x06090030", "3 timeout 0x1A00"):
-            rig.inject(line)
+            harness.inject(line)
         with pytest.raises(ConnectError) as caught:
-            rig.robot.engine.start_communication()
+            harness.robot.connection.start_communication()
         text = str(caught.value)
         assert "joint2 (node 2): heartbeat: " in text
         assert "writing 0x1017:00 (Producer heartbeat time)" in text
@@ -24,43 +24,43 @@ def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
         assert "no answer within 0.05 s, 3 tries" in text
         assert "joint1" not in text
         for node in (2, 3):
-            rig.inject(f"{node} heal")
-        rig.robot.engine.start_communication()
-        assert rig.robot.engine.ready
+            harness.inject(f"{node} heal")
+        harness.robot.connection.start_communication()
+        assert harness.robot.connection.ready
 
 
 def test_a_wrong_identity_is_refused(open_rig: OpenRig) -> None:
     identity = {"vendor_id": 0x1234}
     defaults = {"counts_per_rad": 1e5, "identity": identity}
-    with open_rig(SMALL, axis_defaults=defaults, enable=False) as rig:
-        rig.robot.engine.close()
-        rig.device._simulate()
-        rig.inject("2 identity 0x4321")
+    with open_rig(SMALL, axis_defaults=defaults, enable=False) as harness:
+        harness.robot.connection.close()
+        harness.device._simulate()
+        harness.inject("2 identity 0x4321")
         with pytest.raises(ConnectError, match=r"vendor_id.*is 0x00004321, expected is 0x00001234"):
-            rig.robot.engine.open()
+            harness.robot.connection.open()
 
 
 def test_two_nodes_with_one_id_are_refused(open_rig: OpenRig) -> None:
-    with open_rig(SMALL, enable=False) as rig:
-        rig.robot.engine.close()
-        with rig.second_network(), pytest.raises(ConnectError, match="two nodes have this id"):
-            rig.robot.engine.open()
-        rig.robot.engine.open()
-        with rig.second_network():
-            found = scan_bus("virtual", rig.master.bus.name, 1_000_000, 0.3)
+    with open_rig(SMALL, enable=False) as harness:
+        harness.robot.connection.close()
+        with harness.second_network(), pytest.raises(ConnectError, match="two nodes have this id"):
+            harness.robot.connection.open()
+        harness.robot.connection.open()
+        with harness.second_network():
+            found = scan_bus("virtual", harness.master.bus.name, 1_000_000, 0.3)
         assert [node.id for node in found] == [1, 2, 3, 16]
         assert all("ANSWERS TWICE" in str(node) for node in found)
 
 
 def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:
-    with open_rig(enable=False, allow_partial=True, sdo_timeout_s=0.05) as rig:
-        rig.robot.engine.stop_communication()
-        rig.inject("6 silence")
-        rig.robot.engine.start_communication()
-        assert rig.robot.engine.ready
-        rig.until(lambda: list(rig.image.offline) == [False] * 5 + [True])
-        assert "no answer" in rig.image.reason[5]
-        rig.inject("6 heal")
-        rig.robot.engine.stop_communication()
-        rig.robot.engine.start_communication()
-        rig.until(lambda: not rig.image.offline.any())
+    with open_rig(enable=False, allow_partial=True, sdo_timeout_s=0.05) as harness:
+        harness.robot.connection.stop_communication()
+        harness.inject("6 silence")
+        harness.robot.connection.start_communication()
+        assert harness.robot.connection.ready
+        harness.until(lambda: list(harness.image.offline) == [False] * 5 + [True])
+        assert "no answer" in harness.image.reason[5]
+        harness.inject("6 heal")
+        harness.robot.connection.stop_communication()
+        harness.robot.connection.start_communication()
+        harness.until(lambda: not harness.image.offline.any())

@@ -8,7 +8,7 @@ from contextlib import suppress
 import can
 from tests.canopen.conftest import SMALL, OpenRig
 
-from robotd.cycle.execution import Outcome
+from robotd.control.trajectory_execution import Outcome
 from robotd.errors import RobotdError
 
 # SDO answers, heartbeats, EMCY, TPDOs, and a few that belong to nobody. Heartbeats and TPDOs of
@@ -22,10 +22,10 @@ FAR_RAD = 0.5  # where no command of the test leads
 
 def test_strange_frames_do_not_disturb_a_trajectory(open_rig: OpenRig) -> None:
     rng = random.Random(7)
-    with open_rig(sdo_timeout_s=0.1) as rig:
-        bus = can.Bus(interface="virtual", channel=rig.master.bus.name)
+    with open_rig(sdo_timeout_s=0.1) as harness:
+        bus = can.Bus(interface="virtual", channel=harness.master.bus.name)
         try:
-            with rig.robot.follower.follow(rig.request(1.2, 0.5)) as execution:
+            with harness.robot.follower.follow(harness.request(1.2, 0.5)) as execution:
                 for _ in range(FRAMES):
                     cob_id = rng.choice(ANSWERS + CYCLIC + OTHERS)
                     length = rng.choice((0, 2, 3)) if cob_id in CYCLIC else rng.randint(0, 8)
@@ -33,31 +33,31 @@ def test_strange_frames_do_not_disturb_a_trajectory(open_rig: OpenRig) -> None:
                     bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
                 assert execution.wait(6)
             assert execution.outcome is Outcome.SUCCEEDED
-            rig.until(lambda: rig.master.bus.counters.malformed > 50)
+            harness.until(lambda: harness.master.bus.counters.malformed > 50)
         finally:
             bus.shutdown()
-        assert rig.robot.engine.ready
-        for node in rig.master.nodes.values():
+        assert harness.robot.connection.ready
+        for node in harness.master.nodes.values():
             assert node.sdo.read(0x1000) & 0xFFFF in (401, 402)
 
 
 def test_corrupted_answers_and_pdos_kill_nothing(open_rig: OpenRig) -> None:
     """A node of which every third frame is garbage, while it is brought up and while it moves."""
-    with open_rig(SMALL, sdo_timeout_s=0.03) as rig:
-        engine = rig.robot.engine
-        rig.inject("2 garble 0.3")
-        while rig.drive(2).faults.garbled_frames < FRAMES:
+    with open_rig(SMALL, sdo_timeout_s=0.03) as harness:
+        engine = harness.robot.connection
+        harness.inject("2 garble 0.3")
+        while harness.drive(2).faults.garbled_frames < FRAMES:
             engine.stop_communication()
             with suppress(RobotdError):
                 engine.start_communication()
             with suppress(RobotdError):
-                rig.robot.enable_joints()
+                harness.robot.enable_joints()
             with suppress(RobotdError):
-                rig.follow(0.2, 0.1)
-            assert abs(rig.drive(2).drives[0].position) < FAR_RAD
-        rig.inject("2 heal")
+                harness.follow(0.2, 0.1)
+            assert abs(harness.drive(2).drives[0].position) < FAR_RAD
+        harness.inject("2 heal")
         engine.stop_communication()
         engine.start_communication()
-        rig.robot.enable_joints()
-        assert rig.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
-        assert all(thread.is_alive() for thread in rig.threads())
+        harness.robot.enable_joints()
+        assert harness.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
+        assert all(thread.is_alive() for thread in harness.threads())

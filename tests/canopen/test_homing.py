@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 from tests.canopen.conftest import SMALL, OpenRig
-from tests.canopen.rig import Rig
+from tests.canopen.harness import Harness
 
-from robotd.cycle.execution import Outcome
+from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog
 from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode
@@ -33,9 +33,9 @@ def homing(method: int, polarity: int = 1, **switches: float) -> dict[str, Any]:
     }
 
 
-def place(rig: Rig) -> float:
+def place(harness: Harness) -> float:
     """Where home is, seen from where the motor was at power-on."""
-    return rig.drive(2).drives[0].motion.zero
+    return harness.drive(2).drives[0].motion.zero
 
 
 @pytest.mark.parametrize(
@@ -51,48 +51,48 @@ def place(rig: Rig) -> float:
 def test_home_is_the_edge_of_the_switch(
     open_rig: OpenRig, method: int, polarity: int, home: float
 ) -> None:
-    with open_rig(SMALL, **homing(method, polarity)) as rig:
-        rig.robot.axes.home(1)
-        assert place(rig) == pytest.approx(home, abs=EDGE_RAD)
-        assert abs(rig.image.position[1]) < 10 * EDGE_RAD
-        assert rig.image.home_done[1]
-        assert rig.image.servo_on[1]
+    with open_rig(SMALL, **homing(method, polarity)) as harness:
+        harness.robot.axes.home(1)
+        assert place(harness) == pytest.approx(home, abs=EDGE_RAD)
+        assert abs(harness.image.position[1]) < 10 * EDGE_RAD
+        assert harness.image.home_done[1]
+        assert harness.image.servo_on[1]
         inwards = -0.1 if home == ENDS[1] else 0.1
-        assert rig.follow(0.5, inwards).outcome is Outcome.SUCCEEDED
+        assert harness.follow(0.5, inwards).outcome is Outcome.SUCCEEDED
 
 
 @pytest.mark.parametrize(("method", "home_rad"), [(23, -0.1), (27, 0.2)])
 def test_a_search_turns_at_the_limit_switch(
     open_rig: OpenRig, method: int, home_rad: float
 ) -> None:
-    with open_rig(SMALL, **homing(method, home_rad=home_rad)) as rig:
-        rig.robot.axes.home(1)
+    with open_rig(SMALL, **homing(method, home_rad=home_rad)) as harness:
+        harness.robot.axes.home(1)
         edge = home_rad - 0.01 if method == 23 else home_rad + 0.01
-        assert place(rig) == pytest.approx(edge, abs=EDGE_RAD)
+        assert place(harness) == pytest.approx(edge, abs=EDGE_RAD)
 
 
 @pytest.mark.parametrize("method", [21, 5])
 def test_a_homing_that_finds_nothing_says_so(open_rig: OpenRig, method: int) -> None:
     """21 searches on the wrong side and ends at the limit switch; 5 the drive does not have."""
-    with open_rig(SMALL, **homing(method)) as rig:
+    with open_rig(SMALL, **homing(method)) as harness:
         with pytest.raises(OperationError, match=r"elbow \(node 2\): homing failed"):
-            rig.robot.axes.home(1)
-        assert not rig.image.home_done[1]
-        assert rig.image.servo_on[1]
+            harness.robot.axes.home(1)
+        assert not harness.image.home_done[1]
+        assert harness.image.servo_on[1]
 
 
 def test_a_limit_switch_stops_an_axis_with_a_reason(open_rig: OpenRig) -> None:
-    with open_rig(SMALL, **homing(37)) as rig:
-        axes = rig.robot.axes
+    with open_rig(SMALL, **homing(37)) as harness:
+        axes = harness.robot.axes
         axes.set_command_mode(1, CommandMode.VELOCITY)
         axes.jog([Jog(1, Profile(0.8, 5.0, 5.0))])
-        rig.until(lambda: bool(rig.image.amp_alarm[1]))
-        assert "EMCY 0x8612 reference limit" in rig.image.fault(1)
-        rig.until(lambda: bool(rig.image.positive_limit[1]))
-        assert not rig.image.negative_limit[1]
+        harness.until(lambda: bool(harness.image.amp_alarm[1]))
+        assert "EMCY 0x8612 reference limit" in harness.image.fault(1)
+        harness.until(lambda: bool(harness.image.positive_limit[1]))
+        assert not harness.image.negative_limit[1]
         axes.clear_alarm(1)
         axes.servo(1, True)
         axes.jog([Jog(1, Profile(-0.4, 5.0, 5.0))])
-        rig.until(lambda: not rig.image.positive_limit[1])
+        harness.until(lambda: not harness.image.positive_limit[1])
         axes.stop([1])
-        rig.idle(1)
+        harness.idle(1)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from tests.canopen.drives_process import DrivesProcess, write_robot
 from tests.canopen.moving import SPEED_RAD_S, Motion
-from tests.endurance.rest import come_to_rest
+from tools.endurance.rest import come_to_rest
 
 from robotd.clock import MonotonicClock, wait_until
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from tests.canopen.drives_process import GROUP, PORT, DrivesProcess, write_robot
-from tests.canopen.rig import Rig, broken
+from tests.canopen.harness import Harness, broken
 
 from robotd.cli import main
 from robotd.clock import MonotonicClock
-from robotd.cycle.execution import Outcome
+from robotd.control.trajectory_execution import Outcome
 from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
@@ -37,12 +37,12 @@ def drives(process: DrivesProcess) -> DrivesProcess:
 
 
 @contextmanager
-def served(folder: Path) -> Iterator[Rig]:
+def served(folder: Path) -> Iterator[Harness]:
     descriptor = load_robot_descriptor(str(write_robot(folder)))
     made = Robot(descriptor, load_backend("canopen"), MonotonicClock())
     try:
         made.start()
-        yield Rig(made)
+        yield Harness(made)
     finally:
         made.shutdown()
 
@@ -60,30 +60,30 @@ def served(folder: Path) -> Iterator[Rig]:
 def test_a_fault_and_the_way_back(
     drives: DrivesProcess, tmp_path: Path, fault: str, reason: str
 ) -> None:
-    with served(tmp_path) as rig:
-        stop = broken(rig, lambda: drives.tell(f"4 {fault}"), HEALTHY)
+    with served(tmp_path) as harness:
+        stop = broken(harness, lambda: drives.tell(f"4 {fault}"), HEALTHY)
         assert stop.execution.outcome is Outcome.FAULT
         assert reason in stop.execution.message
         assert stop.is_controlled
         drives.tell("4 heal")
-        rig.robot.engine.start_communication()
-        rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
-        rig.robot.enable_joints()
-        assert rig.follow(0.8, 0.0).outcome is Outcome.SUCCEEDED
+        harness.robot.connection.start_communication()
+        harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
+        harness.robot.enable_joints()
+        assert harness.follow(0.8, 0.0).outcome is Outcome.SUCCEEDED
 
 
 def test_power_off_and_on_of_all_drives(drives: DrivesProcess, tmp_path: Path) -> None:
-    with served(tmp_path) as rig:
-        stop = broken(rig, drives.stop, healthy=())
+    with served(tmp_path) as harness:
+        stop = broken(harness, drives.stop, healthy=())
         assert stop.execution.outcome is Outcome.FAULT
         assert "node 1" in stop.execution.message
         assert "has not come for" in stop.execution.message
-        assert rig.robot.engine.fault.endswith("more nodes")
+        assert harness.robot.connection.fault.endswith("more nodes")
         drives.start()
-        rig.robot.engine.start_communication()
-        rig.until(lambda: rig.robot.engine.ready and not rig.image.offline.any())
-        rig.robot.enable_joints()
-        assert rig.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
+        harness.robot.connection.start_communication()
+        harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
+        harness.robot.enable_joints()
+        assert harness.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
 
 
 def test_scan_and_sdo(drives: DrivesProcess) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from tests.canopen.conftest import SMALL, OpenRig
 
-from robotd.cycle.execution import Outcome
+from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.drivers import Profile
-from robotd.device.image import ProcessImage
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import ConnectError
 
@@ -22,16 +22,16 @@ RATE_HZ = 250  # of the cycle
 
 
 def test_a_trajectory_ends_where_it_should_and_has_no_steps(open_rig: OpenRig) -> None:
-    with open_rig() as rig:
+    with open_rig() as harness:
         seen: list[tuple[int, np.ndarray]] = []
 
         def note(image: ProcessImage) -> None:
             seen.append((image.stamp_ns, image.position_command.copy()))
 
-        rig.robot.cycle.every(RATE_HZ, "seen", note)
-        execution = rig.follow(1.0, 0.6)
+        harness.robot.control_loop.every(RATE_HZ, "seen", note)
+        execution = harness.follow(1.0, 0.6)
         assert execution.outcome is Outcome.SUCCEEDED
-        assert np.abs(rig.positions() - 0.6).max() < 2e-3
+        assert np.abs(harness.positions() - 0.6).max() < 2e-3
         # The image has the setpoint of the period before: each belongs to the stamp before its
         # own. A period that was missed moves both on, so no load on the computer shows here.
         times_s = np.array([stamp_ns for stamp_ns, _ in seen])[:-1] * 1e-9
@@ -41,8 +41,8 @@ def test_a_trajectory_ends_where_it_should_and_has_no_steps(open_rig: OpenRig) -
 
 
 def test_no_drive_gets_a_leap_after_the_cycle_has_stood(open_rig: OpenRig) -> None:
-    with open_rig(SMALL) as rig:
-        axis = rig.master.axes[0]
+    with open_rig(SMALL) as harness:
+        axis = harness.master.axes[0]
         transmit, targets = axis.transmit, list[float]()
 
         def noted(*arguments: Any) -> None:
@@ -50,118 +50,118 @@ def test_no_drive_gets_a_leap_after_the_cycle_has_stood(open_rig: OpenRig) -> No
             transmit(*arguments)
 
         axis.transmit = noted  # type: ignore[method-assign]
-        with rig.robot.follower.follow(rig.request(2.0, 1.0)) as execution:
+        with harness.robot.follower.follow(harness.request(2.0, 1.0)) as execution:
             for position, pause_s in ((0.3, 0.06), (0.6, 0.03)):
-                rig.until(lambda position=position: rig.image.position[0] > position)  # type: ignore[misc]
-                rig.pause_cycle(pause_s)
+                harness.until(lambda position=position: harness.image.position[0] > position)  # type: ignore[misc]
+                harness.pause_cycle(pause_s)
             assert execution.wait(8)
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
-        assert abs(rig.positions()[0] - 1.0) < 2e-3
+        assert abs(harness.positions()[0] - 1.0) < 2e-3
         fastest = np.abs(np.diff(targets)).max() * RATE_HZ
         assert fastest < 2.0, "the path has 0.75 rad/s; made good in one period it would be 9"
 
 
 def test_cancel_stops_and_the_next_goal_starts_from_there(open_rig: OpenRig) -> None:
-    with open_rig(SMALL) as rig:
-        with rig.robot.follower.follow(rig.request(1.5, 0.8)) as execution:
-            rig.until(lambda: rig.image.position[0] > 0.2)
+    with open_rig(SMALL) as harness:
+        with harness.robot.follower.follow(harness.request(1.5, 0.8)) as execution:
+            harness.until(lambda: harness.image.position[0] > 0.2)
             execution.cancel()
             assert execution.wait(5)
         assert execution.outcome is Outcome.CANCELED
-        assert rig.follow(0.5, 0.3).outcome is Outcome.SUCCEEDED
+        assert harness.follow(0.5, 0.3).outcome is Outcome.SUCCEEDED
 
 
 def test_profile_position_moves_stop_and_go_on(open_rig: OpenRig) -> None:
-    with open_rig(SMALL) as rig:
-        rig.robot.axes.move([Move(0, 0.2, PROFILE)])
-        rig.idle(0)
-        assert abs(rig.image.position[0] - 0.2) < 2e-3
-        assert rig.image.motion_complete[0]
-        rig.robot.axes.move([Move(0, 2.0, SLOWLY)])
-        rig.until(lambda: rig.image.position[0] > 0.5)
-        rig.robot.axes.stop([0])
-        rig.idle(0)
-        stopped = rig.image.position[0]
+    with open_rig(SMALL) as harness:
+        harness.robot.axes.move([Move(0, 0.2, PROFILE)])
+        harness.idle(0)
+        assert abs(harness.image.position[0] - 0.2) < 2e-3
+        assert harness.image.motion_complete[0]
+        harness.robot.axes.move([Move(0, 2.0, SLOWLY)])
+        harness.until(lambda: harness.image.position[0] > 0.5)
+        harness.robot.axes.stop([0])
+        harness.idle(0)
+        stopped = harness.image.position[0]
         assert stopped < 1.0
-        rig.robot.axes.move([Move(0, stopped + 0.1, PROFILE)])
-        rig.idle(0)
-        assert abs(rig.image.position[0] - stopped - 0.1) < 2e-3
+        harness.robot.axes.move([Move(0, stopped + 0.1, PROFILE)])
+        harness.idle(0)
+        assert abs(harness.image.position[0] - stopped - 0.1) < 2e-3
 
 
 def test_a_quick_stop_keeps_the_servo_on_and_can_be_left(open_rig: OpenRig) -> None:
-    with open_rig(SMALL) as rig:
-        rig.robot.axes.move([Move(1, 2.0, PROFILE)])
-        rig.until(lambda: rig.image.position[1] > 0.2)
-        rig.robot.axes.quick_stop([1])
-        rig.idle(1)
-        assert rig.image.servo_on[1]
-        assert rig.follow(0.5, 0.4).outcome is Outcome.SUCCEEDED
+    with open_rig(SMALL) as harness:
+        harness.robot.axes.move([Move(1, 2.0, PROFILE)])
+        harness.until(lambda: harness.image.position[1] > 0.2)
+        harness.robot.axes.quick_stop([1])
+        harness.idle(1)
+        assert harness.image.servo_on[1]
+        assert harness.follow(0.5, 0.4).outcome is Outcome.SUCCEEDED
 
 
 def test_velocity_by_the_drives_ramp_and_by_ours(open_rig: OpenRig) -> None:
     for mode in ("pv", "csv"):
         defaults = {"counts_per_rad": 1e5, "velocity_mode": mode}
-        with open_rig(SMALL, enable=False, axis_defaults=defaults) as rig:
-            rig.robot.axes.servo(2, True)
-            rig.robot.axes.set_command_mode(2, CommandMode.VELOCITY)
-            rig.robot.axes.jog([Jog(2, Profile(-0.4, 2.0, 2.0))])
-            rig.until(lambda: abs(rig.image.velocity[2] + 0.4) < 1e-3)
-            assert rig.image.operation[2] == Operation.VELOCITY
-            rig.robot.axes.jog([Jog(2, Profile(0.0, 2.0, 2.0))])
-            rig.idle(2)
-            assert abs(rig.image.velocity[2]) < 1e-3
+        with open_rig(SMALL, enable=False, axis_defaults=defaults) as harness:
+            harness.robot.axes.servo(2, True)
+            harness.robot.axes.set_command_mode(2, CommandMode.VELOCITY)
+            harness.robot.axes.jog([Jog(2, Profile(-0.4, 2.0, 2.0))])
+            harness.until(lambda: abs(harness.image.velocity[2] + 0.4) < 1e-3)
+            assert harness.image.operation[2] == Operation.VELOCITY
+            harness.robot.axes.jog([Jog(2, Profile(0.0, 2.0, 2.0))])
+            harness.idle(2)
+            assert abs(harness.image.velocity[2]) < 1e-3
 
 
 def test_a_drive_that_has_only_interpolated_position(open_rig: OpenRig) -> None:
     only = 1 << 6 | 1 << 2 | 1 << 0  # interpolated and profile position, profile velocity
     for stream_mode in ("csp", "ip"):
         defaults = {"counts_per_rad": 1e5, "stream_mode": stream_mode}
-        with open_rig(SMALL, enable=False, axis_defaults=defaults) as rig:
-            rig.robot.engine.stop_communication()
+        with open_rig(SMALL, enable=False, axis_defaults=defaults) as harness:
+            harness.robot.connection.stop_communication()
             for node in (1, 2, 3):
-                rig.drive(node).values[0x6502, 0] = only
+                harness.drive(node).values[0x6502, 0] = only
             if stream_mode == "csp":
                 with pytest.raises(ConnectError, match="stream_mode needs cyclic_position"):
-                    rig.robot.engine.start_communication()
+                    harness.robot.connection.start_communication()
                 continue
-            rig.robot.engine.start_communication()
-            rig.robot.enable_joints()
-            assert rig.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
-            assert rig.positions()[:2] == pytest.approx([0.3, 0.3], abs=2e-3)
-            rig.robot.axes.move([Move(0, 0.1, PROFILE)])
-            rig.idle(0)
-            assert abs(rig.image.position[0] - 0.1) < 2e-3
+            harness.robot.connection.start_communication()
+            harness.robot.enable_joints()
+            assert harness.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
+            assert harness.positions()[:2] == pytest.approx([0.3, 0.3], abs=2e-3)
+            harness.robot.axes.move([Move(0, 0.1, PROFILE)])
+            harness.idle(0)
+            assert abs(harness.image.position[0] - 0.1) < 2e-3
 
 
 def test_homing_makes_here_zero(open_rig: OpenRig) -> None:
-    with open_rig(SMALL) as rig:
-        rig.follow(0.5, 0.3)
-        rig.robot.axes.home(1)
-        assert abs(rig.image.position[1]) < 1e-3
-        assert rig.image.home_done[1]
-        assert abs(rig.image.position_command[1]) < 1e-3
+    with open_rig(SMALL) as harness:
+        harness.follow(0.5, 0.3)
+        harness.robot.axes.home(1)
+        assert abs(harness.image.position[1]) < 1e-3
+        assert harness.image.home_done[1]
+        assert abs(harness.image.position_command[1]) < 1e-3
 
 
 def test_the_gripper_is_an_output_and_a_start_does_not_switch_it(open_rig: OpenRig) -> None:
-    with open_rig(enable=False) as rig:
-        assert rig.robot.gripper is not None
-        rig.robot.gripper.command(True)
-        rig.until(lambda: rig.module(16).outputs[0] == 1)
-        rig.module(16).faults.silent = False
-        rig.network.call(lambda: rig.module(16).set_input_bit(1, 3, value=True))
-        rig.until(lambda: rig.robot.io.input_bit(1, 3))
-        assert rig.robot.io.output_bytes(0, 2) == b"\x01\x00"
+    with open_rig(enable=False) as harness:
+        assert harness.robot.gripper is not None
+        harness.robot.gripper.command(True)
+        harness.until(lambda: harness.module(16).outputs[0] == 1)
+        harness.module(16).faults.silent = False
+        harness.network.call(lambda: harness.module(16).set_input_bit(1, 3, value=True))
+        harness.until(lambda: harness.robot.io.input_bit(1, 3))
+        assert harness.robot.io.output_bytes(0, 2) == b"\x01\x00"
 
 
 def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
-    with open_rig(enable=False) as rig:
-        state = rig.robot.fieldbus.network_state(0)
+    with open_rig(enable=False) as harness:
+        state = harness.robot.fieldbus.network_state(0)
         assert [slave.id for slave in state.slaves] == [1, 2, 3, 4, 5, 6, 16]
         assert all(slave.state == 16 and not slave.offline for slave in state.slaves)
         assert "CANopen" in state.note
         assert state.slaves[0].product_code == 0x402
-        rig.until(lambda: rig.device_state().details["bus load (%)"] != "0")
-        found = rig.device_state().details
+        harness.until(lambda: harness.device_state().details["bus load (%)"] != "0")
+        found = harness.device_state().details
         assert found["computed bus load (%)"] == "79"
         assert int(found["frames received"]) > 100 < int(found["frames sent"])
         for name in ("malformed frames", "error frames", "failed sends", "lost heartbeats"):
@@ -171,11 +171,11 @@ def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
 
 
 def test_error_frames_are_told_in_words(open_rig: OpenRig) -> None:
-    with open_rig(SMALL, enable=False) as rig:
-        with can.Bus(interface="virtual", channel=rig.master.bus.name) as bus:
+    with open_rig(SMALL, enable=False) as harness:
+        with can.Bus(interface="virtual", channel=harness.master.bus.name) as bus:
             bus.send(can.Message(arbitration_id=0x20, data=bytes(8), is_error_frame=True))
-        rig.until(lambda: rig.device_state().details["error frames"] != "0")
-        text = rig.device_state().details["error frames"]
+        harness.until(lambda: harness.device_state().details["error frames"] != "0")
+        text = harness.device_state().details["error frames"]
         assert text == "1, the latest: no acknowledgement: no other node listens"
-        rig.robot.fieldbus.reset_statistics(0)
-        assert rig.device_state().packet_loss == 0
+        harness.robot.fieldbus.reset_statistics(0)
+        assert harness.device_state().packet_loss == 0

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 from tests.canopen.conftest import SMALL, OpenRig
-from tests.canopen.rig import broken
+from tests.canopen.harness import broken
 from tests.canopen.two_axis_eds import write_two_axis_eds
 
-from robotd.cycle.execution import Outcome
+from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode
@@ -44,38 +44,38 @@ def drive(tmp_path: Path) -> dict[str, Any]:
 
 
 def test_each_axis_obeys_its_own_objects(open_rig: OpenRig, drive: dict[str, Any]) -> None:
-    with open_rig(SMALL, **drive) as rig:
-        assert sorted(rig.network.members) == [1, 3, 16]
-        assert rig.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
-        rig.robot.axes.move([Move(1, -0.2, Profile(1.0, 5.0, 5.0))])
-        rig.idle(1)
-        assert rig.positions()[:2] == pytest.approx([0.3, -0.2], abs=2e-3)
-        values = rig.drive(1).values
+    with open_rig(SMALL, **drive) as harness:
+        assert sorted(harness.network.members) == [1, 3, 16]
+        assert harness.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
+        harness.robot.axes.move([Move(1, -0.2, Profile(1.0, 5.0, 5.0))])
+        harness.idle(1)
+        assert harness.positions()[:2] == pytest.approx([0.3, -0.2], abs=2e-3)
+        values = harness.drive(1).values
         assert values[0x6064, 0] == pytest.approx(0.3e5, abs=200)
         assert values[0x6864, 0] == pytest.approx(0.2e5, abs=200)
         assert values[0x6065, 0] == values[0x6865, 0] == 12345
 
 
 def test_modes_and_alarms_are_separate(open_rig: OpenRig, drive: dict[str, Any]) -> None:
-    with open_rig(SMALL, **drive) as rig:
-        axes = rig.robot.axes
+    with open_rig(SMALL, **drive) as harness:
+        axes = harness.robot.axes
         axes.set_command_mode(1, CommandMode.VELOCITY)
         axes.jog([Jog(1, Profile(0.5, 2.0, 2.0))])
-        rig.until(lambda: abs(rig.image.velocity[1] - 0.5) < 1e-2)
-        assert abs(rig.image.velocity[0]) < 1e-2
-        rig.network.call(lambda: rig.drive(1).drives[1].trip(0x7121))
-        rig.until(lambda: bool(rig.image.amp_alarm[1]))
-        assert list(rig.image.amp_alarm) == [False, True, False]
-        assert rig.image.reason[1] == "node 1: EMCY 0x7121 motor blocked"
-        assert rig.image.servo_on[0]
+        harness.until(lambda: abs(harness.image.velocity[1] - 0.5) < 1e-2)
+        assert abs(harness.image.velocity[0]) < 1e-2
+        harness.network.call(lambda: harness.drive(1).drives[1].trip(0x7121))
+        harness.until(lambda: bool(harness.image.amp_alarm[1]))
+        assert list(harness.image.amp_alarm) == [False, True, False]
+        assert harness.image.reason[1] == "node 1: EMCY 0x7121 motor blocked"
+        assert harness.image.servo_on[0]
         axes.clear_alarm(1)
-        rig.until(lambda: not rig.image.amp_alarm.any())
+        harness.until(lambda: not harness.image.amp_alarm.any())
 
 
 def test_a_lost_node_loses_both_axes(open_rig: OpenRig, drive: dict[str, Any]) -> None:
-    with open_rig(SMALL, **drive) as rig:
-        stop = broken(rig, "1 silence", healthy=())
+    with open_rig(SMALL, **drive) as harness:
+        stop = broken(harness, "1 silence", healthy=())
         assert stop.execution.outcome is Outcome.FAULT
-        assert list(rig.image.offline) == [True, True, False]
-        slave = rig.device_state().slaves[0]
+        assert list(harness.image.offline) == [True, True, False]
+        slave = harness.device_state().slaves[0]
         assert (slave.id, slave.axes, slave.offline) == (1, 2, True)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from tests.conformance.mutants import Mutant
 
-from robotd.device.state import EngineState
-from robotd.plugin.api import ProcessImage
+from robotd.api import ProcessImage
+from robotd.device.state import ConnectionState
 from robotd_sim import SimAxes, SimDevice, SimIo
 
 BREAK = "ROBOTD_TEST_BREAK"
@@ -49,7 +49,7 @@ class HangsInRead(Mutant):
 
 class HangsInState(Mutant):
     class Device(SimDevice):
-        def state(self) -> EngineState:
+        def state(self) -> ConnectionState:
             if broken.is_set():
                 released.wait(20.0)
             return super().state()

@@ -15,13 +15,13 @@ from typing import ClassVar, cast
 import numpy as np
 
 import robotd_sim
-from robotd.plugin.api import (
+from robotd.api import (
     BackendInfo,
-    Bench,
     Capability,
+    ConnectionState,
     DeviceContext,
     DeviceDriver,
-    EngineState,
+    FaultInjector,
     FloatArray,
     ProcessImage,
     Profile,
@@ -68,7 +68,7 @@ class Mutant:
         return self.Fieldbus(cast(SimDevice, device).simulation)
 
     @hookimpl
-    def robotd_bench(self, device: DeviceDriver) -> Bench:
+    def robotd_fault_injector(self, device: DeviceDriver) -> FaultInjector:
         return SimBench(cast(SimDevice, device).simulation)
 
 
@@ -308,9 +308,9 @@ class ClearingEnables(Mutant):
 
 class StateThatLies(Mutant):
     class Device(SimDevice):
-        def state(self) -> EngineState:
+        def state(self) -> ConnectionState:
             state = super().state()
-            return EngineState.COMMUNICATING if state is EngineState.RUNNING else state
+            return ConnectionState.COMMUNICATING if state is ConnectionState.RUNNING else state
 
 
 # Time, threads, handles

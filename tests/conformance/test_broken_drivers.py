@@ -20,7 +20,7 @@ from tests.conformance.mutants import Mutant
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.descriptor import RobotDescriptor
-from robotd.device.state import EngineState
+from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, OperationError
 from robotd.plugin import guard
 from robotd.plugin.manager import Backend, PluginOrigin
@@ -32,9 +32,9 @@ def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Budgets of tenths of a second, and nothing broken or hanging before and after a test."""
     for name in ("CALL_BUDGET_S", "COMMAND_BUDGET_S", "GRACE_S", "ANSWER_BUDGET_S"):
         monkeypatch.setattr(guard, name, 0.1)
-    monkeypatch.setattr("robotd.cycle.loop.STOP_S", 0.2)
-    monkeypatch.setattr("robotd.cycle.watchdog.HANG_S", 0.1)
-    monkeypatch.setattr("robotd.device.engine.ANSWER_S", 0.2)
+    monkeypatch.setattr("robotd.control.control_loop.STOP_S", 0.2)
+    monkeypatch.setattr("robotd.control.watchdog.HANG_S", 0.1)
+    monkeypatch.setattr("robotd.device.connection.ANSWER_S", 0.2)
     broken.clear()
     released.clear()
     yield
@@ -56,15 +56,15 @@ def waits(condition: object) -> bool:
 def test_a_cycle_that_cannot_read_takes_no_command_and_can_be_ended(mutant: type[Mutant]) -> None:
     robot = make(mutant)
     robot.start()
-    assert waits(lambda: robot.engine.ready)
+    assert waits(lambda: robot.connection.ready)
     broken.set()
-    assert waits(lambda: not robot.engine.ready)
+    assert waits(lambda: not robot.connection.ready)
     with pytest.raises(NotReady, match="engine is not ready"):
         robot.axes.servo(0, True)
     began_s = time.monotonic()
     robot.shutdown()
     assert time.monotonic() - began_s < 5.0
-    assert robot.engine.state is EngineState.SHUTDOWN
+    assert robot.connection.state is ConnectionState.SHUTDOWN
 
 
 def test_a_command_that_hangs_or_raises_names_the_plugin() -> None:
@@ -74,11 +74,11 @@ def test_a_command_that_hangs_or_raises_names_the_plugin() -> None:
     ):
         robot = make(mutant)
         robot.start()
-        assert waits(lambda robot=robot: robot.engine.ready)
+        assert waits(lambda robot=robot: robot.connection.ready)
         with pytest.raises(kind) as caught:
             robot.axes.servo(0, True)
         assert f"plugin {mutant.__name__!r} (acme of robotd-acme 1.0): {says}" in str(caught.value)
-        assert robot.engine.ready
+        assert robot.connection.ready
         robot.shutdown()
 
 
@@ -86,7 +86,7 @@ def test_a_device_that_does_not_close_is_left_to_itself() -> None:
     robot = make(HangsInClose)
     robot.start()
     robot.shutdown()
-    assert robot.engine.state is EngineState.SHUTDOWN
+    assert robot.connection.state is ConnectionState.SHUTDOWN
 
 
 def test_an_arm_whose_servos_hang_says_which() -> None:

@@ -22,7 +22,7 @@ from robotd.cli.exit_codes import ExitCode
 pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # old lark in ROS
 
 ORIGIN = "plugin 'odd' (odd_module of odd 1.0)"
-IMPORTS = "from robotd.plugin.api import BackendInfo, Capability, hookimpl\n"
+IMPORTS = "from robotd.api import BackendInfo, Capability, hookimpl\n"
 INFO = """
 @hookimpl
 def robotd_backend():
@@ -87,7 +87,7 @@ def begin_goal(client: Client, time_s: int = 20) -> Goal:
     return client.send_goal(goal)
 
 
-def refusal(goal: Goal) -> str:
+def rejection(goal: Goal) -> str:
     """Why it failed; it must have."""
     result = goal.result()[1]
     assert result.error_code != FollowJointTrajectory.Result.SUCCESSFUL
@@ -114,9 +114,9 @@ def test_a_driver_that_breaks_ends_all_motion_and_the_daemon_lives(
     with served(install_mutant(backend)) as (process, client):
         running = begin_goal(client)
         switch.touch()
-        assert ended in refusal(running)
+        assert ended in rejection(running)
         client.wait_engine(ready=False)
-        said = refusal(begin_goal(client))
+        said = rejection(begin_goal(client))
         assert "engine is not ready (state Unknown)" in said
         assert refused in said
         assert process.end() == ExitCode.OK, process.output

@@ -15,9 +15,9 @@ with warnings.catch_warnings():  # rosidl imports an old lark
 from rclpy.node import Node
 
 from robotd.robot import Robot
+from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
-from robotd.ros.nodes import make_node
-from robotd.ros.surface import ServeReport, report_of
+from robotd.ros.registry import make_node
 
 
 @contextmanager

@@ -9,10 +9,10 @@ import pytest
 import yaml
 from tests.contract.surfaces import surface
 
-from robotd.export import EXPORTS, Subject
+from robotd.export import EXPORTS, ExportInput
 from robotd.export.nav2 import twist_limits
 from robotd.robot import Robot, build_robot
-from robotd.ros.surface import ServeReport
+from robotd.ros.endpoints import ServeReport
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def values(content: Any, *keys: str) -> Iterator[Any]:
 
 def test_moveit_is_led_to_the_action(arm: tuple[Robot, ServeReport]) -> None:
     robot, report = arm
-    exported = yaml.safe_load(EXPORTS["moveit"](Subject(robot.descriptor, "/left")))
+    exported = yaml.safe_load(EXPORTS["moveit"](ExportInput(robot.descriptor, "/left")))
     manager = exported["/**"]["ros__parameters"]["moveit_simple_controller_manager"]
     (name,) = manager["controller_names"]
     assert report.actions == (f"/{name}/{manager[name]['action_ns']}",)
@@ -50,7 +50,7 @@ def test_moveit_is_led_to_the_action(arm: tuple[Robot, ServeReport]) -> None:
 
 def test_the_gripper_is_the_service(arm: tuple[Robot, ServeReport]) -> None:
     robot, report = arm
-    words = EXPORTS["moveit"](Subject(robot.descriptor, "/left")).split()
+    words = EXPORTS["moveit"](ExportInput(robot.descriptor, "/left")).split()
     assert words[words.index("service") + 1] in report.services
 
 
@@ -58,14 +58,14 @@ def test_isaac_is_led_to_topics_of_its_types(
     arm: tuple[Robot, ServeReport], base: tuple[Robot, ServeReport]
 ) -> None:
     for (robot, report), namespace in ((arm, "/left"), (base, "/")):
-        subject = Subject(robot.descriptor, namespace)
-        first, _clock = yaml.safe_load(EXPORTS["isaac"](subject))["action_graph"]
+        source = ExportInput(robot.descriptor, namespace)
+        first, _clock = yaml.safe_load(EXPORTS["isaac"](source))["action_graph"]
         assert topics(report)[first["topic"]] == first["type"]
 
 
 def test_nav2_is_led_to_topics_of_its_types(base: tuple[Robot, ServeReport]) -> None:
     robot, report = base
-    content = yaml.safe_load(EXPORTS["nav2"](Subject(robot.descriptor)))
+    content = yaml.safe_load(EXPORTS["nav2"](ExportInput(robot.descriptor)))
     found = topics(report)
     assert {found[name] for name in values(content, "odom_topic")} == {"nav_msgs/msg/Odometry"}
     assert {found[name] for name in values(content, "cmd_vel_out_topic")} == {
@@ -77,7 +77,7 @@ def test_nav2_has_the_limits_that_the_base_keeps(base: tuple[Robot, ServeReport]
     robot, _ = base
     assert robot.base is not None
     kept = robot.base.settings
-    assert twist_limits(Subject(robot.descriptor)) == {
+    assert twist_limits(ExportInput(robot.descriptor)) == {
         "max_velocity": [kept.velocity_m_s, 0.0, kept.angular_velocity_rad_s],
         "min_velocity": [-kept.velocity_m_s, 0.0, -kept.angular_velocity_rad_s],
         "max_accel": [kept.acceleration_m_s2, 0.0, kept.angular_acceleration_rad_s2],

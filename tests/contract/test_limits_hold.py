@@ -14,13 +14,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from robotd.device.image import ProcessImage
+from robotd.clock.simulated import SteppedClock
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, open_robot
-from robotd.ros import convert
-from robotd.simulated_clock import SteppedClock
+from robotd.ros.nodes import axis_conversions
 
 AXES = 6
 ROUNDING = 1e-6
@@ -97,16 +97,16 @@ def excess(robot: Robot) -> Excess:
         found.position = max(found.position, *(low - position), *(position - high))
         found.velocity = max(found.velocity, *(abs(velocity) - fast))
 
-    robot.cycle.every(robot.descriptor.cycle.rate_hz, "excess", look)
+    robot.control_loop.every(robot.descriptor.cycle.rate_hz, "excess", look)
     return found
 
 
 def do(robot: Robot, name: str, what: Any) -> None:
     match name:
         case "jog":
-            robot.axes.jog(convert.jogs(what))
+            robot.axes.jog(axis_conversions.jogs(what))
         case "move" | "move_relative":
-            robot.axes.move(convert.moves(what), relative=name == "move_relative")
+            robot.axes.move(axis_conversions.moves(what), relative=name == "move_relative")
         case "follow":
             with robot.follower.follow(what) as execution:
                 execution.wait(1.0)
@@ -147,7 +147,7 @@ def test_a_velocity_command_is_left_running_for_a_minute(robot: Robot, excess: E
         robot.axes.set_command_mode(axis, 1)
     for sign in (1.0, -1.0):
         profile = {"velocity": [sign] * AXES, "acc": [5.0] * AXES, "dec": [5.0] * AXES}
-        robot.axes.jog(convert.jogs(SimpleNamespace(index=list(range(AXES)), **profile)))
+        robot.axes.jog(axis_conversions.jogs(SimpleNamespace(index=list(range(AXES)), **profile)))
         robot.step(round(60.0 * robot.descriptor.cycle.rate_hz))
         assert idle(robot)
         ends = [each.upper if sign > 0 else each.lower for each in robot.axes.limits]

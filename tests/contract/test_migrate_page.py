@@ -14,8 +14,8 @@ import pytest
 from tests.contract.surfaces import made_nodes
 
 from robotd.robot import build_robot
-from robotd.ros.parameters import Parameters
-from robotd.ros.surface import report_of
+from robotd.ros.endpoints import report_of
+from robotd.ros.nodes.node_parameters import Parameters
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "migrate.md").read_text(encoding="utf-8")

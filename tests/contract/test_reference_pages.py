@@ -11,13 +11,13 @@ import click
 import pytest
 
 import robotd
+from robotd.api import API_VERSION
 from robotd.cli.commands import RATE_HZ, main
 from robotd.cli.exit_codes import ExitCode
 from robotd.descriptor import CycleSettings
 from robotd.errors import RobotdError
 from robotd.log import LEVELS, LogFormat
-from robotd.motion.refusal import TrajectoryRefused
-from robotd.plugin.api import API_VERSION
+from robotd.motion.rejection import TrajectoryRejected
 from robotd.plugin.hookspecs import RobotdHooks
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
@@ -74,7 +74,7 @@ def test_the_hooks_page_states_the_api_version() -> None:
 
 
 def test_every_error_has_a_heading_and_no_other_is_there() -> None:
-    assert TrajectoryRefused in set(errors())
+    assert TrajectoryRejected in set(errors())
     assert set(headings("errors.md")) == {error.__name__ for error in errors()}
 
 

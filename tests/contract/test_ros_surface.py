@@ -16,9 +16,9 @@ with warnings.catch_warnings():  # rosidl imports an old lark
 from rclpy.node import Node
 
 from robotd.robot import build_robot
+from robotd.ros.endpoints import report_of
 from robotd.ros.host import RosHost
-from robotd.ros.nodes import make_node
-from robotd.ros.surface import report_of
+from robotd.ros.registry import make_node
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "ros-surface.md"
 ROBOTS = (("cr3a", "intel"), ("cr3a", "orin"), ("baymax", None))

@@ -29,7 +29,7 @@ from wmx_ros2_message.srv import (
 
 from robotd.device.state import Operation
 from robotd.errors import OperationError
-from robotd.testing.robot import RobotUnderTest
+from robotd.testing.served_robot import RobotUnderTest
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["robotd.testing.robots"]
@@ -105,18 +105,18 @@ def test_any_request(
     robot: RobotUnderTest, robotd_log: Callable[[], str], asked: tuple[str, dict[str, Any]]
 ) -> None:
     name, fields = asked
-    engine, logged = robot.robot.engine, len(robotd_log())
-    if not engine.ready:  # an earlier request has stopped it
-        engine.open()
-        engine.start_communication()
+    connection, logged = robot.robot.connection, len(robotd_log())
+    if not connection.ready:  # an earlier request has stopped it
+        connection.open()
+        connection.start_communication()
     before = robot.robot.image.copy()
-    refusal = None
+    rejection = None
     try:
         robot.call(SERVICES[name], f"wmx/{name}", **fields)
     except OperationError as error:
-        refusal = str(error)
+        rejection = str(error)
     assert idle(robot), "no service moves an axis"
-    if refusal and engine.ready:
+    if rejection and connection.ready:
         after = robot.robot.image.copy()
         assert (after.servo_on == before.servo_on).all() or name == "axis/set_on"
         assert after.position_command == pytest.approx(before.position_command, abs=1e-3)

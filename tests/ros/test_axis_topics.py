@@ -75,17 +75,17 @@ def test_velocity_turns_the_axis_until_it_is_told_to_stop(
 def test_bad_moves_are_refused_and_logged_once(
     cr3a: RobotProcess, client: Client, states: list[Any], message: Any, reason: str
 ) -> None:
-    def refusals() -> list[str]:
+    def rejections() -> list[str]:
         lines = cr3a.output.splitlines()
         return [line for line in lines if "command refused" in line and reason in line]
 
     publisher = client.publisher(AxisPose, "/wmx/axis/position")
     for _ in range(5):
         publisher.publish(message)
-    wait_until(refusals, f"{reason!r} in the log")
+    wait_until(rejections, f"{reason!r} in the log")
     for _ in range(5):
         publisher.publish(message)
     state = client.next(states)
     state = client.next(states)
     assert max(abs(velocity) for velocity in state.actual_velocity) < 0.01
-    assert len(refusals()) == 1
+    assert len(rejections()) == 1

@@ -1,12 +1,12 @@
-"""Clients that misbehave; ``python -m tests.endurance.clients`` has more of them, for longer."""
+"""Clients that misbehave; ``python -m tools.endurance.clients`` has more of them, for longer."""
 
 from __future__ import annotations
 
 import pytest
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
-from tests.endurance.clients import endure
 from tests.ros.robot_process import Client, wait_for
+from tools.endurance.clients import endure
 
 pytestmark = pytest.mark.ros
 

@@ -21,7 +21,7 @@ from structlog.testing import capture_logs
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
-from robotd.ros.cdr import HotPublisher, LayoutError, Link, PatchedMessage, PlainMessage
+from robotd.ros.middleware.cdr import HotPublisher, LayoutError, Link, PatchedMessage, PlainMessage
 
 pytestmark = pytest.mark.ros
 
@@ -152,7 +152,7 @@ def big_endian(message: Any) -> bytes:
 
 
 def test_field_that_is_not_found_is_a_layout_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robotd.ros.cdr.serialize_message", big_endian)
+    monkeypatch.setattr("robotd.ros.middleware.cdr.serialize_message", big_endian)
     with pytest.raises(LayoutError, match=r"JointState\.position: found at 0 places"):
         PatchedMessage(joint_state(), ["position"])
 
@@ -160,7 +160,7 @@ def test_field_that_is_not_found_is_a_layout_error(monkeypatch: pytest.MonkeyPat
 def test_bytes_that_read_back_differently_are_a_layout_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("robotd.ros.cdr.deserialize_message", lambda *_: JointState())
+    monkeypatch.setattr("robotd.ros.middleware.cdr.deserialize_message", lambda *_: JointState())
     with pytest.raises(LayoutError, match="JointState: patched bytes read back differently"):
         PatchedMessage(joint_state(), ["position"])
 
@@ -235,7 +235,7 @@ def test_subscriber_gets_the_patched_message(node: Node) -> None:
 def test_publisher_falls_back_to_ordinary_messages(
     node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robotd.ros.cdr.serialize_message", big_endian)
+    monkeypatch.setattr("robotd.ros.middleware.cdr.serialize_message", big_endian)
     with capture_logs() as logs:
         publisher = HotPublisher(
             node.create_publisher(JointState, "topic", 10), joint_state(), ["position"]

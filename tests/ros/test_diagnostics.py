@@ -14,10 +14,10 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import FakeClock
 from robotd.descriptor import load_robot_descriptor
+from robotd.health.part_status import Level
 from robotd.robot import build_robot
-from robotd.ros.diagnostics import LOOK_S, Diagnostics
+from robotd.ros.diagnostics.diagnostics_publisher import LOOK_S, Diagnostics
 from robotd.ros.host import RosHost
-from robotd.ros.part_status import Level
 
 pytestmark = pytest.mark.ros
 
@@ -99,7 +99,7 @@ def test_a_description_of_one_s_own_takes_the_place_of_the_robot_s() -> None:
 def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     clock = FakeClock()
-    monkeypatch.setattr("robotd.ros.diagnostics.MonotonicClock", clock)
+    monkeypatch.setattr("robotd.ros.diagnostics.diagnostics_publisher.MonotonicClock", clock)
     robot = build_robot("standalone", "sim")
     told: list[Any] = []
     with RosHost(domain_id=97) as host:
@@ -118,11 +118,11 @@ def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPa
             pass
         assert told_within(5.0) == 5
         assert told_within(0.3) == 0
-        robot.engine.open()
+        robot.connection.open()
         assert told_within(LOOK_S) == 1
         assert told_within(0.3) == 0
         assert told_within(5.0) == 5
-        robot.engine.shutdown()
+        robot.connection.shutdown()
 
 
 def test_in_a_namespace_the_names_tell_whose_it_is_and_the_end_is_told(

@@ -27,7 +27,7 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.errors import NotReady, OperationError
 from robotd.ros.host import RosHost
-from robotd.ros.service import add_service, add_subscription
+from robotd.ros.services import add_service, add_subscription
 
 pytestmark = pytest.mark.ros
 
@@ -130,13 +130,13 @@ def test_blocking_handlers_hold_up_neither_others_nor_urgent_ones(
 def test_every_handler_is_answered(
     host: RosHost, server: Node, caller: Caller, blocking: bool
 ) -> None:
-    def refuse(*_: Any) -> Any:
+    def reject(*_: Any) -> Any:
         raise OperationError("joint2: 4 rad is over the limit of 3 rad")
 
     def break_(*_: Any) -> Any:
         raise KeyError("joint9")
 
-    for name, handler in (("refuse", refuse), ("break", break_), ("forget", lambda *_: None)):
+    for name, handler in (("refuse", reject), ("break", break_), ("forget", lambda *_: None)):
         add_service(server, host, Trigger, name, handler, blocking=blocking)
     with capture_logs() as logs:
         refused = caller.call(Trigger, "refuse")
@@ -261,7 +261,7 @@ def test_wrong_ros_arguments_are_an_error_of_ours() -> None:
 SERVER = """
 import signal, threading, rclpy
 from robotd.ros.host import RosHost
-from robotd.ros.service import add_service
+from robotd.ros.services import add_service
 from std_srvs.srv import SetBool
 
 def handler(request, response):

@@ -8,8 +8,8 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from tests.endurance.lives import Lives, Phase
 from tests.ros.robot_process import BACKEND, Client
+from tools.endurance.lives import Lives, Phase
 
 from robotd.testing.domain import own_domain
 

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from robotd.errors import DescriptorError, InvalidArgument
 from robotd.testing.domain import own_domain
-from robotd.testing.robot import RobotUnderTest
+from robotd.testing.served_robot import RobotUnderTest
 
 pytestmark = pytest.mark.ros
 pytest_plugins = ["robotd.testing.robots"]
@@ -64,7 +64,7 @@ def test_time_can_be_stepped(robotd_robot: Start) -> None:
     robot.step(1)
     before_s = robot.time_s
     robot.step(100)
-    assert robot.time_s - before_s == pytest.approx(100 * robot.robot.cycle.period_ns * 1e-9)
+    assert robot.time_s - before_s == pytest.approx(100 * robot.robot.control_loop.period_ns * 1e-9)
     robot.resume()
     robot.wait_until(lambda: robot.time_s > before_s + 1.0, "time passes")
     robot.pause()
@@ -90,13 +90,13 @@ def test_a_scenario_goes_with_a_robot(robotd_robot: Start, tmp_path: Path) -> No
     path = tmp_path / "scenario.yaml"
     path.write_text("schema: 1\nfaults:\n  - {at_s: 0.1, engine_stopped: {}}\n", "utf-8")
     robot = robotd_robot("standalone", scenario=path)
-    robot.wait_until(lambda: not robot.robot.engine.ready, "the engine stops")
+    robot.wait_until(lambda: not robot.robot.connection.ready, "the engine stops")
 
 
 def test_a_robot_starts_in_less_than_a_second_after_the_first(
     robotd_domain: int, robotd_log: Any
 ) -> None:
-    from robotd.testing.robot import robot_under_test
+    from robotd.testing.served_robot import robot_under_test
 
     times_s = []
     for _ in range(4):

@@ -60,7 +60,7 @@ class Robot:
         return float(self.client.next(self._joints).position[6])
 
     @property
-    def engine(self) -> str:
+    def connection(self) -> str:
         return str(self.client.call(Trigger, "/wmx/engine/get_status").message)
 
     def slave_offline(self, slave: int) -> bool:
@@ -88,7 +88,7 @@ class Robot:
 
     def recover(self) -> None:
         """As an operator does: engine, alarms, servos."""
-        if self.engine == "Idle":
+        if self.connection == "Idle":
             answer = self.client.call(SetEngine, "/wmx/engine/set_device", data=True)
             assert answer.success, answer.message
         self.client.call(SetBool, "/wmx/engine/set_comm", data=True)
@@ -152,9 +152,11 @@ CASES = [
         "encoder_jump", {"axis": 0, "delta_rad": 0.5}, "joint1", later=lambda robot: robot.follows
     ),
     Case(
-        "communication_drop", says="engine is Running", sees=lambda robot: robot.engine == "Running"
+        "communication_drop",
+        says="engine is Running",
+        sees=lambda robot: robot.connection == "Running",
     ),
-    Case("engine_stopped", says="engine is Idle", sees=lambda robot: robot.engine == "Idle"),
+    Case("engine_stopped", says="engine is Idle", sees=lambda robot: robot.connection == "Idle"),
 ]
 
 

@@ -12,7 +12,7 @@ import pytest
 Install = Callable[..., Path]
 
 BACKEND = """
-    from robotd.plugin.api import BackendInfo, hookimpl
+    from robotd.api import BackendInfo, hookimpl
 
     @hookimpl
     def robotd_backend():

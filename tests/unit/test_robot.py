@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 from structlog.testing import capture_logs
-from tests.unit.cycle.rig import Rig, arm
+from tests.unit.control.harness import Harness, arm
 
 from robotd.clock import MonotonicClock
-from robotd.cycle.execution import Outcome
+from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog
 from robotd.device.drivers import Profile
-from robotd.device.state import CommandMode, EngineState
+from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, NotReady, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
-from robotd.plugin.guard import unguarded
+from robotd.plugin.fault_isolation import unguarded
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot, open_robot
 
@@ -26,8 +26,8 @@ FAR = (1.0, -0.6, 0.3)
 
 
 @pytest.fixture
-def rig() -> Rig:
-    return Rig()
+def harness() -> Harness:
+    return Harness()
 
 
 def make(**keys: Any) -> Robot:
@@ -43,51 +43,53 @@ def threads() -> Iterator[None]:
     assert left == []
 
 
-def test_start_switches_the_joints_on(rig: Rig) -> None:
-    rig.robot.start()
-    assert rig.engine.ready
-    assert rig.image.servo_on.all()
+def test_start_switches_the_joints_on(harness: Harness) -> None:
+    harness.robot.start()
+    assert harness.connection.ready
+    assert harness.image.servo_on.all()
 
 
-def test_start_may_leave_the_servos_alone(rig: Rig) -> None:
-    rig.robot.start(enable=False)
-    rig.run(0.01)
-    assert rig.engine.ready
-    assert not rig.image.servo_on.any()
+def test_start_may_leave_the_servos_alone(harness: Harness) -> None:
+    harness.robot.start(enable=False)
+    harness.run(0.01)
+    assert harness.connection.ready
+    assert not harness.image.servo_on.any()
 
 
-def test_a_failed_start_can_be_repeated(rig: Rig) -> None:
-    rig.simulation.failures_left = 7
+def test_a_failed_start_can_be_repeated(harness: Harness) -> None:
+    harness.simulation.failures_left = 7
     with pytest.raises(ConnectError, match="cannot be opened"):
-        rig.robot.start()  # five tries
-    rig.robot.start()
-    assert rig.image.servo_on.all()
+        harness.robot.start()  # five tries
+    harness.robot.start()
+    assert harness.image.servo_on.all()
 
 
-def test_enabling_again_has_no_effect_on_what_is_on(rig: Rig) -> None:
-    rig.up().robot.enable_joints()
-    assert rig.image.servo_on.all()
+def test_enabling_again_has_no_effect_on_what_is_on(harness: Harness) -> None:
+    harness.up().robot.enable_joints()
+    assert harness.image.servo_on.all()
 
 
-def test_shutdown_brings_a_trajectory_to_rest_then_servos_off_then_closes(rig: Rig) -> None:
-    rig.up()
-    with rig.goal(FAR) as execution:
-        rig.run(0.4)
-        rig.robot.shutdown()
+def test_shutdown_brings_a_trajectory_to_rest_then_servos_off_then_closes(harness: Harness) -> None:
+    harness.up()
+    with harness.goal(FAR) as execution:
+        harness.run(0.4)
+        harness.robot.shutdown()
         assert execution.outcome is Outcome.CANCELED
-    rig.setpoints.assert_smooth(12.0)
-    assert not rig.simulation.states.servo_on.any()
-    assert rig.engine.state is EngineState.SHUTDOWN
-    assert not rig.engine.ready
+    harness.setpoints.assert_smooth(12.0)
+    assert not harness.simulation.states.servo_on.any()
+    assert harness.connection.state is ConnectionState.SHUTDOWN
+    assert not harness.connection.ready
 
 
-def test_shutdown_brings_a_move_to_rest(rig: Rig) -> None:
-    rig.up()
-    rig.move(0, 2.0)
-    rig.run(0.5)
+def test_shutdown_brings_a_move_to_rest(harness: Harness) -> None:
+    harness.up()
+    harness.move(0, 2.0)
+    harness.run(0.5)
     speeds: list[float] = []
-    rig.robot.cycle.every(500.0, "speed", lambda image: speeds.append(float(image.velocity[0])))
-    rig.robot.shutdown()
+    harness.robot.control_loop.every(
+        500.0, "speed", lambda image: speeds.append(float(image.velocity[0]))
+    )
+    harness.robot.shutdown()
     steps = np.abs(np.diff(speeds))
     assert speeds[0] > 0.5
     assert steps.max() < 5.0 * 0.002 * 1.5, "braked with the move's own deceleration"
@@ -95,32 +97,35 @@ def test_shutdown_brings_a_move_to_rest(rig: Rig) -> None:
 
 
 def test_shutdown_ends_a_jog_with_a_ramp_that_takes_for_ever_by_a_quick_stop() -> None:
-    rig, axis = Rig(arm(axes=4)).up(), 3  # one without limits: others are refused such a ramp
-    rig.robot.axes.servo(axis, True)
-    rig.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
-    rig.robot.axes.jog([Jog(axis, Profile(1.0, 5.0, 1e-6))])
-    rig.run(0.5)
-    assert rig.image.velocity[axis] > 0.5
+    harness, axis = (
+        Harness(arm(axes=4)).up(),
+        3,
+    )  # one without limits: others are refused such a ramp
+    harness.robot.axes.servo(axis, True)
+    harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    harness.robot.axes.jog([Jog(axis, Profile(1.0, 5.0, 1e-6))])
+    harness.run(0.5)
+    assert harness.image.velocity[axis] > 0.5
     powered: list[float] = []
-    servo = rig.robot.axes._driver.servo
+    servo = harness.robot.axes._driver.servo
 
     def noted(number: int, on: bool, timeout_s: float) -> None:
-        powered.append(abs(rig.image.velocity[axis]))
+        powered.append(abs(harness.image.velocity[axis]))
         servo(number, on, timeout_s)
 
-    rig.robot.axes._driver.servo = noted  # type: ignore[method-assign]
-    rig.robot.shutdown()
+    harness.robot.axes._driver.servo = noted  # type: ignore[method-assign]
+    harness.robot.shutdown()
     assert powered
     assert max(powered) < 0.1, "it moved when its servo was switched off"
 
 
-def test_a_move_that_the_image_does_not_show_yet_is_stopped_too(rig: Rig) -> None:
-    rig.up()
-    rig.run(0.1)
-    rig.move(0, 2.0)
-    rig.robot.shutdown()
-    assert not rig.simulation.world.moves(0)
-    assert abs(rig.simulation.servo.position[0]) < 0.1
+def test_a_move_that_the_image_does_not_show_yet_is_stopped_too(harness: Harness) -> None:
+    harness.up()
+    harness.run(0.1)
+    harness.move(0, 2.0)
+    harness.robot.shutdown()
+    assert not harness.simulation.world.moves(0)
+    assert abs(harness.simulation.servo.position[0]) < 0.1
 
 
 def test_shutdown_twice_and_before_start_is_fine() -> None:
@@ -134,34 +139,34 @@ def test_shutdown_twice_and_before_start_is_fine() -> None:
 @pytest.mark.usefixtures("threads")
 def test_open_robot_leaves_nothing_behind() -> None:
     with open_robot("cr3a", "sim") as robot:
-        assert robot.engine.ready
+        assert robot.connection.ready
         assert robot.image.servo_on.all()
-    assert robot.engine.state is EngineState.SHUTDOWN
+    assert robot.connection.state is ConnectionState.SHUTDOWN
 
 
 @pytest.mark.usefixtures("threads")
 def test_an_exception_in_the_block_shuts_down() -> None:
     with pytest.raises(ZeroDivisionError), open_robot("cr3a", "sim") as robot:
         raise ZeroDivisionError
-    assert robot.engine.state is EngineState.SHUTDOWN
+    assert robot.connection.state is ConnectionState.SHUTDOWN
 
 
-def test_a_failing_stop_is_logged_and_the_rest_is_done_all_the_same(rig: Rig) -> None:
-    rig.up()
-    driver = rig.robot.axes._driver
+def test_a_failing_stop_is_logged_and_the_rest_is_done_all_the_same(harness: Harness) -> None:
+    harness.up()
+    driver = harness.robot.axes._driver
 
     def fail(*arguments: object) -> None:
         raise OperationError("bus off")
 
     driver.stop = fail  # type: ignore[method-assign]
     with capture_logs() as logs:
-        rig.robot.shutdown()
+        harness.robot.shutdown()
     failures = [line for line in logs if line["log_level"] == "error"]
     assert [(line["event"], line["reason"]) for line in failures] == [
         ("controlled stop failed", "bus off")
     ]
-    assert not rig.simulation.states.servo_on.any()
-    assert rig.engine.state is EngineState.SHUTDOWN
+    assert not harness.simulation.states.servo_on.any()
+    assert harness.connection.state is ConnectionState.SHUTDOWN
 
 
 @pytest.mark.usefixtures("threads")
@@ -169,7 +174,7 @@ def test_shutdown_ends_a_start_that_waits_for_the_device() -> None:
     keys = {"backends": {"sim": {"fail_open": 1000}}}
     robot = make(**keys, engine={"open_tries": 1000, "open_retry_s": 3600.0})
     tried = threading.Event()
-    device: Any = robot.engine._driver
+    device: Any = robot.connection._driver
     open_device = device.open
 
     def opened(path: str = "", name: str = "") -> None:
@@ -183,7 +188,7 @@ def test_shutdown_ends_a_start_that_waits_for_the_device() -> None:
     robot.shutdown()
     starting.join(10.0)
     assert not starting.is_alive()
-    assert robot.engine.state is EngineState.SHUTDOWN
+    assert robot.connection.state is ConnectionState.SHUTDOWN
 
 
 @pytest.mark.usefixtures("threads")
@@ -199,32 +204,32 @@ def test_shutdown_during_the_start_of_communication_waits_and_closes() -> None:
 
     starting = threading.Thread(target=start)
     starting.start()
-    device: Any = robot.engine._driver
-    while device.state() is EngineState.IDLE:
+    device: Any = robot.connection._driver
+    while device.state() is ConnectionState.IDLE:
         pass
     robot.shutdown()
     starting.join(10.0)
     assert not starting.is_alive()
-    assert robot.engine.state is EngineState.SHUTDOWN
-    assert unguarded(device).simulation.engine is EngineState.IDLE
+    assert robot.connection.state is ConnectionState.SHUTDOWN
+    assert unguarded(device).simulation.engine is ConnectionState.IDLE
     assert not unguarded(device).simulation.states.servo_on.any()
 
 
 def test_nobody_is_ready_before_the_parameters_are_in_force() -> None:
     robot = build_robot("cr3a", "sim")
-    device: Any = robot.engine._driver
+    device: Any = robot.connection._driver
     load, ready = device.load_parameters, list[bool]()
 
     def slow(path: Any) -> None:
         for _ in range(20):
-            robot.cycle.step(robot.clock.now_ns())
-            ready.append(robot.engine.ready)
+            robot.control_loop.step(robot.clock.now_ns())
+            ready.append(robot.connection.ready)
         load(path)
 
     device.load_parameters = slow
-    robot.engine.start()
+    robot.connection.start()
     assert ready == [False] * 20
-    assert robot.engine.ready
+    assert robot.connection.ready
     robot.shutdown()
 
 

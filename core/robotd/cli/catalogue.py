@@ -12,7 +12,7 @@ from robotd.descriptor import RobotDescriptor, default_search_path
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
-from robotd.ros.nodes import check_names
+from robotd.ros.registry import check_names
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.exit_codes import ExitCode, Refused, RosUnavailable
+from robotd.cli.exit_codes import ExitCode, Rejected, RosUnavailable
 from robotd.cli.interrupt import Interrupt
 from robotd.cli.layout import columns, field, warning
 from robotd.cli.preflight import import_ros
@@ -19,8 +19,8 @@ from robotd.cli.progress import Progress
 from robotd.errors import OperationError
 
 if TYPE_CHECKING:  # they need rclpy
-    from robotd.ros.client import RosClient
-    from robotd.ros.client_status import AxisReport
+    from robotd.ros.client.ros_client import RosClient
+    from robotd.ros.client.status_client import AxisReport
 
 
 def status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> ExitCode:
@@ -75,7 +75,7 @@ def move(
             )
         progress.end()
     if ending is motion.Ending.ABORTED:
-        raise Refused(reason)
+        raise Rejected(reason)
     click.echo(reason)
     return ExitCode.INTERRUPTED if ending is motion.Ending.CANCELED else ExitCode.OK
 
@@ -91,7 +91,7 @@ def _robot(ros_args: Sequence[str], timeout_s: float) -> Iterator[RosClient]:
     try:
         yield client
     except OperationError as error:
-        raise Refused(str(error)) from error
+        raise Rejected(str(error)) from error
     finally:
         client.close()
 

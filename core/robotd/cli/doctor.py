@@ -9,7 +9,7 @@ from typing import TypeVar
 from robotd.cli.findings import Findings
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.capabilities import Capability
-from robotd.device.state import EngineState
+from robotd.device.state import ConnectionState
 from robotd.errors import PluginError
 from robotd.plugin.hookspecs import API_VERSION, DeviceContext
 from robotd.plugin.manager import Backend, discover, load_backend
@@ -69,16 +69,16 @@ def _check_drivers(findings: Findings, backend: Backend, context: DeviceContext)
     findings.run(
         "robotd_fieldbus", lambda: _agrees(backend, fieldbus, backend.fieldbus(device, context))
     )
-    findings.run("robotd_bench", lambda: _there(backend.bench(device, context)))
+    findings.run("robotd_fault_injector", lambda: _there(backend.fault_injector(device, context)))
     if Capability.SIMULATED not in declared:
         findings.run("real hardware", lambda: "robotd conform moves its axes: read the docs first")
 
 
-def _idle(backend: Backend, state: EngineState) -> str:
-    if state is not EngineState.IDLE:
+def _idle(backend: Backend, state: ConnectionState) -> str:
+    if state is not ConnectionState.IDLE:
         raise PluginError(
             f"plugin {backend.origin}: the device is {state.value} before it was opened,"
-            f" not {EngineState.IDLE.value}"
+            f" not {ConnectionState.IDLE.value}"
         )
     return str(state.value)
 

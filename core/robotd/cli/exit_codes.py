@@ -19,7 +19,7 @@ class RosUnavailable(RobotdError):
     """ROS 2 is not installed, does not fit, or does not start."""
 
 
-class Refused(RobotdError):
+class Rejected(RobotdError):
     """A running robot refused or aborted what a command asked of it."""
 
 
@@ -44,7 +44,7 @@ _PHASES: tuple[tuple[type[RobotdError], ExitCode], ...] = (
     (DeviceTimeout, ExitCode.DEVICE),
     (OperationError, ExitCode.DEVICE),
     (RosUnavailable, ExitCode.ROS),
-    (Refused, ExitCode.FAILED),
+    (Rejected, ExitCode.FAILED),
 )
 
 

@@ -26,10 +26,10 @@ def export_robot(
     """Write one export of a robot. Raises DescriptorError where it does not apply."""
     from robotd.cli.catalogue import load_catalogue
     from robotd.descriptor import load_robot_descriptor
-    from robotd.export import EXPORTS, Subject
+    from robotd.export import EXPORTS, ExportInput
 
     catalogue = load_catalogue()
     catalogue.warn()
     descriptor = load_robot_descriptor(robot, variant, catalogue.search_path)
-    text = EXPORTS[target](Subject(descriptor, namespace))
-    output.write(text)  # the file is opened here, so that a refusal leaves it alone
+    text = EXPORTS[target](ExportInput(descriptor, namespace))
+    output.write(text)  # the file is opened here, so that a rejection leaves it alone

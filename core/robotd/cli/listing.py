@@ -13,7 +13,7 @@ from robotd.cli.catalogue import load_catalogue
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.errors import PluginError
 from robotd.plugin.manager import discover, load_backend
-from robotd.ros.nodes import known_nodes
+from robotd.ros.registry import known_nodes
 
 Row = dict[str, Any]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from robotd.cycle.loop import Cycle
+from robotd.control.control_loop import ControlLoop
 
 
 def reserve_report(path: Path) -> None:
@@ -20,19 +20,19 @@ def reserve_report(path: Path) -> None:
         raise click.BadParameter(f"{path}: {error.strerror}", param_hint="'--report'") from error
 
 
-def write_report(path: Path, cycle: Cycle) -> None:
+def write_report(path: Path, control_loop: ControlLoop) -> None:
     """Write figures and samples of a cycle that has ended; the keys are those of the classes.
 
-    ``CycleReport`` and ``CycleSamples`` say what they mean.
+    ``LoopReport`` and ``CycleSamples`` say what they mean.
     """
     figures = {
         key: None if math.isnan(value) else value
-        for key, value in asdict(cycle.stats.report()).items()
+        for key, value in asdict(control_loop.stats.report()).items()
     }
-    samples = cycle.stats.samples()
+    samples = control_loop.stats.samples()
     content = {
-        "period_ns": cycle.period_ns,
-        "realtime": cycle.realtime,
+        "period_ns": control_loop.period_ns,
+        "realtime": control_loop.realtime,
         "report": figures,
         "samples": {key: values.tolist() for key, values in vars(samples).items()},
     }

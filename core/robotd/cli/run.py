@@ -16,16 +16,16 @@ from robotd.cli.preflight import import_ros, process_age_s
 from robotd.cli.report import reserve_report, write_report
 from robotd.cli.summary import SIMULATED, start_summary
 from robotd.clock import MonotonicClock
+from robotd.clock.simulated import PacedClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import InvalidArgument, OperationError
 from robotd.log import lossy
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
-from robotd.simulated_clock import PacedClock
 
 if TYPE_CHECKING:
-    from robotd.ros.surface import ServeReport
+    from robotd.ros.endpoints import ServeReport
     from robotd.scenario import FaultSchedule
 
 
@@ -65,7 +65,7 @@ def run_robot(options: RunOptions) -> int:
         reserve_report(options.report)
     code = _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args, faults)
     if options.report:
-        write_report(options.report, robot.cycle)
+        write_report(options.report, robot.control_loop)
     return code
 
 

@@ -38,7 +38,7 @@ def run_scenario(file: Path, robot: str | None, scale: float | None) -> int:
 def inject_fault(
     ros_args: Sequence[str], timeout_s: float, fault: str, words: Sequence[str]
 ) -> None:
-    """Ask the running simulation for a fault. Raises OperationError with its refusal."""
+    """Ask the running simulation for a fault. Raises OperationError with its rejection."""
     values = dict(_value(word) for word in words)
     if fault not in FAULTS:
         raise click.BadParameter(f"{fault!r} is none of {', '.join(FAULTS)}")

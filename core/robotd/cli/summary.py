@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
+from robotd.clock.simulated import PacedClock
 from robotd.descriptor import DriveSettings, RobotDescriptor
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
-from robotd.simulated_clock import PacedClock
 
 if TYPE_CHECKING:  # it needs rclpy
-    from robotd.ros.surface import ServeReport
+    from robotd.ros.endpoints import ServeReport
 
 SIMULATED = "simulated"  # the capability of a backend without hardware
 

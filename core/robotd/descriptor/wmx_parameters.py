@@ -120,7 +120,7 @@ def column_problems(item: Parameter, column: NDArray[np.float64]) -> Iterator[tu
     elif item.kind is not Kind.REAL:
         good &= np.trunc(column) == column
     for index in np.flatnonzero(~good):
-        yield int(index), _refusal(item, float(column[index]))
+        yield int(index), _rejection(item, float(column[index]))
 
 
 def gear_problems(columns: Mapping[str, Column]) -> Iterator[tuple[int, str]]:
@@ -153,7 +153,7 @@ def _whole_value(item: Parameter, value: float) -> Scalar:
     return bool(value) if item.kind is Kind.FLAG else int(value)
 
 
-def _refusal(item: Parameter, value: float) -> str:
+def _rejection(item: Parameter, value: float) -> str:
     unit = f" {item.unit}" if item.unit else ""
     if item.kind in (Kind.FLAG, Kind.SIGN):
         return f"must be {item.kind.value} (value {value:.15g})"

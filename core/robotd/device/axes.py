@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from robotd.clock import Clock, wait_until
 from robotd.device.capabilities import Capability
+from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver, Profile
-from robotd.device.engine import Engine
-from robotd.device.image import ProcessImage
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
 from robotd.log import get_logger
@@ -66,7 +66,7 @@ class Axes:
         self,
         driver: AxisDriver,
         image: ProcessImage,
-        engine: Engine,
+        connection: Connection,
         limits: Sequence[AxisLimits],
         names: Sequence[str],
         capabilities: frozenset[Capability],
@@ -78,7 +78,7 @@ class Axes:
         self.names = tuple(names)
         self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver
-        self._engine = engine
+        self._connection = connection
         self._capabilities = capabilities
         self._backend = backend
         self._clock = clock
@@ -110,13 +110,13 @@ class Axes:
             raise NotReady(f"{self.names[axis]}: {self.image.fault(axis)}; clear it first")
         if on and not self.image.servo_on[axis]:
             self._check_axis(axis)
-        self._driver.servo(axis, on, self._engine.settings.servo_timeout_s)
+        self._driver.servo(axis, on, self._connection.settings.servo_timeout_s)
         self._see(lambda: bool(self.image.servo_on[axis]) is on)
 
     def clear_alarm(self, axis: int) -> None:
         """Clear the amplifier alarm of one axis; waits until it is gone."""
         self._check_axis(axis)
-        self._driver.clear_alarm(axis, self._engine.settings.servo_timeout_s)
+        self._driver.clear_alarm(axis, self._connection.settings.servo_timeout_s)
         self._see(lambda: not self.image.amp_alarm[axis])
 
     def set_command_mode(self, axis: int, mode: int) -> None:
@@ -161,7 +161,7 @@ class Axes:
         self._check_axis(axis)
         self._require(Capability.HOMING, "homing")
         self._check_idle(axis, "homing")
-        self._driver.home(axis, self._engine.settings.homing_timeout_s)
+        self._driver.home(axis, self._connection.settings.homing_timeout_s)
         self._see_newer(self._clock.now_ns())
 
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
@@ -182,7 +182,7 @@ class Axes:
     def jog(self, jogs: Sequence[Jog]) -> None:
         """Start or change velocity commands together; velocity 0 slows to rest.
 
-        A joint is stopped before it leaves its position limits (``TravelGuard``); a command
+        A joint is stopped before it leaves its position limits (``SoftLimitGuard``); a command
         for which that would be too late is refused.
         """
         self._require(Capability.VELOCITY_MODE, "velocity mode")
@@ -245,11 +245,11 @@ class Axes:
                 if streams:
                     self._end_stream(axes)
 
-    def refusal(self, axis: int, mode: CommandMode, by: str = "") -> str | None:
+    def rejection(self, axis: int, mode: CommandMode, by: str = "") -> str | None:
         """Why a motion command ``by`` somebody would be refused now; None when it would not."""
         image, name = self.image, self.names[axis]
-        if not self._engine.ready:
-            return self._engine.refusal
+        if not self._connection.ready:
+            return self._connection.rejection
         if fault := image.fault(axis):
             return f"{name}: {fault}"
         if not image.servo_on[axis]:
@@ -263,11 +263,11 @@ class Axes:
     def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
         self._check_axes(axes)
         for axis in axes:
-            if reason := self.refusal(axis, mode):
+            if reason := self.rejection(axis, mode):
                 raise NotReady(reason)
 
     def _check_axes(self, axes: Sequence[int]) -> None:
-        self._engine.require_ready()
+        self._connection.require_ready()
         if not axes:
             raise InvalidArgument("no axis given")
         for axis in axes:
@@ -314,7 +314,7 @@ class Axes:
             raise Unsupported(feature, self._backend)
 
     def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
-        if self._engine.ready:
+        if self._connection.ready:
             self._check_axes(axes)
             stop(axes)
 
@@ -333,7 +333,7 @@ class Axes:
 
     def _see(self, condition: Callable[[], bool]) -> None:
         """Let the image catch up with a change: the next command is judged by it."""
-        wait_until(lambda: condition() or not self._engine.ready, SHOWN_S, self._clock)
+        wait_until(lambda: condition() or not self._connection.ready, SHOWN_S, self._clock)
 
     def _see_newer(self, time_ns: int) -> None:
         """Let the image be one that was read after ``time_ns``."""

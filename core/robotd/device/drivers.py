@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from robotd.arrays import FloatArray
-from robotd.device.image import ProcessImage
-from robotd.device.state import CommandMode, EngineState
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import Unsupported
 
 
@@ -62,7 +62,7 @@ class DeviceDriver(ABC):
         """End the cyclic exchange; → Running. Axes are stopped and servos go off."""
 
     @abstractmethod
-    def state(self) -> EngineState:
+    def state(self) -> ConnectionState:
         """The state as the device has it now. Never blocks."""
 
     def fault(self) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from robotd.device.capabilities import Capability
+from robotd.device.connection import Connection
 from robotd.device.drivers import FieldbusDriver, NetworkState
-from robotd.device.engine import Engine
 from robotd.errors import InvalidArgument, Unsupported
 
 REGISTER_SPACE = 0x1000  # ESC registers end at 0x0FFF; process data RAM follows
@@ -21,12 +21,12 @@ class Fieldbus:
     def __init__(
         self,
         driver: FieldbusDriver | None,
-        engine: Engine,
+        connection: Connection,
         capabilities: frozenset[Capability],
         backend: str,
     ) -> None:
         self._maybe_driver = driver
-        self._engine = engine
+        self._connection = connection
         self._capabilities = capabilities
         self._backend = backend
 
@@ -63,7 +63,7 @@ class Fieldbus:
         driver = self._maybe_driver
         if driver is None or (needs is not None and needs not in self._capabilities):
             raise Unsupported(feature, self._backend)
-        self._engine.require_ready()
+        self._connection.require_ready()
         if not 0 <= master < driver.masters:
             raise InvalidArgument(f"master {master} is outside 0..{driver.masters - 1}")
         return driver

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from robotd.device.connection import Connection
 from robotd.device.drivers import IoDriver
-from robotd.device.engine import Engine
 from robotd.errors import InvalidArgument, Unsupported
 
 
@@ -16,9 +16,9 @@ class Io:
         driver: the backend's driver; None answers every call with ``Unsupported``.
     """
 
-    def __init__(self, driver: IoDriver | None, engine: Engine, backend: str) -> None:
+    def __init__(self, driver: IoDriver | None, connection: Connection, backend: str) -> None:
         self._maybe_driver = driver
-        self._engine = engine
+        self._connection = connection
         self._backend = backend
 
     def input_bit(self, byte: int, bit: int) -> bool:
@@ -62,7 +62,7 @@ class Io:
     def _driver(self) -> IoDriver:
         if self._maybe_driver is None:
             raise Unsupported("digital I/O", self._backend)
-        self._engine.require_ready()
+        self._connection.require_ready()
         return self._maybe_driver
 
 

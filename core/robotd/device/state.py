@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum, IntEnum
 
 
-class EngineState(Enum):
+class ConnectionState(Enum):
     """States of the engine; the values are the words that ``get_status`` answers."""
 
     IDLE = "Idle"  # no device open

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Mapping
 
+from robotd.export.export_input import ExportInput
 from robotd.export.isaac import topic_map
 from robotd.export.moveit import move_group_parameters
 from robotd.export.nav2 import navigation_parameters
-from robotd.export.subject import Subject
 from robotd.export.urdf import urdf
 
-EXPORTS: Mapping[str, Callable[[Subject], str]] = {
+EXPORTS: Mapping[str, Callable[[ExportInput], str]] = {
     "moveit": move_group_parameters,
     "nav2": navigation_parameters,
     "isaac": topic_map,
@@ -16,4 +16,4 @@ EXPORTS: Mapping[str, Callable[[Subject], str]] = {
 }
 """Target → what makes its text. Each raises DescriptorError where it does not apply."""
 
-__all__ = ["EXPORTS", "Subject"]
+__all__ = ["EXPORTS", "ExportInput"]

@@ -5,26 +5,26 @@ from __future__ import annotations
 from typing import Any
 
 from robotd.descriptor import DriveSettings
-from robotd.export.subject import Subject
+from robotd.export.export_input import ExportInput
 
 STATE = "manipulator_state"
 BASE = "diff_drive_controller"
 PARAMETER = "isaacsim_joint_topic"
 
 
-def topic_map(subject: Subject) -> str:
+def topic_map(source: ExportInput) -> str:
     """YAML: a list of OmniGraph nodes, each with topic, message type, and what is in it.
 
     Raises DescriptorError for a robot that publishes nothing for Isaac Sim.
     """
-    drive = subject.descriptor.drive
+    drive = source.descriptor.drive
     entries = []
-    if STATE in subject.descriptor.nodes and (topic := subject.topic(STATE, PARAMETER)):
-        entries.append(_joints(subject, topic))
-    if drive is not None and BASE in subject.descriptor.nodes:
-        entries.append(_base(subject, drive))
+    if STATE in source.descriptor.nodes and (topic := source.topic(STATE, PARAMETER)):
+        entries.append(_joints(source, topic))
+    if drive is not None and BASE in source.descriptor.nodes:
+        entries.append(_base(source, drive))
     if not entries:
-        raise subject.refusal(_nothing(subject))
+        raise source.rejection(_nothing(source))
     entries.append(
         {
             "node": "ROS2 Publish Clock",
@@ -34,36 +34,36 @@ def topic_map(subject: Subject) -> str:
         }
     )
     remarks = ["Nodes of the action graph in Isaac Sim. Units: rad, m, rad/s, m/s."]
-    return subject.document(remarks, {"action_graph": entries})
+    return source.document(remarks, {"action_graph": entries})
 
 
-def _joints(subject: Subject, topic: str) -> dict[str, Any]:
+def _joints(source: ExportInput, topic: str) -> dict[str, Any]:
     return {
         "node": "ROS2 Subscribe Joint State",
         "topic": topic,
         "type": "sensor_msgs/msg/JointState",
-        "rate_hz": subject.parameter(STATE, "joint_feedback_rate", 0),
+        "rate_hz": source.parameter(STATE, "joint_feedback_rate", 0),
         "feeds": "Articulation Controller",
-        "joints": list(subject.parameter(STATE, "joint_name", [])),
+        "joints": list(source.parameter(STATE, "joint_name", [])),
     }
 
 
-def _base(subject: Subject, drive: DriveSettings) -> dict[str, Any]:
+def _base(source: ExportInput, drive: DriveSettings) -> dict[str, Any]:
     return {
         "node": "ROS2 Subscribe Twist",
-        "topic": subject.needed_topic(BASE, "encoder_vel_topic"),
+        "topic": source.needed_topic(BASE, "encoder_vel_topic"),
         "type": "geometry_msgs/msg/Twist",
         "feeds": "Differential Controller",
-        "wheel_radius_m": float(subject.parameter(BASE, "wheel_radius", drive.wheel_radius_m)),
+        "wheel_radius_m": float(source.parameter(BASE, "wheel_radius", drive.wheel_radius_m)),
         "wheel_distance_m": float(
-            subject.parameter(BASE, "wheel_to_wheel", drive.wheel_separation_m)
+            source.parameter(BASE, "wheel_to_wheel", drive.wheel_separation_m)
         ),
     }
 
 
-def _nothing(subject: Subject) -> str:
+def _nothing(source: ExportInput) -> str:
     """Why there is no map, and which variant has one."""
-    descriptor = subject.descriptor
+    descriptor = source.descriptor
     text = f"{descriptor.name} publishes nothing for Isaac Sim: {STATE}.{PARAMETER} is not given"
     variants = [
         name

@@ -9,29 +9,29 @@ from __future__ import annotations
 from typing import Any
 
 from robotd.descriptor import JointSettings
-from robotd.export.subject import Subject
+from robotd.export.export_input import ExportInput
 
 SERVER = "follow_joint_trajectory_server"
 MANAGER = "moveit_simple_controller_manager"
 
 
-def move_group_parameters(subject: Subject) -> str:
+def move_group_parameters(source: ExportInput) -> str:
     """A ROS parameter file: controllers, joint limits, and how long an execution may take.
 
     Raises DescriptorError for a robot without joints or without the trajectory action.
     """
-    descriptor = subject.descriptor
+    descriptor = source.descriptor
     if not descriptor.joints:
-        raise subject.refusal(f"moveit needs joints, which {descriptor.name} has not")
-    action = subject.needed_topic(SERVER, "joint_trajectory_action")
+        raise source.rejection(f"moveit needs joints, which {descriptor.name} has not")
+    action = source.needed_topic(SERVER, "joint_trajectory_action")
     limits = {joint.name: _limits(joint) for joint in descriptor.joints}
     content = {
         "moveit_controller_manager": f"{MANAGER}/MoveItSimpleControllerManager",
         MANAGER: _controllers(action, list(descriptor.joint_names)),
-        "trajectory_execution": _execution(subject),
+        "trajectory_execution": _execution(source),
         "robot_description_planning": {"joint_limits": limits},
     }
-    return subject.document(_remarks(subject), {"/**": {"ros__parameters": content}})
+    return source.document(_remarks(source), {"/**": {"ros__parameters": content}})
 
 
 def _controllers(action: str, joints: list[str]) -> dict[str, Any]:
@@ -50,9 +50,9 @@ def _controllers(action: str, joints: list[str]) -> dict[str, Any]:
     }
 
 
-def _execution(subject: Subject) -> dict[str, Any]:
+def _execution(source: ExportInput) -> dict[str, Any]:
     """MoveIt checks the start as the robot does, and waits as long as the robot does."""
-    rules = subject.descriptor.trajectory
+    rules = source.descriptor.trajectory
     return {
         "allowed_start_tolerance": rules.start_tolerance_rad,
         "allowed_goal_duration_margin": rules.goal_time_s,
@@ -71,10 +71,10 @@ def _limits(joint: JointSettings) -> dict[str, Any]:
     }
 
 
-def _remarks(subject: Subject) -> list[str]:
+def _remarks(source: ExportInput) -> list[str]:
     lines = ["Parameters of move_group (MoveIt 2), beside those of your MoveIt configuration."]
-    if gripper := subject.descriptor.gripper:
-        service = subject.topic(SERVER, "wmx_gripper_topic")
+    if gripper := source.descriptor.gripper:
+        service = source.topic(SERVER, "wmx_gripper_topic")
         lines += [
             f"The gripper is the service {service} (std_srvs/srv/SetBool), which is no controller",
             f"of MoveIt. Its joints are passive ones for the SRDF: {', '.join(gripper.joints)}.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robotd.export.subject import Subject
+from robotd.export.export_input import ExportInput
 
 NODE = "diff_drive_controller"
 MAP = "map"
@@ -12,29 +12,29 @@ COMMANDING = ("controller_server", "behavior_server", "velocity_smoother", "coll
               "docking_server")  # fmt: skip
 
 
-def navigation_parameters(subject: Subject) -> str:
+def navigation_parameters(source: ExportInput) -> str:
     """A ROS parameter file with what Nav2 has to know of the base, to be merged into another.
 
     Raises DescriptorError for a robot without a drive or without its node.
     """
-    if subject.descriptor.drive is None:
-        raise subject.refusal(f"nav2 needs a drive, which {subject.descriptor.name} has not")
-    command = subject.needed_topic(NODE, "cmd_vel_topic")
-    nodes = _nodes(subject, command)
-    stamped = bool(subject.parameter(NODE, "use_stamped_vel", False))
+    if source.descriptor.drive is None:
+        raise source.rejection(f"nav2 needs a drive, which {source.descriptor.name} has not")
+    command = source.needed_topic(NODE, "cmd_vel_topic")
+    nodes = _nodes(source, command)
+    stamped = bool(source.parameter(NODE, "use_stamped_vel", False))
     for name in COMMANDING:
         nodes.setdefault(name, {})["enable_stamped_cmd_vel"] = stamped
     content = {name: {"ros__parameters": values} for name, values in nodes.items()}
     for name in ("local_costmap", "global_costmap"):
         content[name] = {name: content[name]}
-    return subject.document(_remarks(subject, command, stamped=stamped), content)
+    return source.document(_remarks(source, command, stamped=stamped), content)
 
 
-def _nodes(subject: Subject, command: str) -> dict[str, dict[str, Any]]:
-    odom_topic = subject.needed_topic(NODE, "encoder_odometry_topic")
-    odom = str(subject.parameter(NODE, "odom_frame_id", "odom"))
-    base = str(subject.parameter(NODE, "base_frame_id", "base_link"))
-    limits = twist_limits(subject)
+def _nodes(source: ExportInput, command: str) -> dict[str, dict[str, Any]]:
+    odom_topic = source.needed_topic(NODE, "encoder_odometry_topic")
+    odom = str(source.parameter(NODE, "odom_frame_id", "odom"))
+    base = str(source.parameter(NODE, "base_frame_id", "base_link"))
+    limits = twist_limits(source)
     return {
         "bt_navigator": {
             "global_frame": MAP,
@@ -61,17 +61,17 @@ def _nodes(subject: Subject, command: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def twist_limits(subject: Subject) -> dict[str, list[float]]:
+def twist_limits(source: ExportInput) -> dict[str, list[float]]:
     """Limits of [x, y, yaw] in m/s and rad/s, m/s² and rad/s²; decelerations are negative.
 
     The rule of the node: ``acc_time`` and ``dec_time`` may ask for gentler ramps than the drive's.
     """
-    drive = subject.descriptor.drive
+    drive = source.descriptor.drive
     if drive is None:
-        raise subject.refusal(f"{subject.descriptor.name} has no drive")
+        raise source.rejection(f"{source.descriptor.name} has no drive")
 
     def of_node(name: str, default: float) -> float:
-        return float(subject.parameter(NODE, name, default))
+        return float(source.parameter(NODE, name, default))
 
     def pair(kind: str, x: float, yaw: float) -> tuple[float, float]:
         return of_node(f"linear.x.max_{kind}", x), of_node(f"angular.z.max_{kind}", yaw)
@@ -97,12 +97,12 @@ def twist_limits(subject: Subject) -> dict[str, list[float]]:
     }
 
 
-def _remarks(subject: Subject, command: str, *, stamped: bool) -> list[str]:
+def _remarks(source: ExportInput, command: str, *, stamped: bool) -> list[str]:
     kind = "TwistStamped" if stamped else "Twist"
     lines = [
         "Merge it into your parameters of Nav2 (Jazzy). Footprint, sensors and planners are yours.",
         f"Nav2 commands the base on {command} (geometry_msgs/msg/{kind}).",
     ]
-    if not subject.parameter(NODE, "publish_tf", False):
+    if not source.parameter(NODE, "publish_tf", False):
         lines.append("Nav2 needs the transform of the odometry: run the robot with publish_tf.")
     return lines

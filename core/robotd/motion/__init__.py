@@ -9,7 +9,7 @@ from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.peaks import PathPeaks
 from robotd.motion.planning import check_start_delay, plan
-from robotd.motion.refusal import RefusalCode, TrajectoryRefused
+from robotd.motion.rejection import RejectionCode, TrajectoryRejected
 from robotd.motion.request import TrajectoryRequest
 from robotd.motion.stopping import StopPlan, plan_stop
 from robotd.motion.tolerance import (
@@ -27,13 +27,13 @@ __all__ = [
     "JointTolerance",
     "MotionState",
     "PathPeaks",
-    "RefusalCode",
+    "RejectionCode",
     "Sampler",
     "StopPlan",
     "ToleranceKind",
     "Tolerances",
     "Trajectory",
-    "TrajectoryRefused",
+    "TrajectoryRejected",
     "TrajectoryRequest",
     "Violation",
     "check_jog",

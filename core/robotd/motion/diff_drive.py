@@ -18,7 +18,7 @@ class PlanarTwist(NamedTuple):
     angular: float
 
 
-STILL = PlanarTwist(0.0, 0.0)
+ZERO_TWIST = PlanarTwist(0.0, 0.0)
 
 
 class Pose(NamedTuple):

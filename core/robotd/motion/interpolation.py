@@ -12,7 +12,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.motion.joints import MotionState
-from robotd.motion.refusal import refuse
+from robotd.motion.rejection import reject
 from robotd.motion.request import Points
 
 _HUGE = 1e100  # of a coefficient: its products with powers of the time stay finite
@@ -38,7 +38,7 @@ def interpolation_of(knots: Points) -> Interpolation:
 def interpolate(knots: Points, start: MotionState) -> FloatArray:
     """Coefficients (k, order, m) of a path through the k + 1 knots; it ends at standstill.
 
-    Raises TrajectoryRefused when the numbers are too large to compute with.
+    Raises TrajectoryRejected when the numbers are too large to compute with.
     """
     times_s, positions = knots.times_s, knots.positions
     with np.errstate(all="ignore"):
@@ -49,7 +49,7 @@ def interpolate(knots: Points, start: MotionState) -> FloatArray:
         else:
             coefficients = _quintic(times_s, positions, knots.velocities, knots.accelerations)
     if not (np.abs(coefficients) < _HUGE).all():
-        raise refuse("the points are too far apart to be joined by a finite path")
+        raise reject("the points are too far apart to be joined by a finite path")
     return coefficients
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.motion.joints import JointLimits, MotionState
-from robotd.motion.refusal import refuse
+from robotd.motion.rejection import reject
 from robotd.motion.request import Points
 
 MIN_SPACING_S = 1e-3
@@ -51,7 +51,7 @@ def _check_simultaneous(points: Points, gaps: FloatArray, limits: JointLimits) -
         return
     row, joint = jumps[0]
     before, after = points.positions[row : row + 2, joint]
-    raise refuse(
+    raise reject(
         f"{limits.names[joint]} at {points.times_s[row]:.3f} s: point {row + 1} is not later "
         f"than point {row} but asks for {after:.5g} {limits.units[joint]} after {before:.5g}"
     )
@@ -69,7 +69,7 @@ def attach_start(
         start_tolerance: how far (rad or m) a first point at time 0 may be from the start.
 
     Raises:
-        TrajectoryRefused: a first point at time 0 beyond ``start_tolerance``; an end that
+        TrajectoryRejected: a first point at time 0 beyond ``start_tolerance``; an end that
             leaves no time to stop; a last point that does not stand still.
     """
     _check_end(points, limits)
@@ -78,7 +78,7 @@ def attach_start(
     at_zero = points.times_s[0] < _SPACING
     if at_zero and (distance > start_tolerance).any():
         joint = int(np.argmax(distance))
-        raise refuse(
+        raise reject(
             f"{limits.names[joint]} at 0.000 s: first point {first[joint]:.5g} is "
             f"{distance[joint]:.5g} {limits.units[joint]} away from the present position "
             f"{start.position[joint]:.5g}, start tolerance {start_tolerance:g} "
@@ -95,7 +95,7 @@ def _check_end(points: Points, limits: JointLimits) -> None:
     speed = np.abs(points.velocities[-1])
     joint = int(np.argmax(speed))
     if speed[joint] > REST_VELOCITY:
-        raise refuse(
+        raise reject(
             f"{limits.names[joint]} at {points.times_s[-1]:.3f} s: velocity "
             f"{points.velocities[-1, joint]:.5g} {limits.units[joint]}/s at the last point, "
             f"must be 0"
@@ -106,7 +106,7 @@ def _hold(points: Points, start: MotionState, limits: JointLimits) -> Points:
     """A goal that is reached already: stand still for the shortest segment."""
     joint = int(np.argmax(np.abs(start.velocity)))
     if abs(start.velocity[joint]) > REST_VELOCITY:
-        raise refuse(
+        raise reject(
             f"{limits.names[joint]} at {points.times_s[-1]:.3f} s: the last point leaves no time "
             f"to stop from {start.velocity[joint]:.5g} {limits.units[joint]}/s"
         )

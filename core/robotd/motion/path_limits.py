@@ -8,7 +8,7 @@ from robotd.arrays import FloatArray
 from robotd.motion.extremes import Extreme
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.peaks import PathPeaks
-from robotd.motion.refusal import refuse
+from robotd.motion.rejection import reject
 
 # Rounding of a spline through a point that lies on the limit (rad or m, relative for rates).
 _ROUNDING = 1e-6
@@ -23,7 +23,7 @@ def check_path_limits(
     reaches to ``start``. Every joint at fault is named, with its worst point.
 
     Raises:
-        TrajectoryRefused: ``INVALID_GOAL``.
+        TrajectoryRejected: ``INVALID_GOAL``.
     """
     faults = [
         *_above(peaks.highest, "position", "", np.maximum(limits.upper, start.position), limits),
@@ -31,13 +31,13 @@ def check_path_limits(
         *_too_fast(peaks.velocity, limits, velocity_margin),
     ]
     if faults:
-        raise refuse("; ".join(faults))
+        raise reject("; ".join(faults))
 
 
 def acceleration_notes(peaks: PathPeaks, limits: JointLimits) -> tuple[str, ...]:
     """A sentence for each joint above its acceleration limit.
 
-    Not a refusal: planners limit acceleration at their own sampling, and the spline through
+    Not a rejection: planners limit acceleration at their own sampling, and the spline through
     the samples has peaks between them.
     """
     bound = limits.acceleration * (1.0 + _ROUNDING)

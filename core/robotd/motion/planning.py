@@ -10,7 +10,7 @@ from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.knots import attach_start, merge_close
 from robotd.motion.path_limits import acceleration_notes, check_path_limits
 from robotd.motion.peaks import PathPeaks
-from robotd.motion.refusal import RefusalCode, TrajectoryRefused, refuse
+from robotd.motion.rejection import RejectionCode, TrajectoryRejected, reject
 from robotd.motion.request import Points, TrajectoryRequest, arrange
 from robotd.motion.trajectory import Trajectory
 
@@ -31,7 +31,7 @@ def plan(
     NumPy lets other threads run.
 
     Raises:
-        TrajectoryRefused: naming joint, time, value and limit.
+        TrajectoryRejected: naming joint, time, value and limit.
     """
     _check_start(start, limits)
     points = arrange(request, limits, settings.max_points)
@@ -59,11 +59,11 @@ def check_start_delay(delay_s: float, duration_s: float) -> None:
         duration_s: duration of the trajectory.
 
     Raises:
-        TrajectoryRefused: ``OLD_HEADER_TIMESTAMP``.
+        TrajectoryRejected: ``OLD_HEADER_TIMESTAMP``.
     """
     if delay_s + duration_s < 0.0:
-        raise TrajectoryRefused(
-            RefusalCode.OLD_HEADER_TIMESTAMP,
+        raise TrajectoryRejected(
+            RejectionCode.OLD_HEADER_TIMESTAMP,
             f"the trajectory of {duration_s:.3f} s should have begun {-delay_s:.3f} s ago: "
             f"it is over",
         )
@@ -76,7 +76,7 @@ def _check_start(start: MotionState, limits: JointLimits) -> None:
         known = np.isfinite(getattr(start, quantity))
         if not known.all():
             joint = int(np.argmin(known))
-            raise refuse(f"{limits.names[joint]}: the present {quantity} is not known")
+            raise reject(f"{limits.names[joint]}: the present {quantity} is not known")
 
 
 def _merge_note(points: Points, merged: Points) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.motion.joints import JointLimits
-from robotd.motion.refusal import refuse, refuse_joints
+from robotd.motion.rejection import reject, reject_joints
 
 # What a ROS duration can hold. Also keeps the powers of a time difference in range.
 LONGEST_S = 2.0**31
@@ -46,12 +46,12 @@ class TrajectoryRequest:
     ) -> TrajectoryRequest:
         """From one row per point, as messages carry them. Empty rows mean "not given".
 
-        Raises TrajectoryRefused when a row has another length than ``joint_names``, or when
+        Raises TrajectoryRejected when a row has another length than ``joint_names``, or when
         only some of the points carry velocities or accelerations.
         """
         width = len(joint_names)
         if positions and not any(len(row) for row in positions):
-            raise refuse("the points have no positions")
+            raise reject("the points have no positions")
         return cls(
             tuple(joint_names),
             np.array(times_s, np.float64),
@@ -68,7 +68,7 @@ def _optional_table(label: str, rows: Rows, width: int) -> FloatArray | None:
 def _table(label: str, rows: Rows, width: int) -> FloatArray:
     for index, row in enumerate(rows):
         if len(row) != width:
-            raise refuse(f"point {index}: {len(row)} {label} for {width} joints")
+            raise reject(f"point {index}: {len(row)} {label} for {width} joints")
     flat = np.fromiter(chain.from_iterable(rows), np.float64, len(rows) * width)
     return flat.reshape(len(rows), width)
 
@@ -96,7 +96,7 @@ def arrange(request: TrajectoryRequest, limits: JointLimits, max_points: int) ->
     """Check a request by itself and put its joints into axis order.
 
     Raises:
-        TrajectoryRefused: joints unknown, missing or doubled; no points or more than
+        TrajectoryRejected: joints unknown, missing or doubled; no points or more than
             ``max_points``; lengths that do not fit; numbers that are not finite; a time that
             is negative or before the one of the point in front of it.
     """
@@ -117,31 +117,31 @@ def arrange(request: TrajectoryRequest, limits: JointLimits, max_points: int) ->
 
 def _joint_order(given: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
     if not given:
-        raise refuse_joints("the trajectory names no joints")
+        raise reject_joints("the trajectory names no joints")
     for name in given:
         if name not in names:
-            raise refuse_joints(f"unknown joint '{name}'; the joints are {', '.join(names)}")
+            raise reject_joints(f"unknown joint '{name}'; the joints are {', '.join(names)}")
         if given.count(name) > 1:
-            raise refuse_joints(f"joint '{name}' is given {given.count(name)} times")
+            raise reject_joints(f"joint '{name}' is given {given.count(name)} times")
     missing = [name for name in names if name not in given]
     if missing:
-        raise refuse_joints(f"missing joint {', '.join(missing)}: every joint must be named")
+        raise reject_joints(f"missing joint {', '.join(missing)}: every joint must be named")
     return [given.index(name) for name in names]
 
 
 def _check_shapes(request: TrajectoryRequest, max_points: int) -> None:
     count = len(request.times_s)
     if count == 0:
-        raise refuse("the trajectory has no points")
+        raise reject("the trajectory has no points")
     if count > max_points:
-        raise refuse(f"{count} points exceed the limit of {max_points}")
+        raise reject(f"{count} points exceed the limit of {max_points}")
     if request.accelerations is not None and request.velocities is None:
-        raise refuse("accelerations are given without velocities")
+        raise reject("accelerations are given without velocities")
     expected = (count, len(request.joint_names))
     for label in ("positions", "velocities", "accelerations"):
         table = getattr(request, label)
         if table is not None and table.shape != expected:
-            raise refuse(
+            raise reject(
                 f"{label} have the shape {table.shape}, {count} points of "
                 f"{expected[1]} joints need {expected}"
             )
@@ -156,10 +156,10 @@ def _check_times(times_s: FloatArray) -> None:
 def _explain_times(times_s: list[float]) -> None:
     for index, time_s in enumerate(times_s):
         if not 0.0 <= time_s <= LONGEST_S:
-            raise refuse(f"point {index}: time {time_s:g} s is outside 0 to {LONGEST_S:g} s")
+            raise reject(f"point {index}: time {time_s:g} s is outside 0 to {LONGEST_S:g} s")
     for index, (before_s, time_s) in enumerate(pairwise(times_s), start=1):
         if time_s < before_s:
-            raise refuse(
+            raise reject(
                 f"point {index}: time {time_s:g} s is not after the {before_s:g} s "
                 f"of point {index - 1}"
             )
@@ -171,7 +171,7 @@ def _check_finite(
     if table is None or np.isfinite(table).all():
         return
     row, column = np.argwhere(~np.isfinite(table))[0]
-    raise refuse(
+    raise reject(
         f"{limits.names[column]} at {points.times_s[row]:.3f} s (point {row}): "
         f"{quantity} is {table[row, column]}"
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
-from robotd.motion.refusal import refuse, refuse_joints
+from robotd.motion.rejection import reject, reject_joints
 
 # The unit is that of the joint; this is what follows it.
 _PER = {"position": "", "velocity": "/s"}
@@ -80,7 +80,7 @@ class Tolerances:
         """The descriptor's defaults with the tolerances of a goal message laid over them.
 
         Raises:
-            TrajectoryRefused: an unknown or doubled joint, or a value that is not a number or
+            TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
                 negative and not -1.
         """
         return cls(
@@ -132,7 +132,7 @@ class JointBounds:
         unit: of position, for texts.
 
     Raises:
-        TrajectoryRefused: see ``Tolerances.of_goal``.
+        TrajectoryRejected: see ``Tolerances.of_goal``.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class JointBounds:
         for entry in entries:
             if entry.name not in self.names or entry.name in given:
                 which = "joint given twice" if entry.name in given else "unknown joint"
-                raise refuse_joints(f"{self.kind.value}: {which}: '{entry.name}'")
+                raise reject_joints(f"{self.kind.value}: {which}: '{entry.name}'")
             given.add(entry.name)
             joint, label = self.names.index(entry.name), f"{entry.name}: {self.kind.value} of"
             for name, bounds in (("position", self.position), ("velocity", self.velocity)):
@@ -212,4 +212,4 @@ def _resolve(value: float, default: float, label: str) -> float:
         return np.inf
     if value > 0.0:
         return value
-    raise refuse(f"{label} is {value:g}, must be positive, 0 (default) or -1 (no limit)")
+    raise reject(f"{label} is {value:g}, must be positive, 0 (default) or -1 (no limit)")

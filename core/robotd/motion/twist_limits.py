@@ -10,7 +10,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from robotd.motion.diff_drive import STILL, PlanarTwist
+from robotd.motion.diff_drive import ZERO_TWIST, PlanarTwist
 
 _TOGETHER = 1e-9  # parts whose zeros are this close, as a part of the way, are zero together
 
@@ -92,7 +92,7 @@ class TwistLimiter:
     @property
     def at_rest(self) -> bool:
         """The last step was to stand still, and without a command it stays so."""
-        return self._ramp == STILL and self._same >= self._length
+        return self._ramp == ZERO_TWIST and self._same >= self._length
 
     def step(self, command: PlanarTwist) -> PlanarTwist:
         """The twist one period on; ``command`` is finite."""
@@ -101,9 +101,9 @@ class TwistLimiter:
 
     def reset(self) -> None:
         """Stand still, at once."""
-        self._ramp = STILL
-        self._recent = deque([STILL] * self._length)
-        self._sum = STILL
+        self._ramp = ZERO_TWIST
+        self._recent = deque([ZERO_TWIST] * self._length)
+        self._sum = ZERO_TWIST
         self._same = self._length  # how many of the newest of ``_recent`` are equal
 
     def _towards(self, command: PlanarTwist) -> PlanarTwist:

@@ -1,6 +1,6 @@
 """Every hook of robotd, in the order in which it is called.
 
-A plugin is a module with functions of these names, marked with ``robotd.plugin.api.hookimpl``
+A plugin is a module with functions of these names, marked with ``robotd.api.hookimpl``
 and announced as an entry point. Hooks are synchronous and run at start-up and shut-down only,
 never in the cycle. A hook may take fewer arguments than shown; further ones may be added in
 later versions.
@@ -19,9 +19,9 @@ from pydantic import BaseModel, ConfigDict
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.descriptor import RobotDescriptor
-from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+from robotd.device.fault_injector import FaultInjector
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 API_VERSION = 1
@@ -110,7 +110,9 @@ class RobotdHooks:
         """Make the diagnostics driver of the device, None where there is no fieldbus."""
 
     @hookspec
-    def robotd_bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
+    def robotd_fault_injector(
+        self, device: DeviceDriver, context: DeviceContext
+    ) -> FaultInjector | None:
         """Make the handle by which tests play the outside world; None where there is none.
 
         Called by ``robotd.testing``, and for scenarios on a backend that is ``SIMULATED``; never

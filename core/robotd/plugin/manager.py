@@ -17,11 +17,11 @@ from typing import Any, TypeVar
 import pluggy
 
 from robotd.descriptor import RobotDescriptor, validate_section
-from robotd.device.bench import Bench
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+from robotd.device.fault_injector import FaultInjector
 from robotd.errors import PluginError, RobotdError
-from robotd.plugin.budget import OverBudget, within
-from robotd.plugin.guard import guarded, unguarded
+from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
+from robotd.plugin.fault_isolation import isolated, unguarded
 from robotd.plugin.hookspecs import (
     API_VERSION,
     BackendInfo,
@@ -86,8 +86,7 @@ class Plugin:
         callers = self._manager.get_hookcallers(module)
         if not callers:
             raise PluginError(
-                f"plugin {self.origin} has no robotd hook;"
-                " mark them with robotd.plugin.api.hookimpl"
+                f"plugin {self.origin} has no robotd hook; mark them with robotd.api.hookimpl"
             )
         for caller in callers:
             for implementation in caller.get_hookimpls():
@@ -109,10 +108,10 @@ class Plugin:
 
     def _within_budget(self, hook: str, call: Callable[[], Answer]) -> Answer:
         try:
-            return within(HOOK_BUDGET_S, call, hook)
+            return call_with_timeout(HOOK_BUDGET_S, call, hook)
         except RobotdError:
             raise
-        except OverBudget:
+        except CallTimeout:
             raise PluginError(
                 f"plugin {self.origin}: {hook} did not return within {HOOK_BUDGET_S:g} s"
             ) from None
@@ -144,24 +143,26 @@ class Backend(Plugin):
 
     def open_device(self, context: DeviceContext) -> DeviceDriver:
         device = self._one("robotd_open_device", DeviceDriver, context=context)
-        return guarded(device, DeviceDriver, str(self.origin))
+        return isolated(device, DeviceDriver, str(self.origin))
 
     def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:
         made = self._one("robotd_axes", AxisDriver, device=unguarded(device), context=context)
-        return guarded(made, AxisDriver, str(self.origin))
+        return isolated(made, AxisDriver, str(self.origin))
 
     def io(self, device: DeviceDriver, context: DeviceContext) -> IoDriver | None:
         made = self._maybe("robotd_io", IoDriver, device=unguarded(device), context=context)
-        return made and guarded(made, IoDriver, str(self.origin))
+        return made and isolated(made, IoDriver, str(self.origin))
 
     def fieldbus(self, device: DeviceDriver, context: DeviceContext) -> FieldbusDriver | None:
         own = unguarded(device)
         made = self._maybe("robotd_fieldbus", FieldbusDriver, device=own, context=context)
-        return made and guarded(made, FieldbusDriver, str(self.origin))
+        return made and isolated(made, FieldbusDriver, str(self.origin))
 
-    def bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
+    def fault_injector(self, device: DeviceDriver, context: DeviceContext) -> FaultInjector | None:
         """The handle by which tests play the outside world; None where there is none."""
-        return self._maybe("robotd_bench", Bench, device=unguarded(device), context=context)
+        return self._maybe(
+            "robotd_fault_injector", FaultInjector, device=unguarded(device), context=context
+        )
 
     def _one(self, hook: str, kind: type[Answer], **arguments: object) -> Answer:
         result = self._maybe(hook, kind, **arguments)
@@ -229,8 +230,8 @@ def _load(
     kind: Callable[[PluginOrigin, object], Loaded], origin: PluginOrigin, entry: EntryPoint
 ) -> Loaded:
     try:
-        module = within(IMPORT_BUDGET_S, entry.load, f"import {origin.module}")
-    except OverBudget:
+        module = call_with_timeout(IMPORT_BUDGET_S, entry.load, f"import {origin.module}")
+    except CallTimeout:
         raise PluginError(
             f"plugin {origin} cannot be imported: not done within {IMPORT_BUDGET_S:g} s"
         ) from None

@@ -23,7 +23,7 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from robotd.cycle.watchdog import Watchdog, place_of
+from robotd.control.watchdog import Watchdog, place_of
 from robotd.errors import NotReady, OperationError
 from robotd.log import get_logger
 
@@ -67,7 +67,7 @@ class RosHost:
         make_executor: Callable[..., Executor] = EventsExecutor,
         close_timeout_s: float = 5.0,
     ) -> None:
-        self.give_way: Callable[[], None] = lambda: None
+        self.yield_to_control_loop: Callable[[], None] = lambda: None
         self.on_hang: Callable[[str], None] = lambda reason: None
         self._handling_ns = 0
         self._watchdog = Watchdog(
@@ -127,9 +127,9 @@ class RosHost:
         self._nodes.append(node)
 
     @contextmanager
-    def handling(self) -> Iterator[None]:
+    def callback_guard(self) -> Iterator[None]:
         """Around a handler in the executor thread, which holds up all others until it returns."""
-        self.give_way()
+        self.yield_to_control_loop()
         self._handling_ns = time.monotonic_ns()
         try:
             yield

@@ -19,12 +19,12 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
-from robotd.ros.discovery import announce_often
+from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
-from robotd.ros.nodes import ENABLING_NODES, check_names
-from robotd.ros.served import nodes_of
+from robotd.ros.middleware.discovery import announce_often
+from robotd.ros.registry import ENABLING_NODES, check_names
+from robotd.ros.run_nodes import run_nodes
 from robotd.ros.shared_memory import remove_leftovers
-from robotd.ros.surface import ServeReport, report_of
 
 if TYPE_CHECKING:
     from robotd.scenario import FaultSchedule
@@ -106,7 +106,7 @@ def serve(
     with (
         _stop_signals(events),
         RosHost(ros_args) as host,
-        nodes_of(robot, node_names, host, registry, faults) as nodes,
+        run_nodes(robot, node_names, host, registry, faults) as nodes,
     ):
         if served is not None:
             served(report_of(nodes))
@@ -173,7 +173,7 @@ def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) 
 
 def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> None:
     try:
-        robot.engine.abort_start()
+        robot.connection.abort_start()
         start.join(START_ABORT_S)
         robot.shutdown()
     except Exception as error:

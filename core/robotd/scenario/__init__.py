@@ -4,10 +4,10 @@
 what a scenario commands and checks, ``run`` does it, ``model`` is the file.
 """
 
-from robotd.scenario.faults import FAULTS, Fault, nested, validate_fault
-from robotd.scenario.model import Scenario, load_scenario
-from robotd.scenario.run import Result, ScenarioRun
-from robotd.scenario.schedule import FaultSchedule
+from robotd.scenario.fault_kinds import FAULTS, Fault, nested, validate_fault
+from robotd.scenario.fault_schedule import FaultSchedule
+from robotd.scenario.scenario_model import Scenario, load_scenario
+from robotd.scenario.scenario_run import Result, ScenarioRun
 
 __all__ = [
     "FAULTS",

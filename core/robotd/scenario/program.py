@@ -7,8 +7,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from robotd.device.state import EngineState
-from robotd.scenario.faults import AxisNumber, Finite, Part, Seconds
+from robotd.device.state import ConnectionState
+from robotd.scenario.fault_kinds import AxisNumber, Finite, Part, Seconds
 
 Axes = tuple[AxisNumber, ...]
 
@@ -81,7 +81,7 @@ class Check(Part):
     within_s: float = Field(0.0, ge=0, le=3600)
     joints_rad: dict[str, Finite] | None = None
     tolerance_rad: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1e-3
-    engine: EngineState | None = None
+    engine: ConnectionState | None = None
     servos_on: Axes | None = None
     alarms: Axes | None = None
     offline: Axes | None = None

@@ -21,8 +21,8 @@ from robotd.device.drivers import (
     Profile,
     SlaveInfo,
 )
-from robotd.device.image import ProcessImage
-from robotd.device.state import CommandMode, EngineState, Operation
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode, ConnectionState, Operation
 
 Call = tuple[object, ...]
 
@@ -51,7 +51,7 @@ class FakeDevice(Recorder, DeviceDriver):
 
     def __init__(self, failing_opens: int | None = None) -> None:
         super().__init__()
-        self.current = EngineState.IDLE
+        self.current = ConnectionState.IDLE
         self.failing_opens = failing_opens
 
     def open(self, path: str = "", name: str = "") -> None:
@@ -59,21 +59,21 @@ class FakeDevice(Recorder, DeviceDriver):
         if opened == self.failing_opens:
             self.failures.pop("open", None)
         self.record("open", path, name)
-        self.current = EngineState.RUNNING
+        self.current = ConnectionState.RUNNING
 
     def close(self) -> None:
         self.record("close")
-        self.current = EngineState.IDLE
+        self.current = ConnectionState.IDLE
 
     def start_communication(self, timeout_s: float) -> None:
         self.record("start_communication", timeout_s)
-        self.current = EngineState.COMMUNICATING
+        self.current = ConnectionState.COMMUNICATING
 
     def stop_communication(self, timeout_s: float) -> None:
         self.record("stop_communication", timeout_s)
-        self.current = EngineState.RUNNING
+        self.current = ConnectionState.RUNNING
 
-    def state(self) -> EngineState:
+    def state(self) -> ConnectionState:
         return self.current
 
     def scan_network(self) -> str:

@@ -19,7 +19,7 @@ from robotd.log import configure_logging
 from robotd.testing.domain import own_domain
 
 if TYPE_CHECKING:
-    from robotd.testing.robot import RobotUnderTest
+    from robotd.testing.served_robot import RobotUnderTest
 
 _LOG = pytest.StashKey[io.StringIO]()
 
@@ -49,12 +49,12 @@ def robotd_robot(
 ) -> Iterator[Callable[..., RobotUnderTest]]:
     """Starts robots: ``robotd_robot("cr3a", time_scale=5.0)``; they end with the test.
 
-    The arguments are those of ``robotd.testing.robot.robot_under_test``.
+    The arguments are those of ``robotd.testing.served_robot.robot_under_test``.
     """
     with warnings.catch_warnings():
         # The first message to be used imports an old lark, which imports deprecated modules.
         warnings.simplefilter("ignore", DeprecationWarning)
-        from robotd.testing.robot import robot_under_test
+        from robotd.testing.served_robot import robot_under_test
 
     with ExitStack() as robots:
 

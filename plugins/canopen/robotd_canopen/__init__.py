@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import cast
 
-from robotd.plugin.api import (
+from robotd.api import (
     AxisDriver,
     BackendInfo,
-    Bench,
     Capability,
     DeviceContext,
     DeviceDriver,
+    FaultInjector,
     FieldbusDriver,
     IoDriver,
     hookimpl,
@@ -84,9 +84,9 @@ def robotd_fieldbus(device: DeviceDriver) -> FieldbusDriver:
 
 
 @hookimpl
-def robotd_bench(device: DeviceDriver) -> Bench:
+def robotd_fault_injector(device: DeviceDriver) -> FaultInjector:
     """The world around simulated drives."""
-    from robotd_canopen.bench import CanopenBench
     from robotd_canopen.device import CanopenDevice
+    from robotd_canopen.fault_injector import CanopenBench
 
     return CanopenBench(cast(CanopenDevice, device))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robotd.plugin.api import (
+from robotd.api import (
     AxisDriver,
     CommandMode,
     FloatArray,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 
-from robotd.plugin.api import CommandMode, Operation, ProcessImage, Profile, get_logger
+from robotd.api import CommandMode, Operation, ProcessImage, Profile, get_logger
 from robotd_canopen.bus import Bus
 from robotd_canopen.estimate import Estimate
 from robotd_canopen.feedback import (

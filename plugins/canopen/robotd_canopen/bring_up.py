@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from robotd.plugin.api import ConnectError, OperationError, RobotdError, get_logger
+from robotd.api import ConnectError, OperationError, RobotdError, get_logger
 from robotd_canopen.axis import Axis
 from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.modes import needed_modes

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import can
 
-from robotd.plugin.api import ConnectError, get_logger
+from robotd.api import ConnectError, get_logger
 from robotd_canopen.bus_load import wire_bits
 from robotd_canopen.error_frame import error_frame_text
 from robotd_canopen.frame import Frame

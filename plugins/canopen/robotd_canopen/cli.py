@@ -112,7 +112,7 @@ def simulate(robot: str, variant: str | None, interface: str, channel: str, port
 
     Faults are typed in, one a line: "help" lists them.
     """
-    from robotd.plugin.api import load_robot_descriptor, validate_section
+    from robotd.api import load_robot_descriptor, validate_section
     from robotd_canopen.inject import HELP, inject
     from robotd_canopen.options import BusOptions, CanopenOptions
     from robotd_canopen.simulate import simulated_network

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from robotd.plugin.api import (
+from robotd.api import (
     Clock,
     CommandMode,
     DeviceTimeout,

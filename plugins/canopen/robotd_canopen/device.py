@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from robotd.plugin.api import (
+from robotd.api import (
+    ConnectionState,
     DeviceDriver,
-    EngineState,
     InvalidArgument,
     NotReady,
     RobotdError,
@@ -42,7 +42,7 @@ class CanopenDevice(DeviceDriver):
             raise InvalidArgument(
                 f"the bus is {self.master.bus.name!r}, another one ({path!r}) is not configured"
             )
-        if self.master.state is not EngineState.IDLE:
+        if self.master.state is not ConnectionState.IDLE:
             return
         self._simulate()
         try:
@@ -52,7 +52,7 @@ class CanopenDevice(DeviceDriver):
             raise
 
     def close(self) -> None:
-        if self.master.state in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
+        if self.master.state in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
             self.stop_communication(_IDLE_S)
         self.master.close()
         self._end_simulation()
@@ -62,14 +62,14 @@ class CanopenDevice(DeviceDriver):
 
         Raises ConnectError with every node that fails, its step, object and abort code.
         """
-        if self.master.state is EngineState.IDLE:
+        if self.master.state is ConnectionState.IDLE:
             raise NotReady("communication cannot start: the bus is not open")
-        if self.master.state is not EngineState.COMMUNICATING:
+        if self.master.state is not ConnectionState.COMMUNICATING:
             self.master.start()
 
     def stop_communication(self, timeout_s: float) -> None:
         master = self.master
-        if master.state not in (EngineState.COMMUNICATING, EngineState.UNKNOWN):
+        if master.state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
             return
         live = [axis for axis in master.axes if axis.node.online and axis.powered]
         for axis in live:
@@ -83,7 +83,7 @@ class CanopenDevice(DeviceDriver):
             self._try(node, partial(node.watch_master, watch=False))
             self._try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
 
-    def state(self) -> EngineState:
+    def state(self) -> ConnectionState:
         return self.master.state
 
     def fault(self) -> str:
@@ -91,7 +91,7 @@ class CanopenDevice(DeviceDriver):
 
     def scan_network(self) -> str:
         """Who is there, of those who should be."""
-        if self.master.state is EngineState.IDLE:
+        if self.master.state is ConnectionState.IDLE:
             raise NotReady("the network cannot be scanned: the bus is not open")
         nodes = self.master.nodes.values()
         drives = {axis.node.id for axis in self.master.axes}

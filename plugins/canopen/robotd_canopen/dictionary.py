@@ -12,7 +12,7 @@ from pathlib import Path
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.objectdictionary.eds import import_eds
 
-from robotd.plugin.api import DescriptorError, read_limited
+from robotd.api import DescriptorError, read_limited
 from robotd_canopen.options import AxisOptions, NodeOptions, parse_object
 
 GENERIC_DRIVE = "generic_402.eds"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robotd.plugin.api import Profile
+from robotd.api import Profile
 from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.plugin.api import EngineState, FieldbusDriver, NetworkState, SlaveInfo
+from robotd.api import ConnectionState, FieldbusDriver, NetworkState, SlaveInfo
 from robotd_canopen.details import details
 from robotd_canopen.master import Master
 from robotd_canopen.nmt import AL_STATES, NmtState
@@ -86,9 +86,9 @@ class CanopenFieldbus(FieldbusDriver):
 
 
 _STATES = {
-    EngineState.IDLE: _INIT,
-    EngineState.RUNNING: _PREOP,
-    EngineState.COMMUNICATING: _OPERATIONAL,
-    EngineState.UNKNOWN: _OPERATIONAL,
-    EngineState.SHUTDOWN: _INIT,
+    ConnectionState.IDLE: _INIT,
+    ConnectionState.RUNNING: _PREOP,
+    ConnectionState.COMMUNICATING: _OPERATIONAL,
+    ConnectionState.UNKNOWN: _OPERATIONAL,
+    ConnectionState.SHUTDOWN: _INIT,
 }

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotd.plugin.api import ProcessImage
+from robotd.api import ProcessImage
 from robotd_canopen.axis import Axis
 from robotd_canopen.feedback import TORQUE, VELOCITY, Feedback
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.plugin.api import InvalidArgument, IoDriver, NotReady, OperationError
+from robotd.api import InvalidArgument, IoDriver, NotReady, OperationError
 from robotd_canopen.master import Master
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from canopen.objectdictionary import ObjectDictionary
 
-from robotd.plugin.api import DescriptorError, RobotDescriptor
+from robotd.api import DescriptorError, RobotDescriptor
 from robotd_canopen.bus_load import bus_load
 from robotd_canopen.dictionary import (
     GENERIC_DRIVE,

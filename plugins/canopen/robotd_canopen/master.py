@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from canopen.objectdictionary import ObjectDictionary
 
-from robotd.plugin.api import (
+from robotd.api import (
     Clock,
     ConnectError,
-    EngineState,
+    ConnectionState,
     OperationError,
     ProcessImage,
     RobotDescriptor,
@@ -55,17 +55,17 @@ class Master:
         self._bring_up = BringUp(
             self.layout, self.axes, self.bus.name, allow_partial=options.allow_partial
         )
-        self._state = EngineState.IDLE
+        self._state = ConnectionState.IDLE
         self._cycles = self._read_ns = self._stream_ns = 0
         self._period_ns = round(NANOSECONDS / robot.cycle.rate_hz)
         self._transmitted = True
         self._stream_timeout_ns = round(options.stream_timeout_s * NANOSECONDS)
 
     @property
-    def state(self) -> EngineState:
+    def state(self) -> ConnectionState:
         """UNKNOWN while a node or the bus is lost."""
-        lost = self._state is EngineState.COMMUNICATING and self.supervision.lost
-        return EngineState.UNKNOWN if lost else self._state
+        lost = self._state is ConnectionState.COMMUNICATING and self.supervision.lost
+        return ConnectionState.UNKNOWN if lost else self._state
 
     def open(self) -> None:
         """Open the bus, and let every node say who it is. Raises ConnectError."""
@@ -75,10 +75,10 @@ class Master:
         except ConnectError:
             self.bus.close()
             raise
-        self._state = EngineState.RUNNING
+        self._state = ConnectionState.RUNNING
 
     def close(self) -> None:
-        self._state = EngineState.IDLE
+        self._state = ConnectionState.IDLE
         self._leave_all()
         self.bus.close()
 
@@ -93,11 +93,11 @@ class Master:
         self.io.start([node.id for node in waiting if node.online], self.nodes)
         self.supervision.begin()
         self.sync.begin()
-        self._state = EngineState.COMMUNICATING
+        self._state = ConnectionState.COMMUNICATING
 
     def end(self) -> None:
         """Communication has been stopped: nothing is asked of the nodes any more."""
-        self._state = EngineState.RUNNING
+        self._state = ConnectionState.RUNNING
         self._leave_all()
 
     def read(self, image: ProcessImage) -> None:
@@ -107,7 +107,7 @@ class Master:
         the reason, not the age of the values, ends what runs.
         """
         now_ns = self.clock.now_ns()
-        if self._state is not EngineState.COMMUNICATING:
+        if self._state is not ConnectionState.COMMUNICATING:
             image.offline[:] = True
             return
         self._cycles += 1

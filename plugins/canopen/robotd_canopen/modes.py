@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from robotd.plugin.api import CommandMode
+from robotd.api import CommandMode
 from robotd_canopen.options import AxisOptions, StreamMode, VelocityMode
 
 

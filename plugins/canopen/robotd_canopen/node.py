@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from canopen.objectdictionary import ObjectDictionary
 
-from robotd.plugin.api import Clock, OperationError, RobotdError, wait_until
+from robotd.api import Clock, OperationError, RobotdError, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.dictionary import startup_writes
 from robotd_canopen.emcy import Emergency, EmergencyLog, error_text

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from robotd.plugin.api import BackendOptions, RobotDescriptor
+from robotd.api import BackendOptions, RobotDescriptor
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NodeId = Annotated[int, Field(ge=1, le=127)]

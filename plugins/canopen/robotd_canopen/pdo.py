@@ -9,7 +9,7 @@ from enum import IntEnum
 from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
-from robotd.plugin.api import OperationError
+from robotd.api import OperationError
 from robotd_canopen.dictionary import describe, on_axis, variable
 from robotd_canopen.options import (
     AxisOptions,

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
-from robotd.plugin.api import RobotdError
+from robotd.api import RobotdError
 from robotd_canopen.bus import Bus
 from robotd_canopen.dictionary import empty_dictionary
 from robotd_canopen.nmt import NmtState, heartbeat_state

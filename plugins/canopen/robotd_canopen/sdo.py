@@ -14,7 +14,7 @@ from canopen.objectdictionary.datatypes import SIGNED_TYPES
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from robotd.plugin.api import DeviceTimeout, OperationError
+from robotd.api import DeviceTimeout, OperationError
 from robotd_canopen.bus import Bus
 from robotd_canopen.dictionary import describe, variable
 

@@ -7,7 +7,7 @@ from collections import defaultdict
 
 import can
 
-from robotd.plugin.api import RobotDescriptor
+from robotd.api import RobotDescriptor
 from robotd_canopen.dictionary import GENERIC_DRIVE, GENERIC_IO, eds_path
 from robotd_canopen.options import AxisOptions, CanopenOptions, Identity
 from robotd_canopen.simulated import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from robotd.plugin.api import get_logger
+from robotd.api import get_logger
 from robotd_canopen.axis import Axis
 from robotd_canopen.bus import Bus
 from robotd_canopen.feedback import Feedback

@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from typing import cast
 
-from robotd.plugin.api import (
+from robotd.api import (
     AxisDriver,
     BackendInfo,
-    Bench,
     Capability,
     DeviceContext,
     DeviceDriver,
+    FaultInjector,
     FieldbusDriver,
     IoDriver,
     hookimpl,
 )
 from robotd_sim.axes import SimAxes
-from robotd_sim.bench import SimBench
 from robotd_sim.device import SimDevice
+from robotd_sim.fault_injector import SimBench
 from robotd_sim.fieldbus import SimFieldbus
 from robotd_sim.io import SimIo
 from robotd_sim.options import SimOptions
@@ -68,6 +68,6 @@ def robotd_fieldbus(device: DeviceDriver) -> FieldbusDriver:
 
 
 @hookimpl
-def robotd_bench(device: DeviceDriver) -> Bench:
+def robotd_fault_injector(device: DeviceDriver) -> FaultInjector:
     """Hands, plugs and sensors."""
     return SimBench(cast(SimDevice, device).simulation)

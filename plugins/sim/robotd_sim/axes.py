@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robotd.plugin.api import (
+from robotd.api import (
     AxisDriver,
     CommandMode,
     DeviceTimeout,

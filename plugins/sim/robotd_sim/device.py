@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robotd.plugin.api import (
+from robotd.api import (
     ConnectError,
+    ConnectionState,
     DeviceDriver,
     DeviceTimeout,
-    EngineState,
     NotReady,
     read_wmx_parameters,
     wait_until,
@@ -33,29 +33,29 @@ class SimDevice(DeviceDriver):
         simulation.clock.sleep_until_ns(simulation.clock.now_ns() + delay_ns)
         with simulation.world.lock:
             simulation.world.advance()
-            if simulation.engine is not EngineState.IDLE:
+            if simulation.engine is not ConnectionState.IDLE:
                 return
             if simulation.failures_left > 0:
                 simulation.failures_left -= 1
                 reason = f"device locked, as asked for ({simulation.failures_left} more times)"
                 raise ConnectError("the simulated device cannot be opened", {"engine": reason})
-            simulation.engine = EngineState.RUNNING
+            simulation.engine = ConnectionState.RUNNING
 
     def close(self) -> None:
         with self.simulation.world.lock:
             self.simulation.world.advance()
-            if self.simulation.engine is not EngineState.IDLE:
+            if self.simulation.engine is not ConnectionState.IDLE:
                 self.simulation.reset()
 
     def start_communication(self, timeout_s: float) -> None:
         simulation = self.simulation
         with simulation.world.lock:
             simulation.world.advance()
-            if simulation.engine is EngineState.IDLE:
+            if simulation.engine is ConnectionState.IDLE:
                 raise NotReady("communication cannot start: no device is open")
-            if simulation.engine is EngineState.RUNNING:
+            if simulation.engine is ConnectionState.RUNNING:
                 simulation.request_communication()
-        if not self._wait_for(EngineState.COMMUNICATING, timeout_s):
+        if not self._wait_for(ConnectionState.COMMUNICATING, timeout_s):
             raise DeviceTimeout(f"communication did not start within {timeout_s:g} s")
 
     def stop_communication(self, timeout_s: float) -> None:
@@ -76,9 +76,9 @@ class SimDevice(DeviceDriver):
         with simulation.world.lock:
             simulation.silence()
 
-    def state(self) -> EngineState:
+    def state(self) -> ConnectionState:
         simulation = self.simulation
-        if simulation.engine is EngineState.RUNNING:  # communication may be due to begin
+        if simulation.engine is ConnectionState.RUNNING:  # communication may be due to begin
             with simulation.world.lock:
                 simulation.world.advance()
         return simulation.engine
@@ -90,7 +90,7 @@ class SimDevice(DeviceDriver):
         simulation = self.simulation
         with simulation.world.lock:
             simulation.world.advance()
-            if simulation.engine is EngineState.IDLE:
+            if simulation.engine is ConnectionState.IDLE:
                 raise NotReady("the network cannot be scanned: no device is open")
             slaves = simulation.network.slaves
             drives = sum(slave.axis is not None for slave in slaves)
@@ -103,7 +103,7 @@ class SimDevice(DeviceDriver):
         parameters = read_wmx_parameters(path)
         with self.simulation.world.lock:
             self.simulation.world.advance()
-            if self.simulation.engine is EngineState.IDLE:
+            if self.simulation.engine is ConnectionState.IDLE:
                 raise NotReady("parameters cannot be loaded: no device is open")
             self.simulation.apply(parameters)
 
@@ -112,5 +112,5 @@ class SimDevice(DeviceDriver):
             values = self.simulation.parameters.axis(axis)
         return "\n".join(f"{name} = {value:.15g}" for name, value in values.items())
 
-    def _wait_for(self, state: EngineState, timeout_s: float) -> bool:
+    def _wait_for(self, state: ConnectionState, timeout_s: float) -> bool:
         return wait_until(lambda: self.state() is state, timeout_s, self.simulation.clock)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.plugin.api import EngineState, InvalidArgument, NotReady
+from robotd.api import ConnectionState, InvalidArgument, NotReady
 from robotd_sim.simulation import Simulation
 
 
@@ -35,7 +35,7 @@ class Faults:
         """The engine ends at once, as if its process had died."""
         with self._world.lock:
             self._world.advance()
-            if self._simulation.engine is not EngineState.IDLE:
+            if self._simulation.engine is not ConnectionState.IDLE:
                 self._simulation.reset()
 
     def lose_packets(self, count: int) -> None:

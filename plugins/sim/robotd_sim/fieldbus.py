@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robotd.plugin.api import (
-    EngineState,
+from robotd.api import (
+    ConnectionState,
     FieldbusDriver,
     InvalidArgument,
     NetworkState,
@@ -76,7 +76,7 @@ class SimFieldbus(FieldbusDriver):
             simulation.world.at(simulation.world.tick + delay, simulation.reconnect)
 
     def _require_open(self) -> None:
-        if self._simulation.engine is EngineState.IDLE:
+        if self._simulation.engine is ConnectionState.IDLE:
             raise NotReady("the fieldbus cannot be asked: no device is open")
 
     @staticmethod

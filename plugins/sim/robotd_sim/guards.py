@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from robotd.plugin.api import FloatArray, WmxParameters
+from robotd.api import FloatArray, WmxParameters
 from robotd_sim.motion import Motion
 from robotd_sim.options import LimitSwitches
 from robotd_sim.power import Power

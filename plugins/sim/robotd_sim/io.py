@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from robotd.plugin.api import EngineState, InvalidArgument, IoDriver, NotReady
+from robotd.api import ConnectionState, InvalidArgument, IoDriver, NotReady
 from robotd_sim.world import World
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class SimIo(IoDriver):
             self._simulation.io.write(byte, bytes([others | (int(value) << bit)]))
 
     def _require_open(self) -> None:
-        if self._simulation.engine is EngineState.IDLE:
+        if self._simulation.engine is ConnectionState.IDLE:
             raise NotReady("outputs cannot be written: no device is open")
 
     @staticmethod

@@ -8,7 +8,7 @@ from math import ceil
 
 import numpy as np
 
-from robotd.plugin.api import CommandMode, FloatArray, Operation, Profile, WmxParameters
+from robotd.api import CommandMode, FloatArray, Operation, Profile, WmxParameters
 from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
 from robotd_sim.state import AxisStates
 from robotd_sim.stream import Stream

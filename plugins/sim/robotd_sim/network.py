@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from robotd.plugin.api import NetworkState, RobotDescriptor, SlaveInfo
+from robotd.api import NetworkState, RobotDescriptor, SlaveInfo
 from robotd_sim.alarms import NO_ANSWER
 from robotd_sim.options import SimOptions
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from robotd.plugin.api import BackendOptions, DescriptorError, FloatArray
+from robotd.api import BackendOptions, DescriptorError, FloatArray
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]

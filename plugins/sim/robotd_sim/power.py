@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robotd.plugin.api import FloatArray, NotReady, WmxParameters
+from robotd.api import FloatArray, NotReady, WmxParameters
 from robotd_sim.alarms import NO_ANSWER, alarm_text
 from robotd_sim.motion import Motion
 from robotd_sim.scaling import Scaling

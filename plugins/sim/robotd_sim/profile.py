@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robotd.plugin.api import Profile
+from robotd.api import Profile
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotd.plugin.api import CommandMode, ProcessImage
+from robotd.api import CommandMode, ProcessImage
 from robotd_sim.simulation import Simulation
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotd.plugin.api import FloatArray, WmxParameters
+from robotd.api import FloatArray, WmxParameters
 
 _RANGE = 2.0**32
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robotd.plugin.api import FloatArray
+from robotd.api import FloatArray
 
 _SETTLED = 1e-15  # part of a following error that may vanish when an axis comes to rest
 _STICTION_RAD_S = 0.01  # below this speed, friction grows linearly: its sign must not flicker

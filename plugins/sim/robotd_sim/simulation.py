@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robotd.plugin.api import (
+from robotd.api import (
     Clock,
+    ConnectionState,
     DescriptorError,
-    EngineState,
     FloatArray,
     NotReady,
     Operation,
@@ -57,7 +57,7 @@ class Simulation:
         self.servo = Servo(mechanics, options.tick_s)
         self.world = World(clock, self.servo, options.max_catch_up_s)
         self.states = AxisStates(self.axes)
-        self.engine = EngineState.IDLE
+        self.engine = ConnectionState.IDLE
         self.failures_left = options.fail_open
         self.all_connected = True
         self._starts = 0  # number of the present request for communication
@@ -82,7 +82,7 @@ class Simulation:
 
     @property
     def communicating(self) -> bool:
-        return self.engine is EngineState.COMMUNICATING
+        return self.engine is ConnectionState.COMMUNICATING
 
     def apply(self, parameters: WmxParameters) -> None:
         """Take a whole set of parameters. Raises NotReady, naming the axis, while one moves."""
@@ -143,10 +143,10 @@ class Simulation:
         number = self._starts
 
         def begin() -> None:
-            if number == self._starts and self.engine is EngineState.RUNNING:
+            if number == self._starts and self.engine is ConnectionState.RUNNING:
                 self._wake_encoders()
                 self.network.up(self.world.tick)
-                self.engine = EngineState.COMMUNICATING
+                self.engine = ConnectionState.COMMUNICATING
 
         self.world.at(
             self.world.tick + self.options.ticks(self.options.communication_delay_s), begin
@@ -157,7 +157,7 @@ class Simulation:
         self._starts += 1
         if not self.communicating:
             return
-        self.engine = EngineState.RUNNING
+        self.engine = ConnectionState.RUNNING
         cleared = self.parameters["ClearHomeDoneOnCommStop"][: self.axes]
         for axis in range(self.axes):
             self.power.turn_off(axis)
@@ -167,7 +167,7 @@ class Simulation:
     def reset(self) -> None:
         """The engine ends: parameters go back to the defaults, I/O is cleared."""
         self.silence()
-        self.engine = EngineState.IDLE
+        self.engine = ConnectionState.IDLE
         self.io.clear()
         for axis in range(self.axes):
             self.motion.hold(axis, float(self.servo.command[axis]))

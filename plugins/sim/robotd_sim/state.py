@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robotd.plugin.api import CommandMode, Operation
+from robotd.api import CommandMode, Operation
 
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.int64]

@@ -7,7 +7,7 @@ from math import floor
 
 import numpy as np
 
-from robotd.plugin.api import FloatArray
+from robotd.api import FloatArray
 from robotd_sim.state import Flags
 from robotd_sim.world import FOREVER, World
 

@@ -10,7 +10,7 @@ import heapq
 import threading
 from collections.abc import Callable
 
-from robotd.plugin.api import Clock, get_logger
+from robotd.api import Clock, get_logger
 from robotd_sim.servo import Servo
 
 NANOSECONDS = 1_000_000_000

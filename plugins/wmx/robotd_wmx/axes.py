@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from robotd.plugin.api import (
+from robotd.api import (
     AxisDriver,
     CommandMode,
     DeviceTimeout,
@@ -186,7 +186,7 @@ class WmxAxes(AxisDriver):
         position: Callable[[list[int]], None],
         velocity: Callable[[list[int]], None],
     ) -> None:
-        """Stop what moves with the calls of its mode; one axis' refusal does not spare others."""
+        """Stop what moves with the calls of its mode; one axis' rejection does not spare others."""
         status = self._status()
         moving = [axis for axis in axes if not status.idle(axis)]
         for call, mode in ((position, False), (velocity, True)):

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from robotd.plugin.api import (
+from robotd.api import (
     Clock,
     ConnectError,
-    EngineState,
+    ConnectionState,
     NotReady,
     RobotDescriptor,
     get_logger,
@@ -35,11 +35,11 @@ log = get_logger("wmx")
 ROLES = ("command", "status", "stream", "diagnostics")
 LOCK_RETRY_NS = 200_000_000
 _STATES = {
-    State.IDLE: EngineState.UNKNOWN,  # still initialising, although we have a device
-    State.RUNNING: EngineState.RUNNING,
-    State.COMMUNICATING: EngineState.COMMUNICATING,
-    State.SHUTDOWN: EngineState.SHUTDOWN,
-    State.UNKNOWN: EngineState.UNKNOWN,
+    State.IDLE: ConnectionState.UNKNOWN,  # still initialising, although we have a device
+    State.RUNNING: ConnectionState.RUNNING,
+    State.COMMUNICATING: ConnectionState.COMMUNICATING,
+    State.SHUTDOWN: ConnectionState.SHUTDOWN,
+    State.UNKNOWN: ConnectionState.UNKNOWN,
 }
 
 
@@ -52,7 +52,7 @@ class Connection:
         self.clock = clock
         self.scaling = Scaling(robot, options)
         self._devices: dict[str, Device] = {}
-        self._lost: EngineState | None = None
+        self._lost: ConnectionState | None = None
         self._lost_because = ""
 
     @property
@@ -106,18 +106,18 @@ class Connection:
             if role in devices:
                 _close_quietly(devices[role], keep_engine=self.options.shared)
 
-    def state(self) -> EngineState:
+    def state(self) -> ConnectionState:
         """Never blocks, never raises; IDLE without devices. A lost engine stays lost."""
         device = self._devices.get("status")
         if device is None:
-            return EngineState.IDLE
+            return ConnectionState.IDLE
         if self._lost is None:
             try:
                 state = _STATES[device.state()]
             except CallError as error:
-                state = EngineState.UNKNOWN
+                state = ConnectionState.UNKNOWN
                 self._lose(state, f"the engine is gone: {text_of(*error.args[1:3])}")
-            if state is EngineState.SHUTDOWN:
+            if state is ConnectionState.SHUTDOWN:
                 self._lose(state, "the engine was stopped by somebody else")
             return state
         return self._lost
@@ -128,7 +128,7 @@ class Connection:
 
     def give_up(self) -> None:
         """The engine is about to be stopped by us: nothing is commanded any more."""
-        self._lost, self._lost_because = EngineState.SHUTDOWN, ""
+        self._lost, self._lost_because = ConnectionState.SHUTDOWN, ""
 
     def others(self) -> list[str]:
         """Names of other programs' devices; empty when the engine does not tell."""
@@ -151,7 +151,7 @@ class Connection:
             raise NotReady(f"{reason}; close the device and open it again")
         return device
 
-    def _lose(self, state: EngineState, reason: str) -> None:
+    def _lose(self, state: ConnectionState, reason: str) -> None:
         self._lost, self._lost_because = state, reason
         log.error(reason)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from robotd.plugin.api import (
+from robotd.api import (
+    ConnectionState,
     DeviceDriver,
     DeviceTimeout,
-    EngineState,
     NotReady,
     OperationError,
     axis_text,
@@ -70,18 +70,18 @@ class WmxDevice(DeviceDriver):
             if self._engine_lives():
                 raise translate(error, "communication") from error
 
-    def state(self) -> EngineState:
+    def state(self) -> ConnectionState:
         state = self.connection.state()
         detached = self.connection.options.shared and not self._attached
-        if state is EngineState.COMMUNICATING and detached:
-            return EngineState.RUNNING
+        if state is ConnectionState.COMMUNICATING and detached:
+            return ConnectionState.RUNNING
         return state
 
     def fault(self) -> str:
         """Who or what ended the exchange of values, as far as the engine tells."""
         if reason := self.connection.lost_because():
             return reason
-        if not self._attached or self.connection.state() is EngineState.COMMUNICATING:
+        if not self._attached or self.connection.state() is ConnectionState.COMMUNICATING:
             return ""
         if self._licence_invalid():
             return LICENCE
@@ -129,7 +129,7 @@ class WmxDevice(DeviceDriver):
             return axis_text(read_wmx_parameters(exported), axis)
 
     def _engine_lives(self) -> bool:
-        return self.connection.state() in (EngineState.RUNNING, EngineState.COMMUNICATING)
+        return self.connection.state() in (ConnectionState.RUNNING, ConnectionState.COMMUNICATING)
 
     def _request_communication(self, timeout_s: float) -> None:
         clock = self.connection.clock
@@ -149,7 +149,7 @@ class WmxDevice(DeviceDriver):
 
     def _await_communication(self, timeout_s: float) -> None:
         def communicating() -> bool:
-            return self.connection.state() is EngineState.COMMUNICATING
+            return self.connection.state() is ConnectionState.COMMUNICATING
 
         if not wait_until(communicating, timeout_s, self.connection.clock):
             raise DeviceTimeout(f"the shared engine does not communicate after {timeout_s:g} s")

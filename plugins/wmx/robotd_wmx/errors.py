@@ -14,7 +14,7 @@ from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
 
-from robotd.plugin.api import (
+from robotd.api import (
     ConnectError,
     DeviceTimeout,
     InvalidArgument,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.plugin.api import FieldbusDriver, NetworkState, SlaveInfo
+from robotd.api import FieldbusDriver, NetworkState, SlaveInfo
 from robotd_wmx._native import Master, Slave
 from robotd_wmx.al_status import text_of_al
 from robotd_wmx.connection import Connection

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robotd.plugin.api import IoDriver, NotReady
+from robotd.api import IoDriver, NotReady
 from robotd_wmx import _native
 from robotd_wmx._native import Device
 from robotd_wmx.connection import Connection

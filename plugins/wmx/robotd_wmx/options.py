@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robotd.plugin.api import BackendOptions
+from robotd.api import BackendOptions
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 

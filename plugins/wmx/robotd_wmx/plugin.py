@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from robotd.plugin.api import (
+from robotd.api import (
     AxisDriver,
     BackendInfo,
     Capability,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.plugin.api import Operation, ProcessImage
+from robotd.api import Operation, ProcessImage
 from robotd_wmx._native import StatusReader
 from robotd_wmx.connection import Connection
 from robotd_wmx.engine_time import EngineTime

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotd.plugin.api import DescriptorError, FloatArray, Profile, RobotDescriptor
+from robotd.api import DescriptorError, FloatArray, Profile, RobotDescriptor
 from robotd_wmx.options import WmxOptions
 
 

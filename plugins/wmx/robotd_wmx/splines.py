@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotd.plugin.api import FloatArray, OperationError, get_logger
+from robotd.api import FloatArray, OperationError, get_logger
 from robotd_wmx import _native
 from robotd_wmx._native import CallError
 from robotd_wmx.connection import Connection

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotd.plugin.api import FloatArray, RobotdError, get_logger
+from robotd.api import FloatArray, RobotdError, get_logger
 from robotd_wmx._native import CallError
 from robotd_wmx.connection import Connection
 from robotd_wmx.errors import text_of

@@ -22,7 +22,7 @@ def main() -> None:
     sys.path.insert(0, str(SITE))
     from robotd.clock import MonotonicClock
     from robotd.descriptor import load_robot_descriptor
-    from robotd.device.image import ProcessImage
+    from robotd.device.process_image import ProcessImage
     from robotd_wmx.axes import WmxAxes
     from robotd_wmx.connection import Connection
     from robotd_wmx.options import WmxOptions

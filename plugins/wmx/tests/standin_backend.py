@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robotd.plugin.api import BackendInfo, Bench, Capability, hookimpl
+from robotd.api import BackendInfo, Capability, FaultInjector, hookimpl
 from robotd_wmx import plugin
 from robotd_wmx.plugin import robotd_axes, robotd_fieldbus, robotd_io, robotd_open_device
 from standin_port import port
@@ -12,7 +12,7 @@ from standin_port import port
 __all__ = ["robotd_axes", "robotd_fieldbus", "robotd_io", "robotd_open_device"]
 
 
-class StandinBench(Bench):
+class StandinBench(FaultInjector):
     """The outside world of the stand-in's engine, by its fault port."""
 
     def position(self, axis: int) -> float:
@@ -48,7 +48,7 @@ def robotd_backend() -> BackendInfo:
 
 
 @hookimpl
-def robotd_bench() -> Bench:
+def robotd_fault_injector() -> FaultInjector:
     """A bench in order, whatever was broken on the one before."""
     port("mend")
     return StandinBench()

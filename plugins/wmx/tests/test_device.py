@@ -1,4 +1,4 @@
-"""Opening, communicating, parameters, diagnostics: the engine's life and its refusals."""
+"""Opening, communicating, parameters, diagnostics: the engine's life and its rejections."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import yaml
 
 from robotd.device.axes import Move
 from robotd.device.drivers import Profile
-from robotd.device.state import EngineState
+from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, DescriptorError, OperationError, RobotdError
 from robotd.robot import Robot, build_robot, open_robot
 from robotd_wmx import _native
@@ -27,20 +27,20 @@ def robot(tmp_path: Path) -> Robot:
 def test_a_locked_engine_is_tried_again(robot: Robot, lock: str) -> None:
     port(lock, 3)
     robot.engine.open()
-    assert robot.engine.state is EngineState.RUNNING
+    assert robot.engine.state is ConnectionState.RUNNING
     robot.engine.shutdown()
 
 
 def test_no_engine_at_the_path_is_said_at_once(robot: Robot) -> None:
     with pytest.raises(ConnectError, match=r"wmx 272 \(there is no engine program at this path\)"):
         robot.engine.open(path="/nowhere")
-    assert robot.engine.state is EngineState.IDLE
+    assert robot.engine.state is ConnectionState.IDLE
 
 
 def test_a_slow_engine_is_waited_for(robot: Robot) -> None:
     port("idle_ms", 300)
     robot.engine.open()
-    assert robot.engine.state is EngineState.RUNNING
+    assert robot.engine.state is ConnectionState.RUNNING
     robot.engine.shutdown()
 
 

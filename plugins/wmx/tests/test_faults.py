@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.cycle.execution import Execution, Outcome
+from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.axes import Move
 from robotd.device.drivers import Profile
-from robotd.device.state import EngineState, Operation
+from robotd.device.state import ConnectionState, Operation
 from robotd.errors import ConnectError, NotReady, OperationError
 from robotd.robot import Robot, build_robot
 from robotd_wmx import _native
@@ -28,7 +28,7 @@ STEEPEST_RAD_S2 = 12.0  # joint1 may slow down by 12.57 rad/s²
 
 
 @contextmanager
-def broken_motion(robot: Robot, *fault: object) -> Iterator[Execution]:
+def broken_motion(robot: Robot, *fault: object) -> Iterator[TrajectoryExecution]:
     """A trajectory during which the fault port is given a command; it has ended with a fault."""
     with robot.follower.follow(goal([2.0], 1.0)) as execution:
         eventually(lambda: robot.image.position[0] > 0.05)
@@ -140,7 +140,7 @@ def test_a_killed_engine_is_noticed_and_opened_again(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with broken_motion(robot, "kill_engine"):
             eventually(lambda: reason(robot).startswith("the engine is gone: wmx 271 ("))
-        assert robot.engine.state is EngineState.UNKNOWN
+        assert robot.engine.state is ConnectionState.UNKNOWN
         assert robot.engine.fault == reason(robot)
         robot.engine.close()
         robot.engine.start()
@@ -151,7 +151,7 @@ def test_an_expired_licence_ends_motion_and_is_named(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with broken_motion(robot, "licence_expired", 1):
             assert reason(robot) == "the licence is invalid or has expired"
-        assert robot.engine.state is EngineState.RUNNING
+        assert robot.engine.state is ConnectionState.RUNNING
         robot.engine.settings = robot.engine.settings.model_copy(
             update={"communication_timeout_s": 0.5}
         )

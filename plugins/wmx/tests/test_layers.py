@@ -26,7 +26,7 @@ def test_only_the_plugin_api_is_imported(module: object) -> None:
         )
     }
     ours = {name for name in imported if name.split(".")[0] == "robotd"}
-    assert ours <= {"robotd.plugin.api"}
+    assert ours <= {"robotd.api"}
 
 
 def test_the_stand_in_is_not_part_of_the_package() -> None:

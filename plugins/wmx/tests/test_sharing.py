@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.cycle.execution import Outcome
+from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Move
 from robotd.device.drivers import Profile
 from robotd.testing.domain import own_domain

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robotd.plugin.api import DescriptorError
+from robotd.api import DescriptorError
 from robotd_canopen.dictionary import MAX_BYTES, eds_path, read_eds
 
 GENERIC = eds_path(None, None, "generic_402.eds")

@@ -14,7 +14,7 @@ from robotd.cli.exit_codes import ExitCode
 Install = Callable[..., Path]
 
 LYING = """
-    from robotd.plugin.api import BackendInfo, Capability, hookimpl
+    from robotd.api import BackendInfo, Capability, hookimpl
     from robotd.testing.fakes import FakeAxes, FakeDevice
 
     @hookimpl

@@ -87,7 +87,7 @@ def test_what_options_know_of_the_robot_is_checked(
     robotd: Robotd, install: Install, tmp_path: Path
 ) -> None:
     source = """
-        from robotd.plugin.api import BackendInfo, BackendOptions, DescriptorError, hookimpl
+        from robotd.api import BackendInfo, BackendOptions, DescriptorError, hookimpl
 
         class Options(BackendOptions):
             def check_robot(self, robot):

@@ -31,7 +31,7 @@ def robots_of_a_plugin(install: Install, tmp_path: Path) -> Path:
     (folder / "broken" / "robot.yaml").write_text(BROKEN_ROBOT, encoding="utf-8")
     source = f"""
         from pathlib import Path
-        from robotd.plugin.api import hookimpl
+        from robotd.api import hookimpl
 
         @hookimpl
         def robotd_register_robots(registry):
@@ -102,7 +102,7 @@ def test_a_backend_that_logs_while_it_loads_does_not_spoil_the_json(
     robotd: Robotd, install: Install
 ) -> None:
     source = """
-        from robotd.plugin.api import BackendInfo, get_logger, hookimpl
+        from robotd.api import BackendInfo, get_logger, hookimpl
 
         get_logger("noisy").warning("loading")
 
@@ -137,7 +137,7 @@ def test_a_plugin_with_the_name_of_a_built_in_node_is_refused(
     robotd: Robotd, install: Install
 ) -> None:
     source = """
-        from robotd.plugin.api import hookimpl
+        from robotd.api import hookimpl
 
         @hookimpl
         def robotd_register_nodes(registry):

@@ -43,10 +43,10 @@ def test_a_sourced_ros_beside_wheels_is_refused_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, prefix: Path, name: str, value: str, found: str
 ) -> None:
     monkeypatch.setenv(name, value.format(prefix=prefix))
-    with pytest.raises(RosUnavailable, match=re.escape(found.format(prefix=prefix))) as refusal:
+    with pytest.raises(RosUnavailable, match=re.escape(found.format(prefix=prefix))) as rejection:
         preflight.import_ros("serve")
-    assert "\n" not in str(refusal.value)
-    assert "shell in which no ROS is sourced" in str(refusal.value)
+    assert "\n" not in str(rejection.value)
+    assert "shell in which no ROS is sourced" in str(rejection.value)
 
 
 def test_an_overlay_without_rclpy_is_no_second_ros(
@@ -68,4 +68,4 @@ def test_the_prefix_of_the_wheels_is_no_second_ros(
 def test_a_sourced_ros_alone_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preflight, "WHEELS", False)
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
-    assert preflight.import_ros("message_fields").__name__ == "robotd.ros.message_fields"
+    assert preflight.import_ros("message_fields").__name__ == "robotd.ros.middleware.message_fields"

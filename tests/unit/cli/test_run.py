@@ -17,10 +17,10 @@ from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import process_age_s, realtime_permitted
+from robotd.clock.simulated import PacedClock
 from robotd.errors import ConnectError, OperationError
 from robotd.plugin.manager import PLUGINS
 from robotd.robot import Robot
-from robotd.simulated_clock import PacedClock
 
 Robotd = Callable[..., Result]
 
@@ -94,7 +94,7 @@ def test_variant_rate_and_nodes_are_those_asked_for(robotd: Robotd, server: Serv
     assert server.robot is not None
     assert server.robot.descriptor.variant == "orin"
     assert server.robot.descriptor.cycle.rate_hz == 250.0
-    assert server.robot.cycle.period_ns == 4_000_000
+    assert server.robot.control_loop.period_ns == 4_000_000
     assert server.nodes == ("wmx_io_node", "wmx_engine_node")
 
 
@@ -188,8 +188,8 @@ def test_the_report_tells_every_period(
 ) -> None:
     def run_two_periods() -> None:
         assert server.robot is not None
-        server.robot.cycle.stats.record(1_000, 10_000, 15_000)
-        server.robot.cycle.stats.record(3_000, 20_000, 27_000)
+        server.robot.control_loop.stats.record(1_000, 10_000, 15_000)
+        server.robot.control_loop.stats.record(3_000, 20_000, 27_000)
 
     monkeypatch.setattr(server, "run", run_two_periods)
     path = tmp_path / "report.json"

@@ -1,12 +1,12 @@
-"""A fixed part of what ``python -m tests.fuzz`` tries without end."""
+"""A fixed part of what ``python -m tools.fuzz`` tries without end."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from tests.fuzz.campaign import make_input, try_input
-from tests.fuzz.readers import READERS, Reader
+from tools.fuzz.campaign import make_input, try_input
+from tools.fuzz.readers import READERS, Reader
 
 SEED = 20261121
 INPUTS = 60

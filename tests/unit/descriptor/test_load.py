@@ -57,7 +57,7 @@ def write(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-def refusal(folder: Path, text: str) -> list[str]:
+def rejection(folder: Path, text: str) -> list[str]:
     """The lines of the error that a file with ``text`` gives, without the file's path."""
     path = write(folder, "wrong", text)
     with pytest.raises(DescriptorError) as caught:
@@ -100,7 +100,7 @@ def test_one_name_in_two_folders_is_refused(robots: Path, tmp_path: Path) -> Non
 def test_all_problems_come_at_once_with_line_key_and_value(robots: Path) -> None:
     text = ARM.replace("velocity_rad_s: 2", "velcity_rad_s: 2", 1)
     text = text.replace("axis: 3", "axis: 128").replace("schema: 1", "schema: 2")
-    assert refusal(robots, text) == [
+    assert rejection(robots, text) == [
         "1: schema: must be 1 (value 2)",
         "5: joints.0.velocity_rad_s: missing",
         "5: joints.0.velcity_rad_s: unknown key; did you mean 'velocity_rad_s'?",
@@ -133,24 +133,24 @@ def test_all_problems_come_at_once_with_line_key_and_value(robots: Path) -> None
     ],
 )
 def test_refusals(robots: Path, old: str, new: str, expected: str) -> None:
-    assert expected in "\n".join(refusal(robots, ARM.replace(old, new, 1)))
+    assert expected in "\n".join(rejection(robots, ARM.replace(old, new, 1)))
 
 
 def test_variants_are_counted_before_they_are_checked(robots: Path) -> None:
     variants = "".join(f"  v{number}: {{}}\n" for number in range(40))
-    found = refusal(robots, ARM.replace("  one: ", f"{variants}  one: "))
+    found = rejection(robots, ARM.replace("  one: ", f"{variants}  one: "))
     assert found == ["15: variants: 42 variants, the limit is 32"]
 
 
 def test_of_a_flood_of_mistakes_the_first_are_told(robots: Path) -> None:
-    found = refusal(robots, ARM + "".join(f"key{number}: 1\n" for number in range(5000)))
+    found = rejection(robots, ARM + "".join(f"key{number}: 1\n" for number in range(5000)))
     assert found[0] == "18: key0: unknown key"
     assert len(found) == 51
     assert re.fullmatch(r"and \d+ more problems", found[-1])
 
 
 def test_a_robot_without_joints_must_say_how_many_axes(robots: Path) -> None:
-    assert "axes: missing" in refusal(robots, "schema: 1\nname: bare\n")[0]
+    assert "axes: missing" in rejection(robots, "schema: 1\nname: bare\n")[0]
     bare = write(robots, "bare", "schema: 1\nname: bare\naxes: 2\n")
     assert load_robot_descriptor(bare).axes == 2
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from tests.unit.device.rig import Rig
+from tests.unit.device.harness import Harness
 
 
 @pytest.fixture
-def rig() -> Rig:
+def harness() -> Harness:
     """Ready: communicating, servos on, at rest."""
-    return Rig().make_ready()
+    return Harness().make_ready()

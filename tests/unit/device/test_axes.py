@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from tests.unit.device.rig import ALL, Rig
+from tests.unit.device.harness import ALL, Harness
 
 from robotd.device.axes import Axes, Jog, Move, each
 from robotd.device.capabilities import Capability
@@ -38,99 +38,112 @@ ONE_AXIS: dict[str, Command] = {
 }
 
 
-def jogging(rig: Rig) -> Rig:
-    rig.driver.image.mode[:] = CommandMode.VELOCITY
-    rig.refresh()
-    return rig
+def jogging(harness: Harness) -> Harness:
+    harness.driver.image.mode[:] = CommandMode.VELOCITY
+    harness.refresh()
+    return harness
 
 
-def servo_off(rig: Rig) -> Rig:
-    rig.driver.image.servo_on[:] = False
-    rig.refresh()
-    return rig
+def servo_off(harness: Harness) -> Harness:
+    harness.driver.image.servo_on[:] = False
+    harness.refresh()
+    return harness
 
 
-def refused(rig: Rig, error: type[RobotdError], text: str, command: Callable[[], Any]) -> None:
-    before = list(rig.driver.calls)
+def refused(
+    harness: Harness, error: type[RobotdError], text: str, command: Callable[[], Any]
+) -> None:
+    before = list(harness.driver.calls)
     with pytest.raises(error, match=text):
         command()
-    assert rig.driver.calls == before
+    assert harness.driver.calls == before
 
 
 @pytest.mark.parametrize("command", ONE_AXIS.values(), ids=ONE_AXIS)
 @pytest.mark.parametrize("axis", [-1, 3])
-def test_an_axis_that_is_not_there_is_refused(rig: Rig, command: Command, axis: int) -> None:
+def test_an_axis_that_is_not_there_is_refused(
+    harness: Harness, command: Command, axis: int
+) -> None:
     text = rf"^axis {axis} is outside 0\.\.2$"
-    refused(rig, InvalidArgument, text, lambda: command(rig.axes, axis))
+    refused(harness, InvalidArgument, text, lambda: command(harness.axes, axis))
 
 
 @pytest.mark.parametrize("command", ONE_AXIS.values(), ids=ONE_AXIS)
 def test_nothing_is_commanded_before_the_engine_is_ready(command: Command) -> None:
-    rig = Rig()
+    harness = Harness()
     text = r"^engine is not ready \(state Idle\)$"
-    refused(rig, NotReady, text, lambda: command(rig.axes, 0))
+    refused(harness, NotReady, text, lambda: command(harness.axes, 0))
 
 
-def test_a_servo_obeys_within_the_descriptors_time_out(rig: Rig) -> None:
-    timeout_s = rig.engine.settings.servo_timeout_s
-    rig.axes.servo(1, False)
-    rig.axes.servo(1, True)
-    assert rig.driver.calls == [("servo", 1, False, timeout_s), ("servo", 1, True, timeout_s)]
+def test_a_servo_obeys_within_the_descriptors_time_out(harness: Harness) -> None:
+    timeout_s = harness.connection.settings.servo_timeout_s
+    harness.axes.servo(1, False)
+    harness.axes.servo(1, True)
+    assert harness.driver.calls == [("servo", 1, False, timeout_s), ("servo", 1, True, timeout_s)]
 
 
-def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(rig: Rig) -> None:
-    rig.driver.image.amp_alarm[0], rig.driver.image.alarm_code[0] = True, 16
-    servo_off(rig)
+def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(harness: Harness) -> None:
+    harness.driver.image.amp_alarm[0], harness.driver.image.alarm_code[0] = True, 16
+    servo_off(harness)
     text = "^joint1: amplifier alarm 16; clear it first$"
-    refused(rig, NotReady, text, lambda: rig.axes.servo(0, True))
-    rig.axes.servo(0, False)
-    rig.axes.clear_alarm(0)
-    rig.refresh()
-    rig.axes.servo(0, True)
+    refused(harness, NotReady, text, lambda: harness.axes.servo(0, True))
+    harness.axes.servo(0, False)
+    harness.axes.clear_alarm(0)
+    harness.refresh()
+    harness.axes.servo(0, True)
 
 
 @pytest.mark.parametrize("mode", [-1, 3])
-def test_an_unknown_mode_is_refused(rig: Rig, mode: int) -> None:
+def test_an_unknown_mode_is_refused(harness: Harness, mode: int) -> None:
     text = f"^joint1: mode {mode} is not 0, 1 or 2$"
-    refused(rig, InvalidArgument, text, lambda: rig.axes.set_command_mode(0, mode))
+    refused(harness, InvalidArgument, text, lambda: harness.axes.set_command_mode(0, mode))
 
 
 @pytest.mark.parametrize("operation", [op for op in Operation if op is not Operation.IDLE])
-def test_mode_and_home_need_an_idle_axis(rig: Rig, operation: Operation) -> None:
-    rig.driver.image.operation[0] = operation
-    rig.refresh()
+def test_mode_and_home_need_an_idle_axis(harness: Harness, operation: Operation) -> None:
+    harness.driver.image.operation[0] = operation
+    harness.refresh()
     text = f"needs an idle axis, this one is in {operation.name.lower()}$"
-    refused(rig, NotReady, text, lambda: rig.axes.set_command_mode(0, 1))
-    refused(rig, NotReady, text, lambda: rig.axes.home(0))
+    refused(harness, NotReady, text, lambda: harness.axes.set_command_mode(0, 1))
+    refused(harness, NotReady, text, lambda: harness.axes.home(0))
 
 
-def test_scaling_changes_only_while_the_servo_is_off(rig: Rig) -> None:
-    refused(rig, NotReady, "only while the servo is off", lambda: rig.axes.set_polarity(0, 1))
-    refused(rig, NotReady, "only while the servo is off", lambda: rig.axes.set_gear_ratio(0, 1, 1))
-    servo_off(rig)
-    rig.axes.set_polarity(0, -1)
-    rig.axes.set_gear_ratio(0, 1000.0, 2.0)
-    assert rig.driver.calls == [("set_polarity", 0, -1), ("set_gear_ratio", 0, 1000.0, 2.0)]
+def test_scaling_changes_only_while_the_servo_is_off(harness: Harness) -> None:
+    refused(
+        harness, NotReady, "only while the servo is off", lambda: harness.axes.set_polarity(0, 1)
+    )
+    refused(
+        harness,
+        NotReady,
+        "only while the servo is off",
+        lambda: harness.axes.set_gear_ratio(0, 1, 1),
+    )
+    servo_off(harness)
+    harness.axes.set_polarity(0, -1)
+    harness.axes.set_gear_ratio(0, 1000.0, 2.0)
+    assert harness.driver.calls == [("set_polarity", 0, -1), ("set_gear_ratio", 0, 1000.0, 2.0)]
 
 
 @pytest.mark.parametrize("polarity", [0, 2, -2])
-def test_a_polarity_that_is_none_is_refused(rig: Rig, polarity: int) -> None:
+def test_a_polarity_that_is_none_is_refused(harness: Harness, polarity: int) -> None:
     text = f"^joint1: polarity {polarity} is not 1 or -1$"
-    refused(servo_off(rig), InvalidArgument, text, lambda: rig.axes.set_polarity(0, polarity))
+    refused(
+        servo_off(harness), InvalidArgument, text, lambda: harness.axes.set_polarity(0, polarity)
+    )
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 2.0**31])
-def test_a_gear_ratio_that_is_none_is_refused(rig: Rig, bad: float) -> None:
-    servo_off(rig)
-    axes = rig.axes
+def test_a_gear_ratio_that_is_none_is_refused(harness: Harness, bad: float) -> None:
+    servo_off(harness)
+    axes = harness.axes
     refused(
-        rig,
+        harness,
         InvalidArgument,
         f"gear ratio numerator {bad}",
         lambda: axes.set_gear_ratio(0, bad, 1),
     )
     refused(
-        rig,
+        harness,
         InvalidArgument,
         f"gear ratio denominator {bad}",
         lambda: axes.set_gear_ratio(0, 1, bad),
@@ -151,27 +164,27 @@ def test_a_gear_ratio_that_is_none_is_refused(rig: Rig, bad: float) -> None:
 def test_what_the_backend_cannot_do_is_unsupported(
     missing: Capability, feature: str, command: Callable[[Axes], Any]
 ) -> None:
-    rig = Rig(capabilities=ALL - {missing}).make_ready()
+    harness = Harness(capabilities=ALL - {missing}).make_ready()
     text = f"^{feature}: not supported by the fake backend$"
-    refused(rig, Unsupported, text, lambda: command(rig.axes))
+    refused(harness, Unsupported, text, lambda: command(harness.axes))
 
 
-def test_moves_start_together(rig: Rig) -> None:
-    rig.axes.move([Move(1, 0.5, PROFILE), Move(0, -0.5, PROFILE)])
-    assert rig.driver.calls == [("move", 1, 0.5, PROFILE), ("move", 0, -0.5, PROFILE)]
+def test_moves_start_together(harness: Harness) -> None:
+    harness.axes.move([Move(1, 0.5, PROFILE), Move(0, -0.5, PROFILE)])
+    assert harness.driver.calls == [("move", 1, 0.5, PROFILE), ("move", 0, -0.5, PROFILE)]
 
 
-def test_a_relative_move_counts_from_the_position_command(rig: Rig) -> None:
-    rig.driver.image.position_command[0] = 1.5
-    rig.driver.image.position[0] = 1.4
-    rig.refresh()
-    rig.axes.move([Move(0, 0.25, PROFILE)], relative=True)
-    assert rig.driver.calls == [("move", 0, 1.75, PROFILE)]
+def test_a_relative_move_counts_from_the_position_command(harness: Harness) -> None:
+    harness.driver.image.position_command[0] = 1.5
+    harness.driver.image.position[0] = 1.4
+    harness.refresh()
+    harness.axes.move([Move(0, 0.25, PROFILE)], relative=True)
+    assert harness.driver.calls == [("move", 0, 1.75, PROFILE)]
     refused(
-        rig,
+        harness,
         InvalidArgument,
         "joint1: target 2.25",
-        lambda: rig.axes.move([Move(0, 0.75, PROFILE)], relative=True),
+        lambda: harness.axes.move([Move(0, 0.75, PROFILE)], relative=True),
     )
 
 
@@ -190,31 +203,33 @@ def test_a_relative_move_counts_from_the_position_command(rig: Rig) -> None:
         (Move(UNLIMITED_AXIS, 1.0, Profile(-1.0, 5.0, 5.0)), "^axis 2: velocity .*positive"),
     ],
 )
-def test_a_bad_move_holds_back_the_good_ones_beside_it(rig: Rig, move: Move, text: str) -> None:
+def test_a_bad_move_holds_back_the_good_ones_beside_it(
+    harness: Harness, move: Move, text: str
+) -> None:
     good = Move(1, 0.5, PROFILE)
-    refused(rig, InvalidArgument, text, lambda: rig.axes.move([good, move]))
+    refused(harness, InvalidArgument, text, lambda: harness.axes.move([good, move]))
 
 
-def test_an_axis_without_limits_goes_anywhere(rig: Rig) -> None:
+def test_an_axis_without_limits_goes_anywhere(harness: Harness) -> None:
     far = Move(UNLIMITED_AXIS, 1e6, Profile(1e3, 1e4, 1e4))
-    rig.axes.move([far])
-    assert rig.driver.calls == [("move", UNLIMITED_AXIS, 1e6, far.profile)]
+    harness.axes.move([far])
+    assert harness.driver.calls == [("move", UNLIMITED_AXIS, 1e6, far.profile)]
 
 
-def test_no_axis_and_the_same_axis_twice_are_refused(rig: Rig) -> None:
-    refused(rig, InvalidArgument, "^no axis given$", lambda: rig.axes.move([]))
+def test_no_axis_and_the_same_axis_twice_are_refused(harness: Harness) -> None:
+    refused(harness, InvalidArgument, "^no axis given$", lambda: harness.axes.move([]))
     twice = [Move(1, 0.5, PROFILE), Move(1, 0.6, PROFILE)]
-    refused(rig, InvalidArgument, "^axis 1 is given twice$", lambda: rig.axes.move(twice))
+    refused(harness, InvalidArgument, "^axis 1 is given twice$", lambda: harness.axes.move(twice))
 
 
-def test_jogs_are_checked_and_start_together(rig: Rig) -> None:
-    jogging(rig)
+def test_jogs_are_checked_and_start_together(harness: Harness) -> None:
+    jogging(harness)
     backwards = Profile(-3.0, 10.0, 10.0)
-    rig.axes.jog([Jog(0, backwards), Jog(1, Profile(0.0, 1.0, 1.0))])
-    assert [call[:2] for call in rig.driver.calls] == [("jog", 0), ("jog", 1)]
+    harness.axes.jog([Jog(0, backwards), Jog(1, Profile(0.0, 1.0, 1.0))])
+    assert [call[:2] for call in harness.driver.calls] == [("jog", 0), ("jog", 1)]
     fast = [Jog(1, PROFILE), Jog(0, Profile(-3.5, 1.0, 1.0))]
     text = r"^joint1: velocity -3\.5 rad/s .* 3 rad/s$"
-    refused(rig, InvalidArgument, text, lambda: rig.axes.jog(fast))
+    refused(harness, InvalidArgument, text, lambda: harness.axes.jog(fast))
 
 
 @pytest.mark.parametrize(
@@ -227,88 +242,88 @@ def test_jogs_are_checked_and_start_together(rig: Rig) -> None:
     ],
 )
 def test_a_state_that_forbids_motion_is_named(
-    rig: Rig, array: str, value: int, reason: str
+    harness: Harness, array: str, value: int, reason: str
 ) -> None:
-    getattr(rig.driver.image, array)[0] = value
-    rig.refresh()
+    getattr(harness.driver.image, array)[0] = value
+    harness.refresh()
     both = [Move(1, 0.5, PROFILE), Move(0, 0.5, PROFILE)]
-    refused(rig, NotReady, reason, lambda: rig.axes.move(both))
+    refused(harness, NotReady, reason, lambda: harness.axes.move(both))
 
 
-def test_a_jog_needs_velocity_mode(rig: Rig) -> None:
+def test_a_jog_needs_velocity_mode(harness: Harness) -> None:
     text = "^joint1 is in position mode, not in velocity mode$"
-    refused(rig, NotReady, text, lambda: rig.axes.jog([Jog(0, PROFILE)]))
+    refused(harness, NotReady, text, lambda: harness.axes.jog([Jog(0, PROFILE)]))
 
 
-def test_claimed_axes_refuse_everybody_but_a_stop(rig: Rig) -> None:
-    with rig.axes.claimed("the test", [0, 1]):
-        rig.refresh()
+def test_claimed_axes_refuse_everybody_but_a_stop(harness: Harness) -> None:
+    with harness.axes.claimed("the test", [0, 1]):
+        harness.refresh()
         text = "^joint1 is in use by the test$"
         for name in ("clear_alarm", "set_command_mode", "home", "move"):
-            refused(rig, NotReady, text, lambda name=name: ONE_AXIS[name](rig.axes, 0))
-        rig.axes.move([Move(2, 0.5, PROFILE)])
-        rig.axes.servo(1, False)
-        rig.axes.stop([0])
-        rig.axes.quick_stop([0])
-        assert rig.axes.refusal(0, CommandMode.POSITION, by="the test") is None
-    rig.refresh()
-    rig.axes.move([Move(0, 0.5, PROFILE)])
-    names = [call[0] for call in rig.driver.calls]
+            refused(harness, NotReady, text, lambda name=name: ONE_AXIS[name](harness.axes, 0))
+        harness.axes.move([Move(2, 0.5, PROFILE)])
+        harness.axes.servo(1, False)
+        harness.axes.stop([0])
+        harness.axes.quick_stop([0])
+        assert harness.axes.rejection(0, CommandMode.POSITION, by="the test") is None
+    harness.refresh()
+    harness.axes.move([Move(0, 0.5, PROFILE)])
+    names = [call[0] for call in harness.driver.calls]
     assert names == [
         "begin_stream", "move", "servo", "stop", "quick_stop", "end_stream", "move",
     ]  # fmt: skip
 
 
-def test_a_claim_ends_with_its_block_whatever_happens_in_it(rig: Rig) -> None:
-    with pytest.raises(ZeroDivisionError), rig.axes.claimed("the test", [0]):
+def test_a_claim_ends_with_its_block_whatever_happens_in_it(harness: Harness) -> None:
+    with pytest.raises(ZeroDivisionError), harness.axes.claimed("the test", [0]):
         raise ZeroDivisionError
-    rig.refresh()
-    assert rig.axes.refusal(0, CommandMode.POSITION) is None
-    assert rig.driver.calls[-1] == ("end_stream", [0])
+    harness.refresh()
+    assert harness.axes.rejection(0, CommandMode.POSITION) is None
+    assert harness.driver.calls[-1] == ("end_stream", [0])
 
 
-def test_a_moving_axis_cannot_be_claimed(rig: Rig) -> None:
-    rig.axes.move([Move(0, 0.5, PROFILE)])
-    rig.refresh()
+def test_a_moving_axis_cannot_be_claimed(harness: Harness) -> None:
+    harness.axes.move([Move(0, 0.5, PROFILE)])
+    harness.refresh()
     with pytest.raises(NotReady, match="the test needs an idle axis, this one is in position"):
-        rig.axes.claimed("the test", [1, 0]).__enter__()
-    assert rig.axes.refusal(1, CommandMode.POSITION) is None
+        harness.axes.claimed("the test", [1, 0]).__enter__()
+    assert harness.axes.rejection(1, CommandMode.POSITION) is None
 
 
 def test_stops_have_no_effect_before_the_engine_is_ready() -> None:
-    rig = Rig()
-    rig.axes.stop([0])
-    rig.axes.quick_stop([0])
-    assert rig.driver.calls == []
+    harness = Harness()
+    harness.axes.stop([0])
+    harness.axes.quick_stop([0])
+    assert harness.driver.calls == []
 
 
-def test_rest_waits_for_standstill_and_names_who_still_moves(rig: Rig) -> None:
-    rig.axes.rest([0, 1], 1.0)
-    rig.driver.image.operation[1] = Operation.STOPPING
-    rig.refresh()
-    before_ns = rig.clock.now_ns()
+def test_rest_waits_for_standstill_and_names_who_still_moves(harness: Harness) -> None:
+    harness.axes.rest([0, 1], 1.0)
+    harness.driver.image.operation[1] = Operation.STOPPING
+    harness.refresh()
+    before_ns = harness.clock.now_ns()
     with pytest.raises(DeviceTimeout, match=r"^joint2: not at rest after 1\.0 s$"):
-        rig.axes.rest([0, 1], 1.0)
-    assert rig.clock.now_ns() - before_ns >= 1_000_000_000
+        harness.axes.rest([0, 1], 1.0)
+    assert harness.clock.now_ns() - before_ns >= 1_000_000_000
 
 
-def test_a_driver_that_fails_is_heard(rig: Rig) -> None:
-    rig.driver.failures["home"] = OperationError("no index pulse")
+def test_a_driver_that_fails_is_heard(harness: Harness) -> None:
+    harness.driver.failures["home"] = OperationError("no index pulse")
     with pytest.raises(OperationError, match="no index pulse"):
-        rig.axes.home(0)
+        harness.axes.home(0)
 
 
-def test_each_tries_every_axis(rig: Rig) -> None:
-    rig.driver.image.amp_alarm[1] = True
-    rig.refresh()
-    results = each([0, 1, 2], lambda axis: rig.axes.servo(axis, True))
+def test_each_tries_every_axis(harness: Harness) -> None:
+    harness.driver.image.amp_alarm[1] = True
+    harness.refresh()
+    results = each([0, 1, 2], lambda axis: harness.axes.servo(axis, True))
     assert [results[axis] is None for axis in (0, 1, 2)] == [True, False, True]
     assert isinstance(results[1], NotReady)
-    assert [call[1] for call in rig.driver.calls] == [0, 2]
+    assert [call[1] for call in harness.driver.calls] == [0, 2]
 
 
 def test_axes_with_trajectories_on_the_device_are_claimed_and_not_streamed() -> None:
-    rig = Rig(capabilities=ALL | {Capability.TRAJECTORIES_ON_DEVICE}).make_ready()
-    with rig.axes.claimed("somebody", [0]):
-        assert rig.axes.refusal(0, CommandMode.POSITION) is not None
-    assert not any("stream" in str(call[0]) for call in rig.driver.calls)
+    harness = Harness(capabilities=ALL | {Capability.TRAJECTORIES_ON_DEVICE}).make_ready()
+    with harness.axes.claimed("somebody", [0]):
+        assert harness.axes.rejection(0, CommandMode.POSITION) is not None
+    assert not any("stream" in str(call[0]) for call in harness.driver.calls)

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from tests.unit.device.rig import ALL, Rig
+from tests.unit.device.harness import ALL, Harness
 
 from robotd.device.capabilities import Capability
 from robotd.device.fieldbus import Fieldbus
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 
 
-def test_the_network_is_told(rig: Rig) -> None:
-    assert [slave.id for slave in rig.fieldbus.network_state(0).slaves] == [0, 1]
+def test_the_network_is_told(harness: Harness) -> None:
+    assert [slave.id for slave in harness.fieldbus.network_state(0).slaves] == [0, 1]
 
 
-def test_registers_are_read(rig: Rig) -> None:
-    assert rig.fieldbus.read_register(0, 1, 0x0FFE, 2) == b"\xfe\xff"
-    assert rig.fieldbus_driver.calls == [("read_register", 0, 1, 0x0FFE, 2)]
+def test_registers_are_read(harness: Harness) -> None:
+    assert harness.fieldbus.read_register(0, 1, 0x0FFE, 2) == b"\xfe\xff"
+    assert harness.fieldbus_driver.calls == [("read_register", 0, 1, 0x0FFE, 2)]
 
 
 @pytest.mark.parametrize(
@@ -33,11 +33,11 @@ def test_registers_are_read(rig: Rig) -> None:
     ],
 )
 def test_registers_that_are_not_there_are_refused(
-    rig: Rig, slave: int, address: int, length: int, text: str
+    harness: Harness, slave: int, address: int, length: int, text: str
 ) -> None:
     with pytest.raises(InvalidArgument, match=text):
-        rig.fieldbus.read_register(0, slave, address, length)
-    assert rig.fieldbus_driver.calls == []
+        harness.fieldbus.read_register(0, slave, address, length)
+    assert harness.fieldbus_driver.calls == []
 
 
 def commands(fieldbus: Fieldbus, master: int) -> dict[Capability | None, Callable[[], object]]:
@@ -50,15 +50,15 @@ def commands(fieldbus: Fieldbus, master: int) -> dict[Capability | None, Callabl
 
 
 @pytest.mark.parametrize("master", [-1, 1])
-def test_another_master_is_refused(rig: Rig, master: int) -> None:
-    for command in commands(rig.fieldbus, master).values():
+def test_another_master_is_refused(harness: Harness, master: int) -> None:
+    for command in commands(harness.fieldbus, master).values():
         with pytest.raises(InvalidArgument, match=rf"^master {master} is outside 0\.\.0$"):
             command()
-    assert rig.fieldbus_driver.calls == []
+    assert harness.fieldbus_driver.calls == []
 
 
 def test_nothing_is_asked_before_the_engine_is_ready() -> None:
-    for command in commands(Rig().fieldbus, 0).values():
+    for command in commands(Harness().fieldbus, 0).values():
         with pytest.raises(NotReady):
             command()
 
@@ -67,8 +67,8 @@ def test_nothing_is_asked_before_the_engine_is_ready() -> None:
     "missing", [Capability.REGISTER_READ, Capability.STATISTICS, Capability.HOT_CONNECT]
 )
 def test_a_feature_that_the_backend_does_not_have_is_unsupported(missing: Capability) -> None:
-    rig = Rig(capabilities=ALL - {missing}).make_ready()
-    for needs, command in commands(rig.fieldbus, 0).items():
+    harness = Harness(capabilities=ALL - {missing}).make_ready()
+    for needs, command in commands(harness.fieldbus, 0).items():
         if needs is missing:
             with pytest.raises(Unsupported, match="not supported by the fake backend"):
                 command()
@@ -76,7 +76,7 @@ def test_a_feature_that_the_backend_does_not_have_is_unsupported(missing: Capabi
             command()
 
 
-def test_a_backend_without_a_fieldbus_says_so(rig: Rig) -> None:
-    for command in commands(Fieldbus(None, rig.engine, ALL, "fake"), 0).values():
+def test_a_backend_without_a_fieldbus_says_so(harness: Harness) -> None:
+    for command in commands(Fieldbus(None, harness.connection, ALL, "fake"), 0).values():
         with pytest.raises(Unsupported, match="not supported by the fake backend"):
             command()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.unit.device.rig import Rig
+from tests.unit.device.harness import Harness
 
 from robotd.clock import NANOSECONDS
 from robotd.descriptor import GripperSettings
@@ -14,74 +14,74 @@ from robotd.device.io import Io
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 
 
-def test_bits_and_bytes_are_read_from_both_images(rig: Rig) -> None:
-    rig.io_driver.inputs[2:4] = b"\x01\x80"
-    rig.io_driver.outputs[0] = 0b100
-    assert rig.io.input_bit(3, 7)
-    assert not rig.io.input_bit(3, 0)
-    assert rig.io.input_bytes(2, 2) == b"\x01\x80"
-    assert rig.io.output_bit(0, 2)
-    assert rig.io.output_bytes(0, 1) == b"\x04"
+def test_bits_and_bytes_are_read_from_both_images(harness: Harness) -> None:
+    harness.io_driver.inputs[2:4] = b"\x01\x80"
+    harness.io_driver.outputs[0] = 0b100
+    assert harness.io.input_bit(3, 7)
+    assert not harness.io.input_bit(3, 0)
+    assert harness.io.input_bytes(2, 2) == b"\x01\x80"
+    assert harness.io.output_bit(0, 2)
+    assert harness.io.output_bytes(0, 1) == b"\x04"
 
 
 @given(before=st.integers(0, 255), bit=st.integers(0, 7), value=st.booleans())
 def test_a_bit_is_written_without_its_neighbours(before: int, bit: int, value: bool) -> None:
-    rig = Rig().make_ready()
-    rig.io_driver.outputs[5] = before
-    rig.io.set_output_bit(5, bit, value)
-    after = rig.io_driver.outputs[5]
+    harness = Harness().make_ready()
+    harness.io_driver.outputs[5] = before
+    harness.io.set_output_bit(5, bit, value)
+    after = harness.io_driver.outputs[5]
     assert bool(after >> bit & 1) is value
     assert (after ^ before) & ~(1 << bit) == 0
 
 
-def test_bytes_are_written(rig: Rig) -> None:
-    rig.io.set_output_bytes(6, b"\xaa\xbb")
-    assert rig.io_driver.outputs[6:8] == b"\xaa\xbb"
+def test_bytes_are_written(harness: Harness) -> None:
+    harness.io.set_output_bytes(6, b"\xaa\xbb")
+    assert harness.io_driver.outputs[6:8] == b"\xaa\xbb"
 
 
 @pytest.mark.parametrize("bit", [-1, 8])
-def test_a_bit_outside_a_byte_is_refused(rig: Rig, bit: int) -> None:
-    for call in (rig.io.input_bit, rig.io.output_bit):
+def test_a_bit_outside_a_byte_is_refused(harness: Harness, bit: int) -> None:
+    for call in (harness.io.input_bit, harness.io.output_bit):
         with pytest.raises(InvalidArgument, match=rf"^bit {bit} is outside 0\.\.7$"):
             call(0, bit)
     with pytest.raises(InvalidArgument, match=rf"^bit {bit} is outside 0\.\.7$"):
-        rig.io.set_output_bit(0, bit, True)
-    assert rig.io_driver.calls == []
+        harness.io.set_output_bit(0, bit, True)
+    assert harness.io_driver.calls == []
 
 
 @pytest.mark.parametrize(("byte", "length"), [(-1, 1), (8, 1), (7, 2), (0, 9)])
-def test_bytes_outside_the_image_are_refused(rig: Rig, byte: int, length: int) -> None:
+def test_bytes_outside_the_image_are_refused(harness: Harness, byte: int, length: int) -> None:
     place = rf"bytes {byte}\.\.{byte + length - 1} are outside 0\.\.7$"
     with pytest.raises(InvalidArgument, match=f"^input {place}"):
-        rig.io.input_bytes(byte, length)
+        harness.io.input_bytes(byte, length)
     with pytest.raises(InvalidArgument, match=f"^output {place}"):
-        rig.io.output_bytes(byte, length)
+        harness.io.output_bytes(byte, length)
     with pytest.raises(InvalidArgument, match=f"^output {place}"):
-        rig.io.set_output_bytes(byte, bytes(length))
-    assert rig.io_driver.calls == []
+        harness.io.set_output_bytes(byte, bytes(length))
+    assert harness.io_driver.calls == []
 
 
-def test_no_bytes_at_all_are_refused(rig: Rig) -> None:
-    for call in (lambda: rig.io.input_bytes(0, 0), lambda: rig.io.set_output_bytes(0, b"")):
+def test_no_bytes_at_all_are_refused(harness: Harness) -> None:
+    for call in (lambda: harness.io.input_bytes(0, 0), lambda: harness.io.set_output_bytes(0, b"")):
         with pytest.raises(InvalidArgument, match="length 0 is less than 1"):
             call()
 
 
 def test_nothing_is_read_or_written_before_the_engine_is_ready() -> None:
-    rig = Rig()
+    harness = Harness()
     for call in (
-        lambda: rig.io.input_bit(0, 0),
-        lambda: rig.io.output_bytes(0, 1),
-        lambda: rig.io.set_output_bit(0, 0, True),
-        lambda: rig.io.set_output_bytes(0, b"\x01"),
+        lambda: harness.io.input_bit(0, 0),
+        lambda: harness.io.output_bytes(0, 1),
+        lambda: harness.io.set_output_bit(0, 0, True),
+        lambda: harness.io.set_output_bytes(0, b"\x01"),
     ):
         with pytest.raises(NotReady, match="state Idle"):
             call()
-    assert rig.io_driver.calls == []
+    assert harness.io_driver.calls == []
 
 
-def test_a_backend_without_io_says_so(rig: Rig) -> None:
-    io = Io(None, rig.engine, "fake")
+def test_a_backend_without_io_says_so(harness: Harness) -> None:
+    io = Io(None, harness.connection, "fake")
     with pytest.raises(Unsupported, match="digital I/O: not supported by the fake backend"):
         io.input_bit(0, 0)
     with pytest.raises(Unsupported, match="not supported by the fake backend"):
@@ -93,18 +93,18 @@ GRIPPER = GripperSettings(
 )
 
 
-def test_a_gripper_closes_and_opens_by_its_bit(rig: Rig) -> None:
-    gripper = Gripper(rig.io, GRIPPER)
+def test_a_gripper_closes_and_opens_by_its_bit(harness: Harness) -> None:
+    gripper = Gripper(harness.io, GRIPPER)
     assert gripper.closed(0) == 0.0
     gripper.command(True)
-    assert rig.io_driver.outputs[1] == 0b1000
+    assert harness.io_driver.outputs[1] == 0b1000
     assert gripper.closed(1) == 1.0
     gripper.command(False)
     assert gripper.closed(2) == 0.0
 
 
-def test_fingers_travel_at_constant_speed_from_wherever_they_are(rig: Rig) -> None:
-    gripper = Gripper(rig.io, GRIPPER.model_copy(update={"travel_time_s": 0.5}))
+def test_fingers_travel_at_constant_speed_from_wherever_they_are(harness: Harness) -> None:
+    gripper = Gripper(harness.io, GRIPPER.model_copy(update={"travel_time_s": 0.5}))
     start_ns = 10 * NANOSECONDS
     gripper.closed(start_ns)
     gripper.command(True)
@@ -116,15 +116,15 @@ def test_fingers_travel_at_constant_speed_from_wherever_they_are(rig: Rig) -> No
     assert gripper.closed(start_ns + 2 * NANOSECONDS) == 1.0
 
 
-def test_a_gripper_outside_the_output_image_is_refused_when_it_is_made(rig: Rig) -> None:
+def test_a_gripper_outside_the_output_image_is_refused_when_it_is_made(harness: Harness) -> None:
     beyond = GRIPPER.model_copy(update={"output_byte": 8})
     with pytest.raises(InvalidArgument, match=r"output bytes 8\.\.8 are outside 0\.\.7"):
-        Gripper(rig.io, beyond)
+        Gripper(harness.io, beyond)
 
 
 def test_a_gripper_does_not_move_before_the_engine_is_ready() -> None:
-    rig = Rig()
-    gripper = Gripper(rig.io, GRIPPER)
+    harness = Harness()
+    gripper = Gripper(harness.io, GRIPPER)
     with pytest.raises(NotReady):
         gripper.command(True)
     assert gripper.closed(0) == 0.0

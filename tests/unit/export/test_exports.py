@@ -10,18 +10,18 @@ import yaml
 from robotd.cli.export import TARGETS
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
-from robotd.export import EXPORTS, Subject
+from robotd.export import EXPORTS, ExportInput
 from robotd.export.nav2 import twist_limits
 
 ACTION = "movensys_manipulator_arm_controller/follow_joint_trajectory"
 
 
-def changed(descriptor: RobotDescriptor, node: str, **parameters: Any) -> Subject:
+def changed(descriptor: RobotDescriptor, node: str, **parameters: Any) -> ExportInput:
     """The robot with other values of the parameters of one node."""
     values = descriptor.ros_parameters | {
         node: descriptor.ros_parameters.get(node, {}) | parameters
     }
-    return Subject(descriptor.model_copy(update={"ros_parameters": values}))
+    return ExportInput(descriptor.model_copy(update={"ros_parameters": values}))
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +34,9 @@ def baymax() -> RobotDescriptor:
     return load_robot_descriptor("baymax")
 
 
-def move_group(subject: Subject) -> dict[str, Any]:
+def move_group(source: ExportInput) -> dict[str, Any]:
     """The parameters in the export for MoveIt."""
-    content = yaml.safe_load(EXPORTS["moveit"](subject))
+    content = yaml.safe_load(EXPORTS["moveit"](source))
     assert list(content) == ["/**"]
     parameters: dict[str, Any] = content["/**"]["ros__parameters"]
     return parameters
@@ -55,7 +55,7 @@ def test_the_command_knows_every_target() -> None:
 
 
 def test_moveit_gets_the_joints_with_their_limits(cr3a: RobotDescriptor) -> None:
-    parameters = move_group(Subject(cr3a))
+    parameters = move_group(ExportInput(cr3a))
     controller = parameters["moveit_simple_controller_manager"][ACTION.split("/", maxsplit=1)[0]]
     assert controller["type"] == "FollowJointTrajectory"
     assert controller["joints"] == list(cr3a.joint_names)
@@ -86,34 +86,34 @@ def test_moveit_gets_the_joints_with_their_limits(cr3a: RobotDescriptor) -> None
 def test_moveit_reaches_the_action(
     cr3a: RobotDescriptor, action: str, namespace: str, resolved: str
 ) -> None:
-    subject = changed(cr3a, "follow_joint_trajectory_server", joint_trajectory_action=action)
-    assert action_of(move_group(Subject(subject.descriptor, namespace))) == resolved
+    source = changed(cr3a, "follow_joint_trajectory_server", joint_trajectory_action=action)
+    assert action_of(move_group(ExportInput(source.descriptor, namespace))) == resolved
 
 
 def test_moveit_is_as_patient_as_the_robot(cr3a: RobotDescriptor) -> None:
-    assert move_group(Subject(cr3a))["trajectory_execution"] == {
+    assert move_group(ExportInput(cr3a))["trajectory_execution"] == {
         "allowed_start_tolerance": cr3a.trajectory.start_tolerance_rad,
         "allowed_goal_duration_margin": cr3a.trajectory.goal_time_s,
     }
 
 
 def test_moveit_is_told_of_the_gripper_in_a_comment(cr3a: RobotDescriptor) -> None:
-    text = EXPORTS["moveit"](Subject(cr3a, "/left"))
+    text = EXPORTS["moveit"](ExportInput(cr3a, "/left"))
     assert "/left/wmx/set_gripper (std_srvs/srv/SetBool)" in text
     assert "picker_1_joint, picker_2_joint" in text
     assert "(variant intel)" in text
 
 
-def nodes_of_nav2(subject: Subject) -> dict[str, dict[str, Any]]:
-    content = yaml.safe_load(EXPORTS["nav2"](subject))
+def nodes_of_nav2(source: ExportInput) -> dict[str, dict[str, Any]]:
+    content = yaml.safe_load(EXPORTS["nav2"](source))
     for name in ("local_costmap", "global_costmap"):
         content[name] = content[name][name]
     return {name: node["ros__parameters"] for name, node in content.items()}
 
 
 def test_nav2_gets_topics_frames_and_limits(baymax: RobotDescriptor) -> None:
-    subject = changed(baymax, "diff_drive_controller", odom_frame_id="o", base_frame_id="b")
-    nodes = nodes_of_nav2(subject)
+    source = changed(baymax, "diff_drive_controller", odom_frame_id="o", base_frame_id="b")
+    nodes = nodes_of_nav2(source)
     for name in ("bt_navigator", "controller_server", "velocity_smoother"):
         assert nodes[name]["odom_topic"] == "/odom_enc"
     assert nodes["collision_monitor"]["cmd_vel_out_topic"] == "/cmd_vel"
@@ -134,7 +134,7 @@ def test_nav2_gets_topics_frames_and_limits(baymax: RobotDescriptor) -> None:
 
 
 def test_nav2_stays_within_the_gentler_of_ramp_and_limit(baymax: RobotDescriptor) -> None:
-    subject = changed(
+    source = changed(
         baymax,
         "diff_drive_controller",
         acc_time=4.0,
@@ -143,7 +143,7 @@ def test_nav2_stays_within_the_gentler_of_ramp_and_limit(baymax: RobotDescriptor
     )
     drive = baymax.drive
     assert drive is not None
-    assert twist_limits(subject) == {
+    assert twist_limits(source) == {
         "max_velocity": [0.8, 0.0, drive.angular_velocity_rad_s],
         "min_velocity": [-0.8, 0.0, -drive.angular_velocity_rad_s],
         "max_accel": [0.2, 0.0, 0.25],
@@ -153,22 +153,22 @@ def test_nav2_stays_within_the_gentler_of_ramp_and_limit(baymax: RobotDescriptor
 
 @pytest.mark.parametrize("stamped", [False, True])
 def test_nav2_sends_the_type_that_the_robot_takes(baymax: RobotDescriptor, stamped: bool) -> None:
-    subject = changed(baymax, "diff_drive_controller", use_stamped_vel=stamped)
-    nodes = nodes_of_nav2(subject)
+    source = changed(baymax, "diff_drive_controller", use_stamped_vel=stamped)
+    nodes = nodes_of_nav2(source)
     sending = {name for name, values in nodes.items() if "enable_stamped_cmd_vel" in values}
     assert {"controller_server", "behavior_server", "velocity_smoother"} < sending
     assert all(nodes[name]["enable_stamped_cmd_vel"] is stamped for name in sending)
 
 
 def test_nav2_is_warned_of_a_missing_transform(baymax: RobotDescriptor) -> None:
-    assert "publish_tf" in EXPORTS["nav2"](Subject(baymax))
-    subject = changed(baymax, "diff_drive_controller", publish_tf=True)
-    assert "publish_tf" not in EXPORTS["nav2"](subject)
+    assert "publish_tf" in EXPORTS["nav2"](ExportInput(baymax))
+    source = changed(baymax, "diff_drive_controller", publish_tf=True)
+    assert "publish_tf" not in EXPORTS["nav2"](source)
 
 
 def test_isaac_gets_the_joints_of_the_arm() -> None:
     descriptor = load_robot_descriptor("cr3a", "orin")
-    joints, clock = yaml.safe_load(EXPORTS["isaac"](Subject(descriptor)))["action_graph"]
+    joints, clock = yaml.safe_load(EXPORTS["isaac"](ExportInput(descriptor)))["action_graph"]
     assert joints["topic"] == "/isaacsim/joint_command"
     assert joints["type"] == "sensor_msgs/msg/JointState"
     assert joints["joints"] == descriptor.ros_parameters["manipulator_state"]["joint_name"]
@@ -176,7 +176,7 @@ def test_isaac_gets_the_joints_of_the_arm() -> None:
 
 
 def test_isaac_gets_the_wheels_of_a_base(baymax: RobotDescriptor) -> None:
-    base, _ = yaml.safe_load(EXPORTS["isaac"](Subject(baymax, "/floor")))["action_graph"]
+    base, _ = yaml.safe_load(EXPORTS["isaac"](ExportInput(baymax, "/floor")))["action_graph"]
     assert base["topic"] == "/floor/cmd_vel_check"
     assert baymax.drive is not None
     assert base["wheel_radius_m"] == baymax.drive.wheel_radius_m
@@ -185,7 +185,7 @@ def test_isaac_gets_the_wheels_of_a_base(baymax: RobotDescriptor) -> None:
 
 def test_the_urdf_is_the_file(cr3a: RobotDescriptor) -> None:
     assert cr3a.urdf is not None
-    assert EXPORTS["urdf"](Subject(cr3a)) == cr3a.urdf.read_text(encoding="utf-8")
+    assert EXPORTS["urdf"](ExportInput(cr3a)) == cr3a.urdf.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -200,13 +200,13 @@ def test_the_urdf_is_the_file(cr3a: RobotDescriptor) -> None:
 )
 def test_what_does_not_apply_is_refused(target: str, robot: str, reason: str) -> None:
     with pytest.raises(DescriptorError, match=reason):
-        EXPORTS[target](Subject(load_robot_descriptor(robot)))
+        EXPORTS[target](ExportInput(load_robot_descriptor(robot)))
 
 
 def test_an_arm_without_its_action_is_refused(cr3a: RobotDescriptor) -> None:
     without = cr3a.model_copy(update={"nodes": ("wmx_io_node",)})
     with pytest.raises(DescriptorError, match="does not run follow_joint_trajectory_server"):
-        EXPORTS["moveit"](Subject(without))
+        EXPORTS["moveit"](ExportInput(without))
     unnamed = changed(cr3a, "follow_joint_trajectory_server", joint_trajectory_action="")
     with pytest.raises(DescriptorError, match="has no joint_trajectory_action"):
         EXPORTS["moveit"](unnamed)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robotd.motion.diff_drive import (
     ORIGIN,
-    STILL,
+    ZERO_TWIST,
     Odometry,
     PlanarTwist,
     Pose,
@@ -125,4 +125,4 @@ def test_many_turns_leave_the_heading_in_its_range() -> None:
         assert -math.pi <= odometry.pose.heading <= math.pi
     turned = BAYMAX.twist(-0.5 * 9_999, 0.5 * 9_999).angular
     assert math.remainder(odometry.pose.heading - turned, 2 * math.pi) == pytest.approx(0, abs=1e-8)
-    assert odometry.pose[:2] == pytest.approx(STILL, abs=1e-12)
+    assert odometry.pose[:2] == pytest.approx(ZERO_TWIST, abs=1e-12)

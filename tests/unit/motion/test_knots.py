@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.motion.helpers import NAMES, at_rest, planned, request, requests, rows, states
 
-from robotd.motion import MotionState, TrajectoryRefused, TrajectoryRequest
+from robotd.motion import MotionState, TrajectoryRejected, TrajectoryRequest
 
 
 def test_points_less_than_a_millisecond_apart_are_merged_into_the_first() -> None:
@@ -43,7 +43,7 @@ def test_the_same_point_twice_counts_once() -> None:
 
 
 def test_two_places_at_the_same_time_are_refused() -> None:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         planned(request([1.0, 1.0], [[0, 0.1, 0], [0, 0.4, 0]]))
     assert str(refused.value) == (
         "joint2 at 1.000 s: point 1 is not later than point 0 but asks for 0.4 rad after 0.1"
@@ -81,7 +81,7 @@ def test_a_near_first_point_at_time_zero_gives_way_to_the_start(time_s: float) -
 
 
 def test_a_far_first_point_at_time_zero_is_refused() -> None:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         planned(request([0.0, 1.0], [[0, 0, 0.5], [0, 0, 1]]))
     assert str(refused.value) == (
         "joint3 at 0.000 s: first point 0.5 is 0.5 rad away from the present position 0, "
@@ -98,7 +98,7 @@ def test_a_goal_that_is_reached_already_stands_still() -> None:
 
 def test_a_goal_that_leaves_no_time_to_stop_is_refused() -> None:
     moving = MotionState(np.zeros(3), np.array([0.0, -0.5, 0.0]), np.zeros(3))
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         planned(request([0.0], rows(0.0)), start=moving)
     assert str(refused.value) == (
         "joint2 at 0.000 s: the last point leaves no time to stop from -0.5 rad/s"
@@ -106,7 +106,7 @@ def test_a_goal_that_leaves_no_time_to_stop_is_refused() -> None:
 
 
 def test_a_last_point_that_moves_is_refused() -> None:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         planned(request([1.0, 2.0], rows(0.1, 0.2), [[0, 0, 0], [0.1, -0.2, 0]]))
     assert (
         str(refused.value) == "joint2 at 2.000 s: velocity -0.2 rad/s at the last point, must be 0"
@@ -131,7 +131,7 @@ def test_the_splice_is_continuous(asked: TrajectoryRequest, start: MotionState) 
 def test_a_start_that_is_not_known_is_refused() -> None:
     start = at_rest()
     start.position[1] = np.nan
-    with pytest.raises(TrajectoryRefused, match="joint2: the present position is not known"):
+    with pytest.raises(TrajectoryRejected, match="joint2: the present position is not known"):
         planned(request([1.0], rows(0.0)), start=start)
 
 

@@ -21,43 +21,44 @@ from robotd.descriptor import TrajectorySettings
 from robotd.motion import (
     JointLimits,
     MotionState,
-    RefusalCode,
-    TrajectoryRefused,
+    RejectionCode,
+    TrajectoryRejected,
     TrajectoryRequest,
     check_start_delay,
 )
 from robotd.motion.extremes import extremes
 
 
-def refusal(
+def rejection(
     asked: TrajectoryRequest,
     joints: JointLimits,
     start: MotionState | None = None,
     settings: TrajectorySettings = SETTINGS,
 ) -> str:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         planned(asked, joints, start, settings)
-    assert refused.value.code is RefusalCode.INVALID_GOAL
+    assert refused.value.code is RejectionCode.INVALID_GOAL
     return str(refused.value)
 
 
 def test_a_point_beyond_a_position_limit() -> None:
     asked = request([2.0, 5.0], [[0, 3.5, 0], [0, 0, 0]], rows(0, 0))
     assert (
-        refusal(asked, limits(position=3.0)) == "joint2 at 2.000 s: position 3.5 rad exceeds 3 rad"
+        rejection(asked, limits(position=3.0))
+        == "joint2 at 2.000 s: position 3.5 rad exceeds 3 rad"
     )
 
 
 def test_an_excursion_between_points_that_are_all_within_limits() -> None:
     asked = request([1.0, 2.0], [[0, 0, -0.9], [0, 0, -0.9]], [[0, 0, -2.0], [0, 0, 0.0]])
     # Hermite from (-0.9, -2) to (-0.9, 0): lowest after a third of the time, -0.9 - 2·4/27.
-    assert refusal(asked, limits(position=1.0)) == (
+    assert rejection(asked, limits(position=1.0)) == (
         "joint3 at 1.333 s: position -1.1963 rad is below -1 rad"
     )
 
 
 def test_a_plain_move_peaks_at_one_and_a_half_of_its_mean_velocity() -> None:
-    assert refusal(request([1.0], [[0, 0, 2.5]]), limits(velocity=3.14)) == (
+    assert rejection(request([1.0], [[0, 0, 2.5]]), limits(velocity=3.14)) == (
         "joint3 at 0.500 s: velocity 3.75 rad/s exceeds 3.14 rad/s (+10 % margin)"
     )
 
@@ -66,13 +67,13 @@ def test_velocity_may_use_the_margin_and_no_more() -> None:
     fast = request([1.0], [[0, 0, 2.0 * 1.099]])
     planned(fast, limits(velocity=3.0))
     without = TrajectorySettings(velocity_margin=0.0)
-    assert "velocity 3.297 rad/s exceeds 3 rad/s (+0 % margin)" in refusal(
+    assert "velocity 3.297 rad/s exceeds 3 rad/s (+0 % margin)" in rejection(
         fast, limits(velocity=3.0), settings=without
     )
 
 
 def test_every_joint_at_fault_is_named() -> None:
-    text = refusal(request([0.1], [[1.0, 0.0, -4.0]]), limits())
+    text = rejection(request([0.1], [[1.0, 0.0, -4.0]]), limits())
     assert [part.split()[0] for part in text.split("; ")] == ["joint3", "joint1", "joint3"]
 
 
@@ -83,12 +84,12 @@ def test_a_point_on_the_limit_is_within() -> None:
 def test_a_joint_outside_its_limits_may_come_back_but_go_no_further() -> None:
     outside = at_rest(3.2)
     planned(request([2.0], rows(2.0)), limits(), outside)
-    assert "joint1" in refusal(request([2.0], rows(3.3)), limits(), outside)
+    assert "joint1" in rejection(request([2.0], rows(3.3)), limits(), outside)
 
 
 def test_a_start_that_runs_into_a_limit_is_found() -> None:
     running = MotionState(np.array([2.9, 0.0, 0.0]), np.array([2.0, 0, 0]), np.zeros(3))
-    assert "joint1" in refusal(request([1.0], [[2.9, 0, 0]]), limits(), running)
+    assert "joint1" in rejection(request([1.0], [[2.9, 0, 0]]), limits(), running)
 
 
 def test_acceleration_above_its_limit_is_said_but_not_refused() -> None:
@@ -99,7 +100,7 @@ def test_acceleration_above_its_limit_is_said_but_not_refused() -> None:
 def test_the_unit_of_a_linear_joint_is_metres() -> None:
     joints = limits(position=0.05)
     object.__setattr__(joints, "units", ("m", "rad", "rad"))
-    assert refusal(request([10.0], [[0.06, 0, 0]]), joints) == (
+    assert rejection(request([10.0], [[0.06, 0, 0]]), joints) == (
         "joint1 at 10.000 s: position 0.06 m exceeds 0.05 m"
     )
 
@@ -146,9 +147,9 @@ def test_extremes_agree_with_the_roots_of_the_derivative(
 def test_a_trajectory_that_is_over_is_refused_as_such() -> None:
     check_start_delay(-1.0, 2.0)
     check_start_delay(0.0, 2.0)
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         check_start_delay(-3.0, 2.0)
-    assert refused.value.code is RefusalCode.OLD_HEADER_TIMESTAMP
+    assert refused.value.code is RejectionCode.OLD_HEADER_TIMESTAMP
     assert str(refused.value) == (
         "the trajectory of 2.000 s should have begun 3.000 s ago: it is over"
     )

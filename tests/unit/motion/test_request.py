@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.motion.helpers import NAMES, SETTINGS, limits, planned, request, requests, rows
 
-from robotd.motion import RefusalCode, TrajectoryRefused, TrajectoryRequest
+from robotd.motion import RejectionCode, TrajectoryRejected, TrajectoryRequest
 from robotd.motion.request import Rows
 
 TIMES = [1.0, 2.0]
@@ -31,10 +31,10 @@ def named(*names: str) -> TrajectoryRequest:
     ],
 )
 def test_wrong_joints_are_refused_as_such(asked: TrajectoryRequest, text: str) -> None:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         planned(asked, limits())
     assert str(refused.value) == text
-    assert refused.value.code is RefusalCode.INVALID_JOINTS
+    assert refused.value.code is RejectionCode.INVALID_JOINTS
 
 
 @pytest.mark.parametrize(
@@ -79,10 +79,10 @@ def test_wrong_joints_are_refused_as_such(asked: TrajectoryRequest, text: str) -
     ],
 )
 def test_wrong_points_are_refused_as_such(asked: TrajectoryRequest, text: str) -> None:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         planned(asked, limits())
     assert str(refused.value) == text
-    assert refused.value.code is RefusalCode.INVALID_GOAL
+    assert refused.value.code is RejectionCode.INVALID_GOAL
 
 
 def test_a_thousand_points_are_accepted() -> None:
@@ -118,7 +118,7 @@ def test_rows_of_messages_become_tables() -> None:
 
 
 def test_rows_without_points_are_refused_by_the_plan() -> None:
-    with pytest.raises(TrajectoryRefused, match="the trajectory has no points"):
+    with pytest.raises(TrajectoryRejected, match="the trajectory has no points"):
         planned(TrajectoryRequest.from_rows(NAMES, [], []))
 
 
@@ -132,6 +132,6 @@ def test_rows_without_points_are_refused_by_the_plan() -> None:
     ],
 )
 def test_ragged_rows_are_refused(tables: tuple[Rows, ...], text: str) -> None:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         TrajectoryRequest.from_rows(NAMES, TIMES, *tables)
     assert str(refused.value) == text

@@ -10,7 +10,7 @@ from tests.unit.motion.helpers import NAMES
 
 from robotd.arrays import FloatArray
 from robotd.descriptor import TrajectorySettings
-from robotd.motion import JointTolerance, RefusalCode, Tolerances, TrajectoryRefused
+from robotd.motion import JointTolerance, RejectionCode, Tolerances, TrajectoryRejected
 
 SETTINGS = TrajectorySettings(
     path_tolerance_rad=0.02, goal_tolerance_rad=0.01, goal_time_s=2.0, stopped_velocity_rad_s=0.05
@@ -61,39 +61,39 @@ def test_zero_is_the_default_minus_one_no_limit_and_a_value_itself() -> None:
         (
             lambda: of_goal(JointTolerance("elbow", 0.1)),
             "path tolerance: unknown joint: 'elbow'",
-            RefusalCode.INVALID_JOINTS,
+            RejectionCode.INVALID_JOINTS,
         ),
         (
             lambda: of_goal(goal=[JointTolerance("joint1"), JointTolerance("joint1")]),
             "goal tolerance: joint given twice: 'joint1'",
-            RefusalCode.INVALID_JOINTS,
+            RejectionCode.INVALID_JOINTS,
         ),
         (
             lambda: of_goal(JointTolerance("joint2", position=-0.5)),
             "joint2: path tolerance of position is -0.5" + RULE,
-            RefusalCode.INVALID_GOAL,
+            RejectionCode.INVALID_GOAL,
         ),
         (
             lambda: of_goal(goal=[JointTolerance("joint2", velocity=np.nan)]),
             "joint2: goal tolerance of velocity is nan" + RULE,
-            RefusalCode.INVALID_GOAL,
+            RejectionCode.INVALID_GOAL,
         ),
         (
             lambda: of_goal(JointTolerance("joint2", acceleration=-2.0)),
             "joint2: path tolerance of acceleration is -2" + RULE,
-            RefusalCode.INVALID_GOAL,
+            RejectionCode.INVALID_GOAL,
         ),
         (
             lambda: of_goal(goal_time_s=-3.0),
             "goal time tolerance is -3" + RULE,
-            RefusalCode.INVALID_GOAL,
+            RejectionCode.INVALID_GOAL,
         ),
     ],
 )
 def test_what_cannot_be_honoured_is_refused(
-    make: Callable[[], Tolerances], text: str, code: RefusalCode
+    make: Callable[[], Tolerances], text: str, code: RejectionCode
 ) -> None:
-    with pytest.raises(TrajectoryRefused) as refused:
+    with pytest.raises(TrajectoryRejected) as refused:
         make()
     assert str(refused.value) == text
     assert refused.value.code is code

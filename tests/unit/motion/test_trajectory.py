@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicHermiteSpline, CubicSpline, PPoly
 from tests.unit.motion.helpers import planned, request, requests, rows, states
 
-from robotd.motion import Interpolation, MotionState, Sampler, TrajectoryRefused, TrajectoryRequest
+from robotd.motion import Interpolation, MotionState, Sampler, TrajectoryRejected, TrajectoryRequest
 
 TIMES = np.array([0.5, 1.0, 1.8, 2.0])
 POSITIONS = np.array([[0.1, -0.2, 0.3], [0.4, 0.0, 0.1], [1.0, 0.2, -0.5], [1.1, 0.3, -0.4]])
@@ -130,7 +130,7 @@ def test_a_trajectory_cannot_be_changed() -> None:
 
 
 def test_numbers_that_cannot_be_joined_are_refused() -> None:
-    with pytest.raises(TrajectoryRefused, match="too far apart"):
+    with pytest.raises(TrajectoryRejected, match="too far apart"):
         planned(request([0.001, 0.002], rows(1e308, -1e308), rows(0, 0), rows(0, 0)))
-    with pytest.raises(TrajectoryRefused, match="too far apart"):
+    with pytest.raises(TrajectoryRejected, match="too far apart"):
         planned(request([2.0], rows(1e308)))

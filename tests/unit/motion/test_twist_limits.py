@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.motion.diff_drive import STILL, PlanarTwist
+from robotd.motion.diff_drive import ZERO_TWIST, PlanarTwist
 from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
 
 PERIOD_S = 0.01
@@ -27,7 +27,7 @@ commands = st.lists(st.tuples(twists, st.integers(1, 60)), min_size=1, max_size=
 def driven(limiter: TwistLimiter, phases: Sequence[tuple[PlanarTwist, int]]) -> list[PlanarTwist]:
     """The twists from rest, for each (command, number of periods) in turn."""
     steps = [limiter.step(command) for command, count in phases for _ in range(count)]
-    return [STILL, *steps]
+    return [ZERO_TWIST, *steps]
 
 
 def parts(all_limits: TwistLimits) -> tuple[RampLimits, RampLimits]:
@@ -52,7 +52,7 @@ def test_from_rest_and_back_the_curvature_is_the_commanded_one(
     all_limits: TwistLimits, command: PlanarTwist, count: int
 ) -> None:
     limiter = TwistLimiter(all_limits, PERIOD_S)
-    for twist in driven(limiter, [(command, count), (STILL, count)]):
+    for twist in driven(limiter, [(command, count), (ZERO_TWIST, count)]):
         assert same_direction(twist, command)
 
 
@@ -111,8 +111,8 @@ def test_a_stop_takes_no_longer_than_promised(
         all_limits.smoothing() / PERIOD_S - 1e-6
     )
     for _ in range(periods):
-        limiter.step(STILL)
-    assert limiter.step(STILL) == STILL
+        limiter.step(ZERO_TWIST)
+    assert limiter.step(ZERO_TWIST) == ZERO_TWIST
     assert limiter.at_rest
 
 
@@ -145,4 +145,4 @@ def test_reset_stands_still_at_once() -> None:
     assert not limiter.at_rest
     limiter.reset()
     assert limiter.at_rest
-    assert limiter.step(STILL) == STILL
+    assert limiter.step(ZERO_TWIST) == ZERO_TWIST

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from robotd.api import API_VERSION, DeviceContext
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import ConnectError, DescriptorError, PluginError
-from robotd.plugin.api import API_VERSION, DeviceContext
 from robotd.plugin.manager import (
     PLUGINS,
     Backend,
@@ -23,7 +23,7 @@ from robotd.plugin.manager import (
 
 Install = Callable[..., Path]
 
-IMPORTS = "from robotd.plugin.api import BackendInfo, BackendOptions, hookimpl\n"
+IMPORTS = "from robotd.api import BackendInfo, BackendOptions, hookimpl\n"
 
 
 def backend_source(*hooks: str, **info: str) -> str:
@@ -39,7 +39,7 @@ def context(**changes: object) -> DeviceContext:
     return DeviceContext(RobotDescriptor.model_validate(values))
 
 
-def refusal(name: str = "odd") -> str:
+def rejection(name: str = "odd") -> str:
     with pytest.raises(PluginError) as caught:
         load_backend(name)
     return str(caught.value)
@@ -73,7 +73,7 @@ def test_discovery_is_sorted_by_name(install: Install) -> None:
 
 def test_an_unknown_backend_names_the_installed_ones_and_the_nearest(install: Install) -> None:
     install("canopen")
-    text = refusal("canopn")
+    text = rejection("canopn")
     assert "no backend named 'canopn' is installed" in text
     assert re.search(r"installed: .*canopen.*sim", text)
     assert text.endswith("did you mean 'canopen'?")
@@ -82,7 +82,7 @@ def test_an_unknown_backend_names_the_installed_ones_and_the_nearest(install: In
 def test_two_distributions_with_one_name_are_both_named(install: Install) -> None:
     install("odd", distribution="one", version="1.0")
     install("odd", distribution="two", version="2.0")
-    text = refusal()
+    text = rejection()
     assert "two plugins offer the backend 'odd'" in text
     assert "of one 1.0)" in text
     assert "of two 2.0)" in text
@@ -92,7 +92,7 @@ def test_two_distributions_with_one_name_are_both_named(install: Install) -> Non
 @pytest.mark.parametrize("version", [API_VERSION + 1, API_VERSION - 1])
 def test_another_api_version_is_refused_with_both_versions(install: Install, version: int) -> None:
     install("odd", backend_source(api_version=str(version)))
-    text = refusal()
+    text = rejection()
     assert f"plugin API {version}" in text
     assert f"API {API_VERSION}" in text
     assert "acme" in text
@@ -100,7 +100,7 @@ def test_another_api_version_is_refused_with_both_versions(install: Install, ver
 
 def test_a_backend_that_calls_itself_otherwise_is_refused(install: Install) -> None:
     install("odd", backend_source(name="'even'"))
-    assert "calls itself 'even'" in refusal()
+    assert "calls itself 'even'" in rejection()
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_a_broken_backend_is_refused_with_its_origin_and_the_reason(
     install: Install, source: str, reason: str
 ) -> None:
     install("odd", source)
-    text = refusal()
+    text = rejection()
     assert "'odd' (plugin_acme of acme 1.2)" in text
     assert reason in text
 
@@ -208,7 +208,7 @@ def test_plugins_of_the_other_group_load_each_on_its_own(install: Install, tmp_p
     robots.mkdir()
     good = f"""
         from pathlib import Path
-        from robotd.plugin.api import hookimpl
+        from robotd.api import hookimpl
 
         @hookimpl
         def robotd_register_robots(registry):
@@ -231,7 +231,7 @@ def test_plugins_of_the_other_group_load_each_on_its_own(install: Install, tmp_p
 
 def test_two_plugins_with_one_node_stop_the_start(install: Install) -> None:
     source = """
-        from robotd.plugin.api import hookimpl
+        from robotd.api import hookimpl
 
         @hookimpl
         def robotd_register_nodes(registry):
@@ -247,7 +247,7 @@ def test_two_plugins_with_one_node_stop_the_start(install: Install) -> None:
 def test_a_folder_that_does_not_exist_is_refused(install: Install) -> None:
     source = """
         from pathlib import Path
-        from robotd.plugin.api import hookimpl
+        from robotd.api import hookimpl
 
         @hookimpl
         def robotd_register_robots(registry):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from tests.unit.scenario.rig import MOVE, run
+from tests.unit.scenario.harness import MOVE, run
 
 from robotd.errors import DescriptorError, InvalidArgument
 from robotd.scenario import FAULTS, nested, validate_fault

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.unit.scenario.rig import MOVE, robot, run
+from tests.unit.scenario.harness import MOVE, robot, run
 
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import load_backend

@@ -4,18 +4,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.sim.rig import PROFILE, closed_rig, rig
+from tests.unit.sim.harness import PROFILE, closed_rig, harness
 
 import robotd_sim
-from robotd.descriptor import default_wmx_parameters, write_wmx_parameters
-from robotd.plugin.api import (
+from robotd.api import (
     Capability,
     ConnectError,
+    ConnectionState,
     DescriptorError,
     DeviceTimeout,
-    EngineState,
     NotReady,
 )
+from robotd.descriptor import default_wmx_parameters, write_wmx_parameters
 from robotd_sim.options import SimOptions
 
 
@@ -30,18 +30,18 @@ def test_the_backend_describes_itself() -> None:
 def test_the_engine_goes_through_its_states() -> None:
     made = closed_rig()
     device = made.device
-    assert device.state() is EngineState.IDLE
+    assert device.state() is ConnectionState.IDLE
     with pytest.raises(NotReady, match="no device is open"):
         device.start_communication(1.0)
     device.open()
-    assert device.state() is EngineState.RUNNING
+    assert device.state() is ConnectionState.RUNNING
     device.start_communication(1.0)
-    assert device.state() is EngineState.COMMUNICATING
+    assert device.state() is ConnectionState.COMMUNICATING
     device.stop_communication(1.0)
-    assert device.state() is EngineState.RUNNING
+    assert device.state() is ConnectionState.RUNNING
     device.close()
     device.close()
-    assert device.state() is EngineState.IDLE
+    assert device.state() is ConnectionState.IDLE
 
 
 def test_opening_fails_as_often_as_asked_for() -> None:
@@ -50,7 +50,7 @@ def test_opening_fails_as_often_as_asked_for() -> None:
         with pytest.raises(ConnectError, match="engine: device locked"):
             device.open()
     device.open()
-    assert device.state() is EngineState.RUNNING
+    assert device.state() is ConnectionState.RUNNING
 
 
 def test_a_late_start_of_communication_stays_pending_unless_it_is_stopped() -> None:
@@ -59,13 +59,13 @@ def test_a_late_start_of_communication_stays_pending_unless_it_is_stopped() -> N
     with pytest.raises(DeviceTimeout, match=r"within 0.1 s"):
         made.device.start_communication(0.1)
     made.clock.advance(0.5)
-    assert made.device.state() is EngineState.COMMUNICATING
+    assert made.device.state() is ConnectionState.COMMUNICATING
     made.device.stop_communication(1.0)
     with pytest.raises(DeviceTimeout):
         made.device.start_communication(0.1)
     made.device.stop_communication(1.0)
     made.clock.advance(5.0)
-    assert made.device.state() is EngineState.RUNNING
+    assert made.device.state() is ConnectionState.RUNNING
 
 
 def test_values_are_unknown_before_and_stale_after_communication() -> None:
@@ -85,11 +85,11 @@ def test_values_are_unknown_before_and_stale_after_communication() -> None:
     image = made.look(1.0)
     assert image.fresh_ns == fresh_ns
     assert image.offline.all()
-    assert made.device.state() is EngineState.RUNNING
+    assert made.device.state() is ConnectionState.RUNNING
 
 
 def test_stopping_communication_brakes_before_the_servos_go_off() -> None:
-    made = rig()
+    made = harness()
     made.set(AbsoluteEncoderMode=1, QuickStopDec=10.0)
     made.axes.jog(0, PROFILE)
     position = made.look(1.0).position[0]
@@ -101,7 +101,7 @@ def test_stopping_communication_brakes_before_the_servos_go_off() -> None:
 
 
 def test_parameters_are_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
-    made = rig(on=False)
+    made = harness(on=False)
     good, bad = tmp_path / "good.xml", tmp_path / "bad.xml"
     changed = default_wmx_parameters().with_values(
         {"AxisPolarity": {0: -1}, "AxisGearRatioNumerator": {0: 5000.0}, "QuickStopDec": {0: 7.0}}
@@ -123,7 +123,7 @@ def test_parameters_are_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 def test_parameters_are_refused_while_an_axis_moves(tmp_path: Path) -> None:
-    made = rig()
+    made = harness()
     write_wmx_parameters(default_wmx_parameters(), tmp_path / "parameters.xml")
     made.axes.move(1, 1.0, PROFILE)
     with pytest.raises(NotReady, match="axis 1: parameters cannot be loaded while it is moving"):

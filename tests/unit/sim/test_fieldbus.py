@@ -4,16 +4,16 @@ import itertools
 import struct
 
 import pytest
-from tests.unit.sim.rig import Rig, closed_rig, rig, robot
+from tests.unit.sim.harness import Harness, closed_rig, harness, robot
 
 import robotd_sim
-from robotd.plugin.api import FieldbusDriver, InvalidArgument, NotReady, OperationError
+from robotd.api import FieldbusDriver, InvalidArgument, NotReady, OperationError
 from robotd_sim.network import AlState
 
 GRIPPER = {"output_byte": 0, "output_bit": 0, "joints": ["finger"], "open_m": 0.0, "closed_m": 0.05}
 
 
-def bus_of(made: Rig) -> FieldbusDriver:
+def bus_of(made: Harness) -> FieldbusDriver:
     return robotd_sim.robotd_fieldbus(made.device)
 
 
@@ -32,8 +32,8 @@ def test_the_line_has_one_drive_per_axis_and_a_module_for_the_gripper() -> None:
     assert len({slave.address for slave in state.slaves}) == 7
     spans = sorted((slave.input_address, slave.input_size) for slave in state.slaves)
     assert all(a + size == b for (a, size), (b, _) in itertools.pairwise(spans))
-    assert len(bus_of(rig(2)).network_state(0).slaves) == 2
-    assert len(bus_of(rig(2, io_module=True)).network_state(0).slaves) == 3
+    assert len(bus_of(harness(2)).network_state(0).slaves) == 2
+    assert len(bus_of(harness(2, io_module=True)).network_state(0).slaves) == 3
 
 
 def test_states_follow_the_communication() -> None:
@@ -53,7 +53,7 @@ def test_states_follow_the_communication() -> None:
 
 
 def test_registers_read_like_a_slave_controller() -> None:
-    made = rig()
+    made = harness()
     bus = bus_of(made)
     image = bus.read_register(0, 1, 0, 0x1000)
     assert len(image) == 4096
@@ -71,7 +71,7 @@ def test_registers_read_like_a_slave_controller() -> None:
 
 
 def test_statistics_count_and_can_be_reset() -> None:
-    made = rig()
+    made = harness()
     bus = bus_of(made)
     made.clock.advance(0.1)
     state = bus.network_state(0)
@@ -85,7 +85,7 @@ def test_statistics_count_and_can_be_reset() -> None:
 
 
 def test_hot_connect_brings_a_lost_slave_back_with_its_servo_off() -> None:
-    made = rig(hot_connect_delay_s=0.2)
+    made = harness(hot_connect_delay_s=0.2)
     bus = bus_of(made)
     before = made.look(0.1).position[0]
     made.faults.disconnect(0)
@@ -111,7 +111,7 @@ def test_hot_connect_brings_a_lost_slave_back_with_its_servo_off() -> None:
 
 
 def test_what_does_not_exist_is_refused_with_the_limits() -> None:
-    bus = bus_of(rig())
+    bus = bus_of(harness())
     with pytest.raises(InvalidArgument, match=r"master 1 .* only master 0"):
         bus.network_state(1)
     with pytest.raises(InvalidArgument, match=r"slave 2 .* 0 to 1"):

@@ -1,14 +1,14 @@
 from __future__ import annotations
 
 import pytest
-from tests.unit.sim.rig import PROFILE, Rig, rig
+from tests.unit.sim.harness import PROFILE, Harness, harness
 
-from robotd.plugin.api import Operation, OperationError, Profile
+from robotd.api import Operation, OperationError, Profile
 from robotd_sim.guards import LimitType
 
 
-def homed(**options: float) -> Rig:
-    made = rig()
+def homed(**options: float) -> Harness:
+    made = harness()
     made.axes.home(0, 1.0)
     made.set(SoftLimitPositivePos=0.5, SoftLimitNegativePos=-0.5, LSDec=50.0, LSSlowDec=10.0,
              **options)  # fmt: skip
@@ -60,14 +60,16 @@ def test_each_side_may_have_its_own_type() -> None:
 
 
 def test_soft_limits_sleep_until_the_axis_is_homed() -> None:
-    made = rig()
+    made = harness()
     made.set(SoftLimitPositivePos=0.5, SoftLimitType=LimitType.DEC)
     made.axes.move(0, 1.0, PROFILE)
     assert made.look(2.0).motion_complete[0]
 
 
 def test_a_limit_switch_shows_in_the_image_and_stops_the_axis() -> None:
-    made = rig(limit_switches={0: {"positive_rad": 0.8}}, home_switches={0: {"position_rad": 0.4}})
+    made = harness(
+        limit_switches={0: {"positive_rad": 0.8}}, home_switches={0: {"position_rad": 0.4}}
+    )
     made.axes.move(0, 0.4, PROFILE)
     image = made.look(2.0)
     assert image.home_switch[0]
@@ -85,7 +87,7 @@ def test_a_limit_switch_shows_in_the_image_and_stops_the_axis() -> None:
 
 
 def test_too_large_a_following_error_stops_the_axis() -> None:
-    made = rig()
+    made = harness()
     made.set(FollowingErrorType=1, FollowingErrorMoving=0.0004, QuickStopDec=100.0)
     made.axes.move(0, 0.5, Profile(1.0, 8.0, 8.0))  # 0.32 mrad behind
     assert made.look(2.0).motion_complete[0]

@@ -1,18 +1,18 @@
 from __future__ import annotations
 
 import pytest
-from tests.unit.sim.rig import TICK_S, Rig, closed_rig, rig
+from tests.unit.sim.harness import TICK_S, Harness, closed_rig, harness
 
 import robotd_sim
-from robotd.plugin.api import InvalidArgument, IoDriver, NotReady
+from robotd.api import InvalidArgument, IoDriver, NotReady
 
 
-def io_of(made: Rig) -> IoDriver:
+def io_of(made: Harness) -> IoDriver:
     return robotd_sim.robotd_io(made.device)
 
 
 def test_outputs_keep_what_was_written_until_the_engine_ends() -> None:
-    made = rig()
+    made = harness()
     io = io_of(made)
     io.write_outputs(7990, bytes(range(10)))
     io.write_output_bit(7990, 7, True)
@@ -25,7 +25,7 @@ def test_outputs_keep_what_was_written_until_the_engine_ends() -> None:
 
 
 def test_inputs_are_set_by_sensors_and_by_a_wire_from_the_outputs() -> None:
-    made = rig(io_loopback=True)
+    made = harness(io_loopback=True)
     io = io_of(made)
     made.faults.set_input_bit(3, 2, True)
     assert io.read_inputs(3, 1) == b"\x04"
@@ -38,7 +38,7 @@ def test_inputs_are_set_by_sensors_and_by_a_wire_from_the_outputs() -> None:
 
 
 def test_addresses_outside_of_the_image_are_refused_with_its_limits() -> None:
-    io = io_of(rig())
+    io = io_of(harness())
     assert (io.input_bytes, io.output_bytes) == (8000, 8000)
     with pytest.raises(InvalidArgument, match=r"bytes 7999 to 8000 .* 0 to 7999"):
         io.read_inputs(7999, 2)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.unit.sim.rig import PROFILE, TICK_S, rig
+from tests.unit.sim.harness import PROFILE, TICK_S, harness
 
-from robotd.plugin.api import CommandMode, NotReady, Operation, Profile, Unsupported
+from robotd.api import CommandMode, NotReady, Operation, Profile, Unsupported
 
 
 def test_a_move_arrives_exactly_and_is_complete_in_the_cycle_in_which_it_ends() -> None:
-    made = rig()
+    made = harness()
     made.axes.move(0, 3.0, PROFILE)
     image = made.look()
     assert image.operation[0] == Operation.POSITION
@@ -26,7 +26,7 @@ def test_a_move_arrives_exactly_and_is_complete_in_the_cycle_in_which_it_ends() 
 
 
 def test_a_move_to_where_the_axis_is_completes_at_once() -> None:
-    made = rig()
+    made = harness()
     made.axes.move(0, 0.0, PROFILE)
     assert made.look(TICK_S).motion_complete[0]
 
@@ -36,7 +36,7 @@ def test_a_move_to_where_the_axis_is_completes_at_once() -> None:
 def test_an_override_is_continuous_and_keeps_the_limits(
     first: float, second: float, at_s: float
 ) -> None:
-    made = rig(1)
+    made = harness(1)
     made.set(ProhibitOvertravel=0)
     made.axes.move(0, first, PROFILE)
     before = made.record(at_s)
@@ -51,7 +51,7 @@ def test_an_override_is_continuous_and_keeps_the_limits(
 
 
 def test_a_stop_brakes_with_the_deceleration_of_the_command() -> None:
-    made = rig()
+    made = harness()
     made.axes.jog(0, PROFILE)
     start = made.look(1.0).position_command[0]
     made.axes.stop([0, 1])
@@ -64,7 +64,7 @@ def test_a_stop_brakes_with_the_deceleration_of_the_command() -> None:
 
 
 def test_a_quick_stop_takes_over_a_stop_but_not_the_other_way_round() -> None:
-    made = rig()
+    made = harness()
     made.set(QuickStopDec=40.0)
     made.axes.jog(0, PROFILE)
     start = made.look(1.0).position_command[0]
@@ -77,7 +77,7 @@ def test_a_quick_stop_takes_over_a_stop_but_not_the_other_way_round() -> None:
 
 
 def test_a_velocity_command_of_zero_slows_to_rest_and_leaves_the_axis_idle() -> None:
-    made = rig()
+    made = harness()
     made.axes.set_command_mode(0, CommandMode.VELOCITY)
     made.axes.jog(0, Profile(-1.0, 10.0, 5.0))
     image = made.look(0.5)
@@ -92,7 +92,7 @@ def test_a_velocity_command_of_zero_slows_to_rest_and_leaves_the_axis_idle() -> 
 
 
 def test_commands_are_refused_with_the_reason() -> None:
-    made = rig()
+    made = harness()
     with pytest.raises(Unsupported, match="torque mode"):
         made.axes.set_command_mode(0, CommandMode.TORQUE)
     made.axes.move(0, 1.0, PROFILE)

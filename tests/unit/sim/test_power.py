@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.sim.rig import PROFILE, TICK_S, rig
+from tests.unit.sim.harness import PROFILE, TICK_S, harness
 
-from robotd.plugin.api import DeviceTimeout, NotReady, Operation, Profile
+from robotd.api import DeviceTimeout, NotReady, Operation, Profile
 
 
 def test_enabling_is_bumpless_wherever_the_axis_was_put() -> None:
-    made = rig(on=False)
+    made = harness(on=False)
     made.faults.push(0, 0.7)
     made.axes.servo(0, True, 1.0)
     record = made.record(0.3)
@@ -20,7 +20,7 @@ def test_enabling_is_bumpless_wherever_the_axis_was_put() -> None:
 
 
 def test_a_drive_takes_some_cycles_to_enable_and_a_timeout_names_the_axis() -> None:
-    made = rig(on=False)
+    made = harness(on=False)
     before_ns = made.clock.now_ns()
     made.axes.servo(0, True, 1.0)
     assert 2e6 <= made.clock.now_ns() - before_ns <= 6e6
@@ -29,7 +29,7 @@ def test_a_drive_takes_some_cycles_to_enable_and_a_timeout_names_the_axis() -> N
 
 
 def test_the_last_request_counts() -> None:
-    made = rig(on=False)
+    made = harness(on=False)
     with pytest.raises(DeviceTimeout):
         made.axes.servo(0, True, 0.0)
     made.axes.servo(0, False, 1.0)
@@ -37,7 +37,7 @@ def test_the_last_request_counts() -> None:
 
 
 def test_without_servo_the_axis_coasts_and_its_command_follows() -> None:
-    made = rig(coast_deceleration_rad_s2=4.0)
+    made = harness(coast_deceleration_rad_s2=4.0)
     made.axes.jog(0, PROFILE)
     made.look(1.0)
     made.axes.servo(0, False, 1.0)
@@ -53,7 +53,7 @@ def test_without_servo_the_axis_coasts_and_its_command_follows() -> None:
 
 
 def test_a_coasting_axis_is_caught_without_a_jump_if_it_is_slow_enough() -> None:
-    made = rig(coast_deceleration_rad_s2=4.0, feedforward=0.0)
+    made = harness(coast_deceleration_rad_s2=4.0, feedforward=0.0)
     made.set(QuickStopDec=20.0, ServoOnFollowingError=100)
     made.axes.jog(0, PROFILE)
     made.look(1.0)
@@ -71,7 +71,7 @@ def test_a_coasting_axis_is_caught_without_a_jump_if_it_is_slow_enough() -> None
 
 
 def test_an_alarm_drops_the_servo_and_refuses_everything_until_cleared() -> None:
-    made = rig()
+    made = harness()
     made.axes.move(0, 1.0, PROFILE)
     made.look(0.2)
     made.faults.trip(0, 0x7500)
@@ -95,7 +95,7 @@ def test_an_alarm_drops_the_servo_and_refuses_everything_until_cleared() -> None
 
 
 def test_the_parameter_file_may_keep_the_servo_on_during_an_alarm() -> None:
-    made = rig()
+    made = harness()
     made.set(ServoOffDuringAmpAlarm=0, QuickStopDec=20.0)
     made.axes.jog(0, Profile(1.0, 10.0, 10.0))
     made.look(0.5)
@@ -107,7 +107,7 @@ def test_the_parameter_file_may_keep_the_servo_on_during_an_alarm() -> None:
 
 
 def test_an_alarm_before_the_drive_obeys_keeps_it_off() -> None:
-    made = rig(on=False)
+    made = harness(on=False)
     with pytest.raises(DeviceTimeout):
         made.axes.servo(0, True, 0.0)
     made.faults.trip(0, 1)
@@ -115,7 +115,7 @@ def test_an_alarm_before_the_drive_obeys_keeps_it_off() -> None:
 
 
 def test_a_lost_slave_hides_an_alarm_until_it_is_back() -> None:
-    made = rig()
+    made = harness()
     made.faults.trip(0, 0x3210)
     assert made.look().reason == ["DC link over-voltage", ""]
     made.faults.disconnect(0)

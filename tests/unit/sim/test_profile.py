@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.plugin.api import Profile
+from robotd.api import Profile
 from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity, timed_profile
 
 positions = st.floats(-10, 10)

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from tests.unit.sim.rig import PROFILE, rig
+from tests.unit.sim.harness import PROFILE, harness
 
-from robotd.plugin.api import NotReady, Operation
+from robotd.api import NotReady, Operation
 
 
 def test_positions_come_in_whole_counts() -> None:
-    made = rig(encoder_counts_per_turn=1024)
+    made = harness(encoder_counts_per_turn=1024)
     made.axes.move(0, 0.01, PROFILE)
     image = made.look(1.0)
     count = 2 * math.pi / 1024
@@ -19,7 +19,7 @@ def test_positions_come_in_whole_counts() -> None:
 
 
 def test_polarity_changes_the_sign_of_the_position() -> None:
-    made = rig(on=False)
+    made = harness(on=False)
     made.faults.push(0, 0.5)
     made.axes.set_polarity(0, -1)
     image = made.look()
@@ -30,7 +30,7 @@ def test_polarity_changes_the_sign_of_the_position() -> None:
 
 
 def test_twice_the_gear_ratio_is_half_the_position() -> None:
-    made = rig(on=False)
+    made = harness(on=False)
     made.faults.push(1, 1.0)
     made.axes.set_gear_ratio(1, 2.0**21, 2 * math.pi)
     image = made.look()
@@ -43,7 +43,7 @@ def test_twice_the_gear_ratio_is_half_the_position() -> None:
 
 
 def test_an_incremental_encoder_wakes_up_at_zero_without_its_home() -> None:
-    made = rig()
+    made = harness()
     made.axes.move(0, 1.0, PROFILE)
     made.look(2.0)
     made.axes.home(1, 1.0)
@@ -54,7 +54,7 @@ def test_an_incremental_encoder_wakes_up_at_zero_without_its_home() -> None:
 
 
 def test_an_absolute_encoder_keeps_its_value_and_its_home_position() -> None:
-    made = rig()
+    made = harness()
     made.set(AbsoluteEncoderMode=1, ClearHomeDoneOnCommStop=0)
     for axis, target in ((0, 1.0), (1, 0.5)):
         made.axes.move(axis, target, PROFILE)
@@ -68,7 +68,7 @@ def test_an_absolute_encoder_keeps_its_value_and_its_home_position() -> None:
 
 
 def test_turns_beyond_32_bits_are_counted_while_running_and_lost_over_a_restart() -> None:
-    made = rig(on=False, encoder_counts_per_turn=2**20)
+    made = harness(on=False, encoder_counts_per_turn=2**20)
     made.set(AbsoluteEncoderMode=1)
     turn = 2 * math.pi
     made.faults.push(0, 2050 * turn)  # 32 bits hold ±2048 turns
@@ -79,7 +79,7 @@ def test_turns_beyond_32_bits_are_counted_while_running_and_lost_over_a_restart(
 
 
 def test_homing_makes_the_present_position_the_home_position_without_moving() -> None:
-    made = rig()
+    made = harness()
     made.axes.move(0, 1.0, PROFILE)
     with pytest.raises(NotReady, match="axis 0: it cannot be homed while it is moving"):
         made.axes.home(0, 1.0)
@@ -100,6 +100,6 @@ def test_homing_makes_the_present_position_the_home_position_without_moving() ->
 
 
 def test_the_joints_start_where_the_options_say() -> None:
-    made = rig(on=False, initial_position_rad=(0.5, -1.0))
+    made = harness(on=False, initial_position_rad=(0.5, -1.0))
     made.set(AbsoluteEncoderMode=1)
     assert made.look().position == pytest.approx([0.5, -1.0], abs=1e-5)

@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 from scipy import signal
-from tests.unit.sim.rig import PROFILE, TICK_S, Rig, rig
+from tests.unit.sim.harness import PROFILE, TICK_S, Harness, harness
 
-from robotd.plugin.api import Profile
+from robotd.api import Profile
 
 
 @pytest.mark.parametrize(("bandwidth", "forward"), [(50.0, 0.0), (50.0, 0.9), (10.0, 0.5)])
 def test_the_following_error_of_a_ramp_is_that_of_a_first_order_lag(
     bandwidth: float, forward: float
 ) -> None:
-    made = rig(1, bandwidth_hz=bandwidth, feedforward=forward)
+    made = harness(1, bandwidth_hz=bandwidth, feedforward=forward)
     made.axes.jog(0, Profile(3.0, 30.0, 30.0))
     image = made.look(2.0)
     error = image.position_command[0] - image.position[0]
@@ -23,7 +23,7 @@ def test_the_following_error_of_a_ramp_is_that_of_a_first_order_lag(
 
 
 def test_the_response_to_a_move_is_the_exact_solution_of_the_lag() -> None:
-    made = rig(1, bandwidth_hz=20.0, feedforward=0.3, encoder_counts_per_turn=2**30)
+    made = harness(1, bandwidth_hz=20.0, feedforward=0.3, encoder_counts_per_turn=2**30)
     made.axes.move(0, 0.5, PROFILE)
     record = made.record(1.0)
     tau = 1 / (2 * math.pi * 20.0)
@@ -36,7 +36,7 @@ def test_the_response_to_a_move_is_the_exact_solution_of_the_lag() -> None:
 
 
 def test_torque_is_that_of_inertia_and_friction() -> None:
-    made = rig(2, inertia_kg_m2=0.8, viscous_friction_nm_s=1.5, coulomb_friction_nm=2.0)
+    made = harness(2, inertia_kg_m2=0.8, viscous_friction_nm_s=1.5, coulomb_friction_nm=2.0)
     made.axes.jog(0, Profile(2.0, 4.0, 4.0))
     image = made.look(0.25)
     assert image.torque[0] == pytest.approx(0.8 * 4 + 1.5 * 1.0 + 2.0, abs=0.02)
@@ -45,16 +45,16 @@ def test_torque_is_that_of_inertia_and_friction() -> None:
     assert image.torque[1] == 0
 
 
-def look_often(made: Rig, seconds: float) -> None:
+def look_often(made: Harness, seconds: float) -> None:
     for _ in range(round(seconds / TICK_S)):
         made.look(TICK_S)
 
 
-def look_rarely(made: Rig, seconds: float) -> None:
+def look_rarely(made: Harness, seconds: float) -> None:
     made.look(seconds)
 
 
-def history(made: Rig, live: object) -> list[bytes]:
+def history(made: Harness, live: object) -> list[bytes]:
     """Commands at fixed times, and everything that is seen at some of them."""
     assert callable(live)
     seen = []
@@ -71,17 +71,17 @@ def history(made: Rig, live: object) -> list[bytes]:
 
 def test_the_same_commands_at_the_same_times_give_the_same_bits() -> None:
     options = {"velocity_noise_rad_s": 0.01, "torque_noise_nm": 0.1, "seed": 7}
-    first, second = (history(rig(**options), look_often) for _ in range(2))
+    first, second = (history(harness(**options), look_often) for _ in range(2))
     assert first == second
-    assert first != history(rig(**{**options, "seed": 8}), look_often)
+    assert first != history(harness(**{**options, "seed": 8}), look_often)
 
 
 def test_what_happens_does_not_depend_on_who_looks_when() -> None:
-    assert history(rig(), look_often) == history(rig(), look_rarely)
+    assert history(harness(), look_often) == history(harness(), look_rarely)
 
 
 def test_all_128_axes_move() -> None:
-    made = rig(128)
+    made = harness(128)
     for axis in range(128):
         made.axes.move(axis, axis / 100, PROFILE)
     image = made.look(3.0)
@@ -90,7 +90,7 @@ def test_all_128_axes_move() -> None:
 
 
 def test_time_that_nobody_looked_at_is_made_up_for_within_bounds() -> None:
-    made = rig(1, max_catch_up_s=2.0)
+    made = harness(1, max_catch_up_s=2.0)
     made.look(1e6)  # at rest: all of it
     assert made.simulation.world.slips == 0
     made.axes.jog(0, Profile(1.0, 100.0, 100.0))

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
-from tests.unit.sim.rig import PROFILE, TICK_S, Rig, closed_rig, rig, robot
+from tests.unit.sim.harness import PROFILE, TICK_S, Harness, closed_rig, harness, robot
 
+from robotd.api import CommandMode, NotReady, Operation
 from robotd.arrays import FloatArray
-from robotd.plugin.api import CommandMode, NotReady, Operation
 
 PERIOD_S = 0.002
 
 
-def stream(made: Rig, path: CubicSpline, jitter_s: FloatArray) -> FloatArray:
+def stream(made: Harness, path: CubicSpline, jitter_s: FloatArray) -> FloatArray:
     """Follow ``path`` on axis 0 with calls early or late by ``jitter_s``; the velocities seen."""
     speed = path.derivative()
     start_ns = made.clock.now_ns()
@@ -37,7 +37,7 @@ def swing(seconds: float) -> CubicSpline:
 
 
 def test_a_trajectory_of_twenty_points_ends_within_a_milliradian() -> None:
-    made = rig()
+    made = harness()
     stream(made, swing(1.5), np.zeros(round(1.5 / PERIOD_S)))
     made.look(PERIOD_S)
     made.axes.end_stream([0])
@@ -57,13 +57,13 @@ def test_a_trajectory_of_twenty_points_ends_within_a_milliradian() -> None:
 def test_the_velocity_is_smooth_although_the_calls_jitter(seed: int) -> None:
     jitter = np.random.default_rng(seed).uniform(-0.0004, 0.0004, 500)
     jitter[0] = 0.0
-    velocity = stream(rig(), swing(1.0), jitter)
+    velocity = stream(harness(), swing(1.0), jitter)
     # the path itself accelerates by up to 0.3 · (2π)² = 12 rad/s²
     assert np.abs(np.diff(velocity)).max() < 25 * TICK_S
 
 
 def test_a_stream_that_ends_without_a_word_is_stopped_by_the_device() -> None:
-    made = rig(stream_timeout_s=0.05)
+    made = harness(stream_timeout_s=0.05)
     stream(made, swing(1.0), np.zeros(100))  # breaks off at 1.8 rad/s
     record = made.record(0.4)
     operation = record.operation[:, 0]
@@ -91,13 +91,13 @@ def test_an_overdue_setpoint_is_passed_with_its_velocity() -> None:
 
 
 def test_an_axis_may_wait_for_its_first_setpoint_for_long() -> None:
-    made = rig(stream_timeout_s=0.05)
+    made = harness(stream_timeout_s=0.05)
     made.axes.begin_stream([0, 1])
     assert (made.look(5.0).operation == Operation.STREAM).all()
 
 
 def test_a_stream_takes_over_a_move_and_refuses_other_commands() -> None:
-    made = rig()
+    made = harness()
     made.axes.move(0, 1.0, PROFILE)
     before = made.look(0.3).velocity_command[0]
     made.axes.begin_stream([0])
@@ -111,7 +111,7 @@ def test_a_stream_takes_over_a_move_and_refuses_other_commands() -> None:
 
 
 def test_ending_a_stream_in_motion_brakes() -> None:
-    made = rig()
+    made = harness()
     made.axes.move(0, 0.0, PROFILE)  # its deceleration is not the stream's
     made.look(0.1)
     stream(made, swing(1.0), np.zeros(100))
@@ -124,7 +124,7 @@ def test_ending_a_stream_in_motion_brakes() -> None:
 
 
 def test_servo_off_ends_the_stream_of_that_axis_alone() -> None:
-    made = rig()
+    made = harness()
     made.axes.begin_stream([0, 1])
     made.axes.servo(0, False, 1.0)
     assert list(made.look().operation) == [Operation.IDLE, Operation.STREAM]
@@ -148,8 +148,8 @@ def test_the_period_need_not_be_a_multiple_of_the_fieldbus_cycle(rate_hz: float)
     assert commands[-10:] == pytest.approx([1.0] * 10, abs=1e-6)
 
 
-def by_velocity(axes: int = 2) -> Rig:
-    made = rig(axes)
+def by_velocity(axes: int = 2) -> Harness:
+    made = harness(axes)
     for axis in range(axes):
         made.axes.set_command_mode(axis, CommandMode.VELOCITY)
     made.look()

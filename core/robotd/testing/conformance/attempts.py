@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import pytest
 
+from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.recording import Recording
-from robotd.testing.conformance.rig import Rig
 
 ATTEMPTS = 3
 
 
 def judge(
-    rig: Rig, motion: Callable[[], Recording], problems: Callable[[Recording], list[str]]
+    harness: Harness, motion: Callable[[], Recording], problems: Callable[[Recording], list[str]]
 ) -> None:
     """Run ``motion``; what ``problems`` finds in its recording is a failure.
 
@@ -23,19 +23,19 @@ def judge(
     for _ in range(ATTEMPTS):
         recording = motion()
         found = problems(recording)
-        if not (found and recording.was_late(rig.period_s)):
+        if not (found and recording.was_late(harness.period_s)):
             assert not found, "; ".join(found)
             return
     pytest.skip(f"the computer was too busy to judge: values were late {ATTEMPTS} times")
 
 
-def steep_ramps(rig: Rig, recording: Recording, span_s: float, more: float) -> list[str]:
+def steep_ramps(harness: Harness, recording: Recording, span_s: float, more: float) -> list[str]:
     """Axes whose velocity command changes faster than ``more`` times their profile's ramp."""
     _, ramps = recording.slope(recording.velocity_command, span_s)
     steepest = abs(ramps).max(0)
-    limits = [more * rig.profile(axis).acceleration for axis in rig.all]
+    limits = [more * harness.profile(axis).acceleration for axis in harness.all]
     return [
         f"axis {axis}: acceleration {steepest[axis]:.3g} rad/s², the limit is {limits[axis]:.3g}"
-        for axis in rig.all
+        for axis in harness.all
         if steepest[axis] > limits[axis]
     ]

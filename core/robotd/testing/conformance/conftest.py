@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
 from robotd.errors import RobotdError
-from robotd.testing.conformance.report import Report
-from robotd.testing.conformance.rig import MakeRig, Rig
-from robotd.testing.conformance.stand import BenchOrSkip, Stand
+from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.kit_report import Report
+from robotd.testing.conformance.kit_target import BenchOrSkip, KitTarget
 
 CHECK_LIMIT_S = 60.0
 
@@ -25,14 +25,14 @@ def pytest_configure(config: pytest.Config) -> None:
     if not name:
         raise pytest.UsageError("which backend? add --robotd-backend NAME")
     try:
-        stand = Stand(name, config.getoption("--robotd-robot"))
+        target = KitTarget(name, config.getoption("--robotd-robot"))
     except RobotdError as error:
         raise pytest.UsageError(str(error)) from error
-    config.stash[STAND] = stand
-    config.pluginmanager.register(Report(stand), "robotd-conformance-report")
+    config.stash[STAND] = target
+    config.pluginmanager.register(Report(target), "robotd-conformance-report")
 
 
-STAND = pytest.StashKey[Stand]()
+STAND = pytest.StashKey[KitTarget]()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -68,45 +68,45 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def stand(pytestconfig: pytest.Config) -> Iterator[Stand]:
+def target(pytestconfig: pytest.Config) -> Iterator[KitTarget]:
     """Backend and robot, and the rig that most checks share."""
-    stand = pytestconfig.stash[STAND]
-    yield stand
-    stand.clear()
+    target = pytestconfig.stash[STAND]
+    yield target
+    target.clear()
 
 
 @pytest.fixture
-def rig(stand: Stand) -> Rig:
+def harness(target: KitTarget) -> Harness:
     """The shared rig: up, every axis enabled, at rest and where it was at first."""
-    return stand.shared()
+    return target.shared()
 
 
 @pytest.fixture
-def make_rig(stand: Stand) -> Iterator[MakeRig]:
+def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
     """Further rigs, not brought up; the shared one is shut down first: a device has one client."""
-    made: list[Rig] = []
+    made: list[Harness] = []
 
-    def make(**options: Any) -> Rig:
-        stand.clear()
-        for rig in made:
-            rig.down()
-        made.append(stand.build(**options))
+    def make(**options: Any) -> Harness:
+        target.clear()
+        for harness in made:
+            harness.down()
+        made.append(target.build(**options))
         return made[-1]
 
     yield make
-    for rig in made:
-        rig.down()
+    for harness in made:
+        harness.down()
 
 
 @pytest.fixture
-def bench(rig: Rig) -> Bench:
+def injector(harness: Harness) -> FaultInjector:
     """The bench of the shared rig; the check is skipped where it cannot do what is needed."""
-    return BenchOrSkip.of(rig)
+    return BenchOrSkip.of(harness)
 
 
 @pytest.fixture
-def jointed(rig: Rig) -> Rig:
+def jointed(harness: Harness) -> Harness:
     """The shared rig, of a robot that has joints."""
-    if not rig.robot.joint_names:
-        pytest.skip(f"the robot {rig.robot.descriptor.name} has no joints")
-    return rig
+    if not harness.robot.joint_names:
+        pytest.skip(f"the robot {harness.robot.descriptor.name} has no joints")
+    return harness

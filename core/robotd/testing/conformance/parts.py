@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from robotd.descriptor import RobotDescriptor
-from robotd.device.bench import Bench
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+from robotd.device.fault_injector import FaultInjector
 from robotd.plugin.hookspecs import BackendInfo, BackendOptions, DeviceContext
 from robotd.plugin.manager import Backend
 
@@ -18,7 +18,7 @@ class Parts:
         self.driver: AxisDriver
         self.io_driver: IoDriver | None = None
         self.fieldbus_driver: FieldbusDriver | None = None
-        self.made_bench: Bench | None = None
+        self.made_bench: FaultInjector | None = None
         self._backend = backend
 
     def options(self, robot: RobotDescriptor) -> BackendOptions:
@@ -26,10 +26,10 @@ class Parts:
 
     def open_device(self, context: DeviceContext) -> DeviceDriver:
         self.device = self._backend.open_device(context)
-        self.made_bench = self._backend.bench(self.device, context)
+        self.made_bench = self._backend.fault_injector(self.device, context)
         return self.device
 
-    def bench(self, device: DeviceDriver, context: DeviceContext) -> Bench | None:
+    def injector(self, device: DeviceDriver, context: DeviceContext) -> FaultInjector | None:
         return self.made_bench
 
     def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
-from robotd.device.image import ProcessImage
+from robotd.device.process_image import ProcessImage
 
 LATE_PERIODS = 1.4  # from one sample to the next
 

@@ -7,42 +7,42 @@ from contextlib import suppress
 
 import numpy as np
 
-from robotd.cycle.execution import Outcome
-from robotd.device.bench import Bench
-from robotd.device.state import EngineState
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.state import ConnectionState
 from robotd.errors import Unsupported
-from robotd.plugin.guard import unguarded
-from robotd.testing.conformance.rig import MakeRig, Rig
-from robotd.testing.conformance.stand import BenchOrSkip
+from robotd.plugin.fault_isolation import unguarded
+from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.kit_target import BenchOrSkip
 
 CALLS = 20
 
 
-def test_values_are_fresh(rig: Rig) -> None:
+def test_values_are_fresh(harness: Harness) -> None:
     ages_s = []
 
     def watch(image: object) -> None:
-        ages_s.append((rig.clock.now_ns() - rig.image.fresh_ns) * 1e-9)
+        ages_s.append((harness.clock.now_ns() - harness.image.fresh_ns) * 1e-9)
 
-    with rig.each_period(watch):
-        rig.let(0.3)
-    assert max(ages_s) <= rig.robot.engine.settings.stale_after_s
-    assert min(ages_s) >= -rig.period_s, "values from the future: another clock was used"
-
-
-def test_their_time_goes_on(rig: Rig) -> None:
-    first = rig.image.fresh_ns
-    rig.let(0.2)
-    assert abs((rig.image.fresh_ns - first) * 1e-9 - 0.2) <= 0.1
+    with harness.each_period(watch):
+        harness.let(0.3)
+    assert max(ages_s) <= harness.robot.connection.settings.stale_after_s
+    assert min(ages_s) >= -harness.period_s, "values from the future: another clock was used"
 
 
-def test_values_follow_the_motion(rig: Rig) -> None:
-    stale_s = rig.robot.engine.settings.stale_after_s
-    with rig.recording() as recording:
-        rig.move(rig.all, rig.image.position_command + rig.travel())
-        rig.rest()
-    for axis in rig.all:
-        fast = np.abs(recording.velocity_command[:, axis]) > 0.5 * rig.profile(axis).velocity
+def test_their_time_goes_on(harness: Harness) -> None:
+    first = harness.image.fresh_ns
+    harness.let(0.2)
+    assert abs((harness.image.fresh_ns - first) * 1e-9 - 0.2) <= 0.1
+
+
+def test_values_follow_the_motion(harness: Harness) -> None:
+    stale_s = harness.robot.connection.settings.stale_after_s
+    with harness.recording() as recording:
+        harness.move(harness.all, harness.image.position_command + harness.travel())
+        harness.rest()
+    for axis in harness.all:
+        fast = np.abs(recording.velocity_command[:, axis]) > 0.5 * harness.profile(axis).velocity
         assert fast.any(), "the commanded velocity does not show the motion"
         times_s, position = recording.time_s[fast], recording.position[fast, axis]
         changed = times_s[np.flatnonzero(np.diff(position, prepend=np.nan))]
@@ -50,64 +50,64 @@ def test_values_follow_the_motion(rig: Rig) -> None:
         assert len(changed) > 3, "the position stands still while the axis moves"
 
 
-def test_a_dead_bus_does_not_look_alive(make_rig: MakeRig) -> None:
-    rig = make_rig()
-    rig.up()
-    bench, engine = BenchOrSkip.of(rig), rig.robot.engine
-    bench.freeze(True)
-    stale_s = engine.settings.stale_after_s
-    rig.until(lambda: not engine.ready, "the engine is not ready", 3 * stale_s + 0.2)
-    assert engine.state in (EngineState.UNKNOWN, EngineState.RUNNING)
-    bench.freeze(False)
-    if engine.state is EngineState.UNKNOWN:
-        rig.until(lambda: engine.ready, "the engine is ready again when values arrive")
+def test_a_dead_bus_does_not_look_alive(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    injector, connection = BenchOrSkip.of(harness), harness.robot.connection
+    injector.freeze(True)
+    stale_s = connection.settings.stale_after_s
+    harness.until(lambda: not connection.ready, "the engine is not ready", 3 * stale_s + 0.2)
+    assert connection.state in (ConnectionState.UNKNOWN, ConnectionState.RUNNING)
+    injector.freeze(False)
+    if connection.state is ConnectionState.UNKNOWN:
+        harness.until(lambda: connection.ready, "the engine is ready again when values arrive")
 
 
-def test_the_device_says_at_once_why_it_is_silent(make_rig: MakeRig) -> None:
-    rig = make_rig()
-    device = unguarded(rig.parts.device)
+def test_the_device_says_at_once_why_it_is_silent(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    device = unguarded(harness.parts.device)
 
     def said() -> str:
         began_s = time.perf_counter()
         text = min(device.fault() for _ in range(CALLS))
-        assert (time.perf_counter() - began_s) / CALLS < rig.period_s, "fault() blocks"
+        assert (time.perf_counter() - began_s) / CALLS < harness.period_s, "fault() blocks"
         assert "\n" not in text, "a fault is part of a line"
         return text
 
     said()
-    rig.up()
+    harness.up()
     assert said() == "", "a fault while fresh values arrive"
-    if rig.bench is not None:
+    if harness.fault_injector is not None:
         with suppress(Unsupported):
-            rig.bench.freeze(True)
-            rig.until(lambda: not rig.robot.engine.ready, "the engine is not ready")
+            harness.fault_injector.freeze(True)
+            harness.until(lambda: not harness.robot.connection.ready, "the engine is not ready")
             said()
-            rig.bench.freeze(False)
-    rig.robot.engine.close()
+            harness.fault_injector.freeze(False)
+    harness.robot.connection.close()
     said()
 
 
-def test_a_dead_bus_ends_a_trajectory(jointed: Rig, bench: Bench) -> None:
-    rig = jointed
-    way = rig.travel()[list(rig.robot.joint_axes)]
-    with rig.following([1.5], [way]) as execution:
-        rig.let(0.4)
-        bench.freeze(True)
+def test_a_dead_bus_ends_a_trajectory(jointed: Harness, injector: FaultInjector) -> None:
+    harness = jointed
+    way = harness.travel()[list(harness.robot.joint_axes)]
+    with harness.following([1.5], [way]) as execution:
+        harness.let(0.4)
+        injector.freeze(True)
         try:
-            rig.until(lambda: execution.done, "the trajectory ends")
+            harness.until(lambda: execution.done, "the trajectory ends")
         finally:
-            bench.freeze(False)
+            injector.freeze(False)
     assert execution.outcome is Outcome.FAULT
-    rig.rest()
+    harness.rest()
 
 
-def test_nothing_is_fresh_after_communication_stopped(make_rig: MakeRig) -> None:
-    rig = make_rig()
-    rig.up()
-    rig.robot.engine.stop_communication()
-    rig.let(0.05)
-    last = rig.image.fresh_ns
-    rig.parts.driver.read(rig.image)
-    rig.let(0.2)
-    rig.parts.driver.read(rig.image)
-    assert rig.image.fresh_ns == last
+def test_nothing_is_fresh_after_communication_stopped(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    harness.robot.connection.stop_communication()
+    harness.let(0.05)
+    last = harness.image.fresh_ns
+    harness.parts.driver.read(harness.image)
+    harness.let(0.2)
+    harness.parts.driver.read(harness.image)
+    assert harness.image.fresh_ns == last

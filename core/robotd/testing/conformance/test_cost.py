@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robotd.device.image import ProcessImage
-from robotd.testing.conformance.rig import Rig
+from robotd.device.process_image import ProcessImage
+from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.stopwatch import timed
 
 CALLS = 400
@@ -16,67 +16,69 @@ WORST_SHARE = 1.0  # of a period: 99 of 100
 ATTEMPTS = 3  # a busy computer makes calls slower, never faster: the best attempt counts
 
 
-def measure(rig: Rig, call: Callable[[], object]) -> tuple[float, float]:
+def measure(harness: Harness, call: Callable[[], object]) -> tuple[float, float]:
     """Median and 99th percentile in s, of the best attempt, called once a period."""
     attempts = []
     for _ in range(ATTEMPTS):
         durations = list[float]()
         for _ in range(CALLS):
-            rig.periods(1)
+            harness.periods(1)
             with timed(durations):
                 call()
         attempts.append(tuple(np.percentile(durations, (50, 99))))
-        if within_budget(rig, attempts[-1]):
+        if within_budget(harness, attempts[-1]):
             break
     return min(attempts)
 
 
-def within_budget(rig: Rig, measured: tuple[float, float]) -> bool:
+def within_budget(harness: Harness, measured: tuple[float, float]) -> bool:
     typical_s, worst_s = measured
-    return typical_s <= TYPICAL_SHARE * rig.period_s and worst_s <= WORST_SHARE * rig.period_s
-
-
-def check(rig: Rig, what: str, call: Callable[[], object]) -> None:
-    typical_s, worst_s = measure(rig, call)
-    assert within_budget(rig, (typical_s, worst_s)), (
-        f"{what} takes {typical_s * 1e6:.0f} µs, 99 of 100 times at most {worst_s * 1e6:.0f} µs;"
-        f" a period has {rig.period_s * 1e6:.0f} µs"
+    return (
+        typical_s <= TYPICAL_SHARE * harness.period_s and worst_s <= WORST_SHARE * harness.period_s
     )
 
 
-def test_read_does_not_block(rig: Rig) -> None:
-    image = ProcessImage(rig.count)
-    check(rig, "read", lambda: rig.parts.driver.read(image))
+def check(harness: Harness, what: str, call: Callable[[], object]) -> None:
+    typical_s, worst_s = measure(harness, call)
+    assert within_budget(harness, (typical_s, worst_s)), (
+        f"{what} takes {typical_s * 1e6:.0f} µs, 99 of 100 times at most {worst_s * 1e6:.0f} µs;"
+        f" a period has {harness.period_s * 1e6:.0f} µs"
+    )
 
 
-def test_read_does_not_block_while_axes_move(rig: Rig) -> None:
-    image = ProcessImage(rig.count)
-    rig.move(rig.all, rig.image.position_command + rig.travel(), 0.3)
-    check(rig, "read", lambda: rig.parts.driver.read(image))
-    rig.rest()
+def test_read_does_not_block(harness: Harness) -> None:
+    image = ProcessImage(harness.count)
+    check(harness, "read", lambda: harness.parts.driver.read(image))
 
 
-def test_stream_does_not_block(rig: Rig) -> None:
-    position, velocity = rig.image.position_command.copy(), np.zeros(rig.count)
-    with rig.robot.axes.claimed("conformance", rig.all):
-        check(rig, "stream", lambda: rig.parts.driver.stream(position, velocity))
-    rig.rest()
+def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
+    image = ProcessImage(harness.count)
+    harness.move(harness.all, harness.image.position_command + harness.travel(), 0.3)
+    check(harness, "read", lambda: harness.parts.driver.read(image))
+    harness.rest()
 
 
-def test_state_does_not_block(rig: Rig) -> None:
-    check(rig, "state", rig.parts.device.state)
+def test_stream_does_not_block(harness: Harness) -> None:
+    position, velocity = harness.image.position_command.copy(), np.zeros(harness.count)
+    with harness.robot.axes.claimed("conformance", harness.all):
+        check(harness, "stream", lambda: harness.parts.driver.stream(position, velocity))
+    harness.rest()
 
 
-def test_read_fills_the_arrays_that_it_is_given(rig: Rig) -> None:
-    image = ProcessImage(rig.count)
+def test_state_does_not_block(harness: Harness) -> None:
+    check(harness, "state", harness.parts.device.state)
+
+
+def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
+    image = ProcessImage(harness.count)
     arrays = {name: id(value) for name, value in vars(image).items()
               if isinstance(value, np.ndarray)}  # fmt: skip
     reasons = image.reason
-    rig.periods(1)
-    rig.parts.driver.read(image)
+    harness.periods(1)
+    harness.parts.driver.read(image)
     assert {name: id(getattr(image, name)) for name in arrays} == arrays
     assert image.reason is reasons
-    assert [type(reason) for reason in reasons] == [str] * rig.count
+    assert [type(reason) for reason in reasons] == [str] * harness.count
     for values in (
         image.position,
         image.velocity,

@@ -12,19 +12,19 @@ from statistics import median
 
 import pytest
 
-from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import IoDriver
+from robotd.device.fault_injector import FaultInjector
 from robotd.errors import InvalidArgument
-from robotd.testing.conformance.rig import Rig
+from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.stopwatch import timed
 
 pytestmark = pytest.mark.needs(Capability.IO)
 
 
 @pytest.fixture
-def io(rig: Rig) -> Iterator[IoDriver]:
-    driver = rig.parts.io_driver
+def io(harness: Harness) -> Iterator[IoDriver]:
+    driver = harness.parts.io_driver
     assert driver is not None, "the backend declares io and makes no driver"
     if driver.output_bytes == 0:
         pytest.skip("the device has no outputs")
@@ -33,11 +33,11 @@ def io(rig: Rig) -> Iterator[IoDriver]:
     driver.write_outputs(0, before)
 
 
-def outputs(rig: Rig, io: IoDriver, expected: bytes, byte: int) -> None:
+def outputs(harness: Harness, io: IoDriver, expected: bytes, byte: int) -> None:
     def right() -> bool:
         return io.read_outputs(byte, len(expected)) == expected
 
-    rig.until(right, f"outputs from byte {byte} on are {expected.hex()}", 2.0)
+    harness.until(right, f"outputs from byte {byte} on are {expected.hex()}", 2.0)
 
 
 def window(io: IoDriver) -> tuple[int, int]:
@@ -46,46 +46,46 @@ def window(io: IoDriver) -> tuple[int, int]:
     return io.output_bytes - size, size
 
 
-def test_the_images_have_a_size(rig: Rig, io: IoDriver) -> None:
+def test_the_images_have_a_size(harness: Harness, io: IoDriver) -> None:
     assert io.input_bytes >= 0
     assert len(io.read_outputs(0, io.output_bytes)) == io.output_bytes
     if io.input_bytes:
         assert len(io.read_inputs(0, io.input_bytes)) == io.input_bytes
 
 
-def test_a_bit_leaves_its_neighbours_alone(rig: Rig, io: IoDriver) -> None:
+def test_a_bit_leaves_its_neighbours_alone(harness: Harness, io: IoDriver) -> None:
     first, size = window(io)
     middle = size // 2
     for pattern in (0x00, 0xFF, 0x5A):
         for bit in range(8):
             value = not pattern >> bit & 1
             io.write_outputs(first, bytes([pattern] * size))
-            outputs(rig, io, bytes([pattern] * size), first)
+            outputs(harness, io, bytes([pattern] * size), first)
             io.write_output_bit(first + middle, bit, value)
             expected = bytearray([pattern] * size)
             expected[middle] ^= 1 << bit
-            outputs(rig, io, bytes(expected), first)
+            outputs(harness, io, bytes(expected), first)
 
 
-def test_bytes_leave_their_neighbours_alone(rig: Rig, io: IoDriver) -> None:
+def test_bytes_leave_their_neighbours_alone(harness: Harness, io: IoDriver) -> None:
     first, size = window(io)
     for index in range(size):
         io.write_outputs(first, bytes([0xA5] * size))
         io.write_outputs(first + index, bytes([0x3C]))
         expected = bytearray([0xA5] * size)
         expected[index] = 0x3C
-        outputs(rig, io, bytes(expected), first)
+        outputs(harness, io, bytes(expected), first)
 
 
-def test_the_other_outputs_stay_as_they_are(rig: Rig, io: IoDriver) -> None:
+def test_the_other_outputs_stay_as_they_are(harness: Harness, io: IoDriver) -> None:
     first, size = window(io)
     before = io.read_outputs(0, io.output_bytes)
     io.write_outputs(first, bytes([0xFF] * size))
-    outputs(rig, io, bytes([0xFF] * size), first)
+    outputs(harness, io, bytes([0xFF] * size), first)
     assert io.read_outputs(0, io.output_bytes)[:first] == before[:first]
 
 
-def test_bits_written_by_several_threads_are_all_there(rig: Rig, io: IoDriver) -> None:
+def test_bits_written_by_several_threads_are_all_there(harness: Harness, io: IoDriver) -> None:
     byte = io.output_bytes - 1
     io.write_outputs(byte, bytes([0]))
 
@@ -98,35 +98,35 @@ def test_bits_written_by_several_threads_are_all_there(rig: Rig, io: IoDriver) -
         thread.start()
     for thread in threads:
         thread.join(20.0)
-    outputs(rig, io, bytes([0xFF]), byte)
+    outputs(harness, io, bytes([0xFF]), byte)
 
 
-def test_reading_does_not_block(rig: Rig, io: IoDriver) -> None:
+def test_reading_does_not_block(harness: Harness, io: IoDriver) -> None:
     durations = list[float]()
     for _ in range(200):
         with timed(durations):
             io.read_outputs(0, 1)
-    assert median(durations) < 0.25 * rig.period_s
+    assert median(durations) < 0.25 * harness.period_s
 
 
-def test_an_input_shows_its_sensor(rig: Rig, io: IoDriver, bench: Bench) -> None:
+def test_an_input_shows_its_sensor(harness: Harness, io: IoDriver, injector: FaultInjector) -> None:
     if io.input_bytes == 0:
         pytest.skip("the device has no inputs")
     for value in (True, False):
-        bench.set_input_bit(0, 3, value)
-        rig.until(partial(follows, rig, value), "the input follows its sensor")
+        injector.set_input_bit(0, 3, value)
+        harness.until(partial(follows, harness, value), "the input follows its sensor")
 
 
-def follows(rig: Rig, value: bool) -> bool:
-    return rig.robot.io.input_bit(0, 3) is value
+def follows(harness: Harness, value: bool) -> bool:
+    return harness.robot.io.input_bit(0, 3) is value
 
 
-def test_addresses_outside_are_refused(rig: Rig, io: IoDriver) -> None:
+def test_addresses_outside_are_refused(harness: Harness, io: IoDriver) -> None:
     for call in (
-        lambda: rig.robot.io.set_output_bit(io.output_bytes, 0, True),
-        lambda: rig.robot.io.set_output_bit(0, 8, True),
-        lambda: rig.robot.io.output_bytes(io.output_bytes - 1, 2),
-        lambda: rig.robot.io.input_bytes(-1, 1),
+        lambda: harness.robot.io.set_output_bit(io.output_bytes, 0, True),
+        lambda: harness.robot.io.set_output_bit(0, 8, True),
+        lambda: harness.robot.io.output_bytes(io.output_bytes - 1, 2),
+        lambda: harness.robot.io.input_bytes(-1, 1),
     ):
         with pytest.raises(InvalidArgument):
             call()

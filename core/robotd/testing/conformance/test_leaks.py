@@ -9,17 +9,17 @@ from contextlib import suppress
 from pathlib import Path
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.testing.conformance.rig import MakeRig
+from robotd.testing.conformance.harness import MakeHarness
 
 ROUNDS = 3
 
 
-def run_once(make_rig: MakeRig) -> None:
-    rig = make_rig()
-    rig.up()
-    rig.move(rig.all, rig.image.position_command + rig.travel(0.1))
-    rig.rest()
-    rig.down()
+def run_once(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    harness.move(harness.all, harness.image.position_command + harness.travel(0.1))
+    harness.rest()
+    harness.down()
 
 
 def settles(condition: Callable[[], bool]) -> bool:
@@ -27,11 +27,11 @@ def settles(condition: Callable[[], bool]) -> bool:
     return wait_until(condition, 2.0, MonotonicClock(), 0.02)
 
 
-def test_no_thread_is_left(make_rig: MakeRig) -> None:
-    make_rig()
+def test_no_thread_is_left(make_harness: MakeHarness) -> None:
+    make_harness()
     before = set(threading.enumerate())
     for _ in range(ROUNDS):
-        run_once(make_rig)
+        run_once(make_harness)
 
     def left() -> list[str]:
         return [thread.name for thread in threading.enumerate() if thread not in before]
@@ -39,9 +39,9 @@ def test_no_thread_is_left(make_rig: MakeRig) -> None:
     assert settles(lambda: not left()), f"threads left behind: {left()}"
 
 
-def test_no_handle_is_left(make_rig: MakeRig) -> None:
+def test_no_handle_is_left(make_harness: MakeHarness) -> None:
     folder = Path("/proc/self/fd")
-    run_once(make_rig)  # what is opened once for the process, such as a log, may stay
+    run_once(make_harness)  # what is opened once for the process, such as a log, may stay
 
     def handles() -> dict[str, str]:
         gc.collect()
@@ -53,17 +53,17 @@ def test_no_handle_is_left(make_rig: MakeRig) -> None:
 
     before = handles()
     for _ in range(ROUNDS):
-        run_once(make_rig)
+        run_once(make_harness)
     enough = settles(lambda: len(handles()) <= len(before))
     left = [target for name, target in handles().items() if name not in before]
     assert enough, f"handles left behind: {left}"
 
 
-def test_no_process_is_left(make_rig: MakeRig) -> None:
+def test_no_process_is_left(make_harness: MakeHarness) -> None:
     def children() -> set[str]:
         tasks = Path("/proc/self/task").glob("*/children")
         return {pid for task in tasks for pid in task.read_text(encoding="ascii").split()}
 
     before = children()
-    run_once(make_rig)
+    run_once(make_harness)
     assert settles(lambda: children() <= before), f"processes left behind: {children() - before}"

@@ -11,7 +11,7 @@ import numpy as np
 from robotd.device.capabilities import Capability
 from robotd.device.state import Operation
 from robotd.errors import OperationError
-from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.stopwatch import timed
 
 SECONDS = 1.0
@@ -40,10 +40,10 @@ def together(*works: Callable[[], None], seconds: float = SECONDS) -> list[BaseE
     return errors
 
 
-def start(make_rig: MakeRig) -> tuple[Rig, list[float], list[str]]:
+def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
     """A rig in real time whose reads are watched: durations, and what they raised."""
-    rig = make_rig(real_time=True)
-    read, durations_s, failures = rig.parts.driver.read, list[float](), list[str]()
+    harness = make_harness(real_time=True)
+    read, durations_s, failures = harness.parts.driver.read, list[float](), list[str]()
 
     def watched(image: object) -> None:
         try:
@@ -53,77 +53,81 @@ def start(make_rig: MakeRig) -> tuple[Rig, list[float], list[str]]:
             failures.append(f"{type(error).__name__}: {error}")
             raise
 
-    rig.parts.driver.read = watched  # type: ignore[method-assign]
-    rig.up()
-    return rig, durations_s, failures
+    harness.parts.driver.read = watched  # type: ignore[method-assign]
+    harness.up()
+    return harness, durations_s, failures
 
 
-def test_commands_to_all_axes_at_once(make_rig: MakeRig) -> None:
-    rig, durations_s, failures = start(make_rig)
-    home, travel = rig.image.position_command.copy(), rig.travel(0.3)
-    counters = [0] * rig.count
+def test_commands_to_all_axes_at_once(make_harness: MakeHarness) -> None:
+    harness, durations_s, failures = start(make_harness)
+    home, travel = harness.image.position_command.copy(), harness.travel(0.3)
+    counters = [0] * harness.count
 
     def command(axis: int) -> Callable[[], None]:
         def work() -> None:
             counters[axis] += 1
             sign = 1.0 if counters[axis] % 2 else -1.0
-            rig.move([axis], home + sign * travel)
+            harness.move([axis], home + sign * travel)
             time.sleep(0.01)
             if counters[axis] % 5 == 0:
-                rig.robot.axes.stop([axis])
-                rig.until(lambda: rig.image.operation[axis] == Operation.IDLE, "a stop ends")
+                harness.robot.axes.stop([axis])
+                harness.until(
+                    lambda: harness.image.operation[axis] == Operation.IDLE, "a stop ends"
+                )
 
         return work
 
-    errors = together(*(command(axis) for axis in rig.all[:4]), *observers(rig))
+    errors = together(*(command(axis) for axis in harness.all[:4]), *observers(harness))
     assert not errors
     assert not failures
     check_not_blocked(durations_s)
-    rig.rest()
-    rig.move(rig.all, home)
-    rig.rest()
-    assert np.abs(rig.image.position - home).max() <= SETTLED_RAD
+    harness.rest()
+    harness.move(harness.all, home)
+    harness.rest()
+    assert np.abs(harness.image.position - home).max() <= SETTLED_RAD
 
 
-def test_switching_servos_does_not_disturb_the_cycle(make_rig: MakeRig) -> None:
-    rig, durations_s, failures = start(make_rig)
+def test_switching_servos_does_not_disturb_the_cycle(make_harness: MakeHarness) -> None:
+    harness, durations_s, failures = start(make_harness)
 
     def switch(axis: int) -> Callable[[], None]:
         def work() -> None:
-            rig.robot.axes.servo(axis, False)
-            rig.robot.axes.clear_alarm(axis)
-            rig.robot.axes.servo(axis, True)
+            harness.robot.axes.servo(axis, False)
+            harness.robot.axes.clear_alarm(axis)
+            harness.robot.axes.servo(axis, True)
 
         return work
 
-    cycles = rig.robot.cycle.stats.cycles
-    errors = together(*(switch(axis) for axis in rig.all[:4]), *observers(rig))
+    cycles = harness.robot.control_loop.stats.cycles
+    errors = together(*(switch(axis) for axis in harness.all[:4]), *observers(harness))
     assert not errors
     assert not failures
     check_not_blocked(durations_s)
-    periods = rig.robot.cycle.stats.cycles - cycles
-    assert periods > 0.2 * SECONDS / rig.period_s, f"commands held up the cycle: {periods} periods"
-    rig.until(lambda: bool(rig.image.servo_on.all()), "all servos are on at the end")
+    periods = harness.robot.control_loop.stats.cycles - cycles
+    assert periods > 0.2 * SECONDS / harness.period_s, (
+        f"commands held up the cycle: {periods} periods"
+    )
+    harness.until(lambda: bool(harness.image.servo_on.all()), "all servos are on at the end")
 
 
-def test_communication_may_stop_and_start_while_others_ask(make_rig: MakeRig) -> None:
-    rig, _, failures = start(make_rig)
-    engine = rig.robot.engine
+def test_communication_may_stop_and_start_while_others_ask(make_harness: MakeHarness) -> None:
+    harness, _, failures = start(make_harness)
+    connection = harness.robot.connection
 
     def restart() -> None:
-        engine.stop_communication()
-        engine.start_communication()
+        connection.stop_communication()
+        connection.start_communication()
 
     def ask() -> None:
         try:
-            rig.robot.axes.clear_alarm(0)
+            harness.robot.axes.clear_alarm(0)
         except OperationError:
             time.sleep(0.001)  # refused while it is down: that is right
 
-    errors = together(restart, ask, *observers(rig), seconds=0.5)
+    errors = together(restart, ask, *observers(harness), seconds=0.5)
     assert not errors
     assert not failures
-    rig.until(lambda: engine.ready, "the engine is ready at the end")
+    harness.until(lambda: connection.ready, "the engine is ready at the end")
 
 
 def check_not_blocked(durations_s: list[float]) -> None:
@@ -131,31 +135,31 @@ def check_not_blocked(durations_s: list[float]) -> None:
     assert blocked_s < BLOCKED_SHARE * SECONDS, f"commands held up the cycle for {blocked_s:.2f} s"
 
 
-def observers(rig: Rig) -> list[Callable[[], None]]:
+def observers(harness: Harness) -> list[Callable[[], None]]:
     """What clients ask for all the time."""
-    works: list[Callable[[], None]] = [lambda: look(rig)]
-    if rig.can(Capability.FIELDBUS):
-        works.append(lambda: ask_fieldbus(rig))
-    if rig.can(Capability.IO) and rig.parts.io_driver is not None:
-        works.append(lambda: read_io(rig))
+    works: list[Callable[[], None]] = [lambda: look(harness)]
+    if harness.can(Capability.FIELDBUS):
+        works.append(lambda: ask_fieldbus(harness))
+    if harness.can(Capability.IO) and harness.parts.io_driver is not None:
+        works.append(lambda: read_io(harness))
     return works
 
 
-def look(rig: Rig) -> None:
-    rig.parts.device.state()
-    rig.image.copy()
+def look(harness: Harness) -> None:
+    harness.parts.device.state()
+    harness.image.copy()
     time.sleep(0.001)
 
 
-def ask_fieldbus(rig: Rig) -> None:
-    driver = rig.parts.fieldbus_driver
+def ask_fieldbus(harness: Harness) -> None:
+    driver = harness.parts.fieldbus_driver
     assert driver is not None
     driver.network_state(0)
     time.sleep(0.005)
 
 
-def read_io(rig: Rig) -> None:
-    driver = rig.parts.io_driver
+def read_io(harness: Harness) -> None:
+    driver = harness.parts.io_driver
     assert driver is not None
     driver.read_outputs(0, driver.output_bytes)
     driver.read_inputs(0, driver.input_bytes)

@@ -6,212 +6,220 @@ import numpy as np
 import pytest
 
 from robotd.device.axes import Jog
-from robotd.device.bench import Bench
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import Profile
-from robotd.device.image import ProcessImage
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.testing.conformance.attempts import judge
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.recording import Recording
-from robotd.testing.conformance.rig import SETTLED_RAD, MakeRig, Rig
 
 LAG_S = 0.03  # granted between a commanded and a measured value
 
 
-def test_a_commanded_radian_is_a_measured_radian(rig: Rig) -> None:
-    start = rig.image.position.copy()
+def test_a_commanded_radian_is_a_measured_radian(harness: Harness) -> None:
+    start = harness.image.position.copy()
     for sign in (1.0, -1.0):
-        distance = sign * rig.travel()
-        targets = rig.image.position_command + distance
-        rig.move(rig.all, targets)
-        rig.rest()
-        assert rig.image.position == pytest.approx(targets, abs=SETTLED_RAD)
-    assert rig.image.position == pytest.approx(start, abs=SETTLED_RAD)
+        distance = sign * harness.travel()
+        targets = harness.image.position_command + distance
+        harness.move(harness.all, targets)
+        harness.rest()
+        assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+    assert harness.image.position == pytest.approx(start, abs=SETTLED_RAD)
 
 
-def test_each_axis_moves_alone(rig: Rig) -> None:
-    for axis, distance in zip(rig.all, rig.travel(0.2), strict=True):
-        before = rig.image.position.copy()
-        rig.move([axis], before + distance)
-        rig.rest([axis])
+def test_each_axis_moves_alone(harness: Harness) -> None:
+    for axis, distance in zip(harness.all, harness.travel(0.2), strict=True):
+        before = harness.image.position.copy()
+        harness.move([axis], before + distance)
+        harness.rest([axis])
         before[axis] += distance
-        assert rig.image.position == pytest.approx(before, abs=SETTLED_RAD)
+        assert harness.image.position == pytest.approx(before, abs=SETTLED_RAD)
 
 
-def test_a_streamed_radian_is_a_measured_radian(rig: Rig) -> None:
-    if rig.robot.axes.trajectories_on_device:
+def test_a_streamed_radian_is_a_measured_radian(harness: Harness) -> None:
+    if harness.robot.axes.trajectories_on_device:
         pytest.skip("positions are not streamed: trajectories run on the device")
-    start = rig.image.position_command.copy()
-    end = start + rig.travel(0.3)
-    stream_ramp(rig, start, end, seconds=1.0)
-    assert rig.image.position == pytest.approx(end, abs=SETTLED_RAD)
+    start = harness.image.position_command.copy()
+    end = start + harness.travel(0.3)
+    stream_ramp(harness, start, end, seconds=1.0)
+    assert harness.image.position == pytest.approx(end, abs=SETTLED_RAD)
 
 
-def test_the_measured_position_is_that_of_the_shaft(rig: Rig, bench: Bench) -> None:
-    start = np.array([bench.position(axis) for axis in rig.all])
-    assert rig.image.position == pytest.approx(start, abs=SETTLED_RAD)
-    distance = rig.travel()
-    rig.move(rig.all, rig.image.position_command + distance)
-    rig.rest()
-    end = np.array([bench.position(axis) for axis in rig.all])
+def test_the_measured_position_is_that_of_the_shaft(
+    harness: Harness, injector: FaultInjector
+) -> None:
+    start = np.array([injector.position(axis) for axis in harness.all])
+    assert harness.image.position == pytest.approx(start, abs=SETTLED_RAD)
+    distance = harness.travel()
+    harness.move(harness.all, harness.image.position_command + distance)
+    harness.rest()
+    end = np.array([injector.position(axis) for axis in harness.all])
     assert end - start == pytest.approx(distance, abs=2 * SETTLED_RAD)
 
 
-def test_the_velocity_is_the_slope_of_the_position(rig: Rig) -> None:
+def test_the_velocity_is_the_slope_of_the_position(harness: Harness) -> None:
     def motion() -> Recording:
-        with rig.recording() as recording:
-            rig.move(rig.all, rig.image.position_command + rig.travel())
-            rig.rest()
+        with harness.recording() as recording:
+            harness.move(harness.all, harness.image.position_command + harness.travel())
+            harness.rest()
         return recording
 
     def problems(recording: Recording) -> list[str]:
         times_s, slope = recording.slope(recording.position, 0.02)
         found = []
-        for axis in rig.all:
+        for axis in harness.all:
             measured = np.interp(times_s, recording.time_s, recording.velocity[:, axis])
-            profile, error = rig.profile(axis), np.abs(measured - slope[:, axis]).max()
+            profile, error = harness.profile(axis), np.abs(measured - slope[:, axis]).max()
             if error > 0.05 * profile.velocity + LAG_S * profile.acceleration:
                 found.append(f"axis {axis}: measured {error:.3g} rad/s beside the slope")
         return found
 
-    judge(rig, motion, problems)
+    judge(harness, motion, problems)
 
 
-def test_the_commands_in_the_image_are_those_that_were_given(rig: Rig) -> None:
-    with rig.recording() as recording:
-        targets = rig.image.position_command + rig.travel()
-        rig.move(rig.all, targets)
-        rig.rest()
+def test_the_commands_in_the_image_are_those_that_were_given(harness: Harness) -> None:
+    with harness.recording() as recording:
+        targets = harness.image.position_command + harness.travel()
+        harness.move(harness.all, targets)
+        harness.rest()
     assert recording.position_command[-1] == pytest.approx(targets, abs=SETTLED_RAD)
-    for axis in rig.all:
-        profile = rig.profile(axis)
+    for axis in harness.all:
+        profile = harness.profile(axis)
         error = np.abs(recording.position_command[:, axis] - recording.position[:, axis])
         assert error.max() <= SETTLED_RAD + LAG_S * profile.velocity
         top = np.abs(recording.velocity_command[:, axis]).max()
         assert top <= 1.02 * profile.velocity
 
 
-def test_torque_is_finite_or_not_known(rig: Rig) -> None:
-    rig.move(rig.all, rig.image.position_command + rig.travel(0.3))
-    rig.periods(10)
-    assert not np.isinf(rig.image.torque).any()
-    rig.rest()
+def test_torque_is_finite_or_not_known(harness: Harness) -> None:
+    harness.move(harness.all, harness.image.position_command + harness.travel(0.3))
+    harness.periods(10)
+    assert not np.isinf(harness.image.torque).any()
+    harness.rest()
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_a_positive_velocity_raises_the_position(make_rig: MakeRig) -> None:
-    rig = make_rig()
-    rig.up()
-    for axis in rig.all:
-        rig.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
-    rig.until(lambda: bool((rig.image.mode == CommandMode.VELOCITY).all()), "all in velocity mode")
-    speeds = np.sign(rig.travel()) * [rig.profile(axis, 0.3).velocity for axis in rig.all]
-    start = rig.image.position.copy()
-    jog(rig, speeds)
-    rig.let(0.5)
-    assert rig.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
-    jog(rig, 0.0 * speeds)
-    rig.rest()
-    assert (np.sign(rig.image.position - start) == np.sign(speeds)).all()
+def test_a_positive_velocity_raises_the_position(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    for axis in harness.all:
+        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    harness.until(
+        lambda: bool((harness.image.mode == CommandMode.VELOCITY).all()), "all in velocity mode"
+    )
+    speeds = np.sign(harness.travel()) * [
+        harness.profile(axis, 0.3).velocity for axis in harness.all
+    ]
+    start = harness.image.position.copy()
+    jog(harness, speeds)
+    harness.let(0.5)
+    assert harness.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
+    jog(harness, 0.0 * speeds)
+    harness.rest()
+    assert (np.sign(harness.image.position - start) == np.sign(speeds)).all()
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_a_streamed_velocity_is_a_measured_velocity(make_rig: MakeRig) -> None:
-    rig = make_rig()
-    rig.up()
-    for axis in rig.all:
-        rig.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
-    speeds = np.sign(rig.travel()) * [rig.profile(axis, 0.3).velocity for axis in rig.all]
-    unknown, began_ns = np.full(rig.count, np.nan), rig.clock.now_ns()
+def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    for axis in harness.all:
+        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    speeds = np.sign(harness.travel()) * [
+        harness.profile(axis, 0.3).velocity for axis in harness.all
+    ]
+    unknown, began_ns = np.full(harness.count, np.nan), harness.clock.now_ns()
 
     def setpoint(image: ProcessImage) -> None:
-        share = min((rig.clock.now_ns() - began_ns) * 1e-9 / 0.3, 1.0)
-        rig.parts.driver.stream(unknown, share * speeds)
+        share = min((harness.clock.now_ns() - began_ns) * 1e-9 / 0.3, 1.0)
+        harness.parts.driver.stream(unknown, share * speeds)
 
-    claim = rig.robot.axes.claimed("conformance", rig.all, CommandMode.VELOCITY)
-    with claim, rig.each_period(setpoint):
-        rig.let(0.5)
-        assert rig.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
-    rig.rest()
-
-
-@pytest.mark.needs(Capability.SCALING)
-def test_polarity_turns_the_sign(make_rig: MakeRig) -> None:
-    rig = rescalable(make_rig)
-    for axis in rig.all:
-        rig.robot.axes.set_polarity(axis, 1)
-    rig.periods(5)
-    before = rig.image.position.copy()
-    for axis in rig.all:
-        rig.robot.axes.set_polarity(axis, -1)
-    rig.periods(5)
-    assert rig.image.position == pytest.approx(-before, abs=SETTLED_RAD)
+    claim = harness.robot.axes.claimed("conformance", harness.all, CommandMode.VELOCITY)
+    with claim, harness.each_period(setpoint):
+        harness.let(0.5)
+        assert harness.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
+    harness.rest()
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_the_gear_ratio_counts_units(make_rig: MakeRig) -> None:
-    rig = rescalable(make_rig)
+def test_polarity_turns_the_sign(make_harness: MakeHarness) -> None:
+    harness = rescalable(make_harness)
+    for axis in harness.all:
+        harness.robot.axes.set_polarity(axis, 1)
+    harness.periods(5)
+    before = harness.image.position.copy()
+    for axis in harness.all:
+        harness.robot.axes.set_polarity(axis, -1)
+    harness.periods(5)
+    assert harness.image.position == pytest.approx(-before, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.SCALING)
+def test_the_gear_ratio_counts_units(make_harness: MakeHarness) -> None:
+    harness = rescalable(make_harness)
     moved = []
     for numerator in (2.0**18, 2.0**19):
-        for axis in rig.all:
-            rig.robot.axes.set_gear_ratio(axis, numerator, 2.0 * np.pi)
-        rig.periods(5)
-        moved.append(rig.image.position.copy())
+        for axis in harness.all:
+            harness.robot.axes.set_gear_ratio(axis, numerator, 2.0 * np.pi)
+        harness.periods(5)
+        moved.append(harness.image.position.copy())
     assert moved[0] == pytest.approx(2.0 * moved[1], abs=SETTLED_RAD)
 
 
 @pytest.mark.needs(Capability.HOMING)
-def test_homing_makes_the_position_zero_and_moves_nothing(make_rig: MakeRig) -> None:
-    rig = make_rig()
-    rig.up()
-    if not rig.may_rescale():
+def test_homing_makes_the_position_zero_and_moves_nothing(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
-    rig.move(rig.all, rig.image.position_command + rig.travel())
-    rig.rest()
-    bench = rig.bench
-    for axis in rig.all:
-        rig.robot.axes.home(axis)
-    rig.rest()
-    assert rig.image.home_done.all()
-    assert rig.image.position == pytest.approx(np.zeros(rig.count), abs=SETTLED_RAD)
-    assert rig.image.position_command == pytest.approx(np.zeros(rig.count), abs=SETTLED_RAD)
-    assert bench is None or not rig.image.velocity.any()
+    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.rest()
+    injector = harness.fault_injector
+    for axis in harness.all:
+        harness.robot.axes.home(axis)
+    harness.rest()
+    assert harness.image.home_done.all()
+    assert harness.image.position == pytest.approx(np.zeros(harness.count), abs=SETTLED_RAD)
+    assert harness.image.position_command == pytest.approx(np.zeros(harness.count), abs=SETTLED_RAD)
+    assert injector is None or not harness.image.velocity.any()
 
 
 NO_WAY_BACK = "would change the drives' scale for good: the robot has no parameter file"
 
 
-def rescalable(make_rig: MakeRig) -> Rig:
+def rescalable(make_harness: MakeHarness) -> Harness:
     """A rig of its own, away from zero, with the servos off."""
-    rig = make_rig()
-    rig.up()
-    if not rig.may_rescale():
+    harness = make_harness()
+    harness.up()
+    if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
-    rig.move(rig.all, rig.image.position_command + rig.travel())
-    rig.rest()
-    for axis in rig.all:
-        rig.robot.axes.servo(axis, False)
-    rig.until(lambda: not rig.image.servo_on.any(), "all servos are off")
-    return rig
+    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.rest()
+    for axis in harness.all:
+        harness.robot.axes.servo(axis, False)
+    harness.until(lambda: not harness.image.servo_on.any(), "all servos are off")
+    return harness
 
 
-def jog(rig: Rig, speeds: np.ndarray) -> None:
+def jog(harness: Harness, speeds: np.ndarray) -> None:
     jogs = []
-    for axis in rig.all:
-        ramp = rig.profile(axis).acceleration
+    for axis in harness.all:
+        ramp = harness.profile(axis).acceleration
         jogs.append(Jog(axis, Profile(float(speeds[axis]), ramp, ramp)))
-    rig.robot.axes.jog(jogs)
+    harness.robot.axes.jog(jogs)
 
 
-def stream_ramp(rig: Rig, start: np.ndarray, end: np.ndarray, seconds: float) -> None:
+def stream_ramp(harness: Harness, start: np.ndarray, end: np.ndarray, seconds: float) -> None:
     """Stream a smooth way from ``start`` to ``end`` on every axis, as the cycle does it."""
-    driver, clock, began_ns = rig.parts.driver, rig.clock, rig.clock.now_ns()
+    driver, clock, began_ns = harness.parts.driver, harness.clock, harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
-        share = min((clock.now_ns() - began_ns) * 1e-9 / seconds + rig.period_s / seconds, 1.0)
+        share = min((clock.now_ns() - began_ns) * 1e-9 / seconds + harness.period_s / seconds, 1.0)
         way, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
         driver.stream(start + way * (end - start), slope * (end - start))
 
-    with rig.robot.axes.claimed("conformance", rig.all), rig.each_period(setpoint):
-        rig.let(seconds + 0.1)
-    rig.rest()
+    with harness.robot.axes.claimed("conformance", harness.all), harness.each_period(setpoint):
+        harness.let(seconds + 0.1)
+    harness.rest()

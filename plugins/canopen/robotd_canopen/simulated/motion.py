@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import IntEnum
 
-from robotd.plugin.api import Profile
+from robotd.api import Profile
 from robotd_canopen.simulated.homing import METHODS, Phase, Search
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.scale import Scale, Switches

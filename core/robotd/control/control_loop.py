@@ -1,0 +1,283 @@
+"""The cycle: one named thread with absolute deadlines.
+
+Each period: read the process image → watch its age → advance streamed trajectories → hand the
+image to the tasks that are due → sleep to the next deadline. A deadline that is missed is
+counted and skipped, never made up for in a burst.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from robotd.clock import NANOSECONDS, Clock, MonotonicClock
+from robotd.clock.simulated import PacedClock, SteppedClock
+from robotd.control.loop_statistics import LoopStatistics
+from robotd.control.setpoint_mixer import NOT_RUNNING, SetpointMixer
+from robotd.control.watchdog import SIMULATED_HANG_S, Watchdog, place_of
+from robotd.device.connection import Connection
+from robotd.device.drivers import AxisDriver
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import ConnectionState
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+
+log = get_logger("cycle")
+
+Task = Callable[[ProcessImage], None]
+
+PR_SET_TIMERSLACK = 29  # linux/prctl.h
+STOP_S = 2.0  # for the period that is under way to end; one that hangs is left to itself
+SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
+AHEAD_NS = 120_000  # who gives way begins nothing in so short a time before a period
+WAITS, WAIT_S = 6, 5e-5  # in fact 0.1 ms each: as long as the system takes to wake a thread
+
+
+@dataclass
+class _Periodic:
+    task: Task
+    name: str
+    period_ns: int
+    first: bool
+    due_ns: int = 0
+    failing: bool = False
+
+
+class ControlLoop:
+    """Owns the thread ``robotd-control``, the only caller of ``AxisDriver.read`` and ``stream``.
+
+    Args:
+        driver, engine, image: what is read, whether it may be, and where it goes.
+        streamer: advances trajectories.
+        rate_hz: periods per second.
+        realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
+        clock: what the deadlines are on. On a ``SteppedClock`` there is no thread: the cycle
+            runs in whoever sleeps on the clock.
+    """
+
+    def __init__(
+        self,
+        driver: AxisDriver,
+        connection: Connection,
+        image: ProcessImage,
+        mixer: SetpointMixer,
+        rate_hz: float,
+        *,
+        realtime_priority: int = 0,
+        clock: Clock | None = None,
+    ) -> None:
+        self.stats = LoopStatistics()
+        self.realtime = False
+        self.period_ns = round(NANOSECONDS / rate_hz)
+        self._driver = driver
+        self._connection = connection
+        self._image = image
+        self._mixer = mixer
+        self._priority = realtime_priority
+        clock = clock or MonotonicClock()
+        self._simulated = isinstance(clock, PacedClock)
+        self._clock: Clock = clock.leader if isinstance(clock, PacedClock) else clock
+        self._stale_after_ns = round(connection.settings.stale_after_s * NANOSECONDS)
+        self._communicating_since_ns = 0
+        self._tasks: list[_Periodic] = []
+        self._read_failure: str | None = None
+        self._lost: tuple[object, str] | None = None  # why nothing can be commanded, and in words
+        self._failing = False
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._due_ns = 0  # of the next period or the present one; 0: nobody has to wait for it
+        self._began_ns = 0  # in real time: simulated time stands while a driver hangs
+        limit_s = SIMULATED_HANG_S if self._simulated else connection.settings.stale_after_s
+        self._watchdog = Watchdog(self._age_ns, lambda: place_of(self._thread), limit_s, self._hang)
+
+    def every(self, rate_hz: float, name: str, task: Task, *, first: bool = False) -> None:
+        """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.
+
+        Only while the engine communicates. A task must not block; what it raises is logged
+        once and does not stop the cycle. Any thread may call, also while the cycle runs.
+
+        Args:
+            rate_hz: in periods of the cycle's own clock.
+            name: for the log.
+            task: called with the image.
+            first: before the image is read, and whether or not the engine communicates.
+        """
+        self._tasks.append(_Periodic(task, name, round(NANOSECONDS / rate_hz), first))
+
+    def delay(self, seconds: float) -> None:
+        """For a task that plays a fault: the present period takes ``seconds`` longer."""
+        if self._simulated:
+            self._began_ns = 0  # however long that takes in real time, no driver hangs
+        self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NANOSECONDS))
+        self._began_ns = MonotonicClock.now_ns()
+
+    def start(self) -> None:
+        """Begin; a cycle that runs already goes on. For one thread; not again after ``stop``."""
+        if isinstance(self._clock, SteppedClock):
+            self._clock.attach(self.period_ns, self.period)
+        elif self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="robotd-control", daemon=True)
+            self._thread.start()
+            self._watchdog.start()
+
+    def stop(self) -> None:
+        """End the thread after its period; returns when it is gone. Twice is not an error."""
+        self._stop.set()
+        self._watchdog.stop()
+        if isinstance(self._clock, SteppedClock):
+            self._clock.detach()
+        if self._thread is not None:
+            self._thread.join(STOP_S)
+            if self._thread.is_alive():
+                log.error("the cycle hangs and was left to itself")
+        self._mixer.device_lost(NOT_RUNNING)
+
+    def period(self, deadline_ns: int) -> int:
+        """The period of a deadline that has come; returns the next deadline.
+
+        Called by the thread, or by a ``SteppedClock``.
+        """
+        period_ns, stats = self.period_ns, self.stats
+        start_ns = self._clock.now_ns()
+        late_ns = start_ns - deadline_ns
+        if late_ns >= period_ns:
+            skipped = late_ns // period_ns
+            stats.missed += skipped
+            deadline_ns += skipped * period_ns
+        self._began_ns = MonotonicClock.now_ns()
+        self.step(deadline_ns)
+        self._began_ns = 0
+        stats.record(late_ns, start_ns, self._clock.now_ns())
+        deadline_ns += period_ns
+        if not self._simulated:
+            self._due_ns = deadline_ns
+        return deadline_ns
+
+    def yield_to_control_loop(self) -> None:
+        """Wait while a period is about to begin or under way, 1 ms at most. Any other thread.
+
+        For threads that run one short piece of Python after the other. They give the interpreter
+        back between two pieces and take it again, sooner than the thread that it was given to
+        wakes up. Each time that thread begins to wait anew, and so it never comes to demand the
+        interpreter, after ``SWITCH_INTERVAL_S``. A burst of 50 messages kept the cycle for 2 ms.
+        """
+        for _ in range(WAITS):
+            if not self._due_ns or self._clock.now_ns() < self._due_ns - AHEAD_NS:
+                return
+            time.sleep(WAIT_S)
+
+    def step(self, time_ns: int) -> None:
+        """What a period does, at its nominal time ``time_ns``.
+
+        The nominal time, not the jittery real one, drives trajectories. Called by ``period``,
+        or by a test that owns the clock. What goes wrong is logged once and ends all motion,
+        never the cycle.
+        """
+        try:
+            self._run_tasks(time_ns, first=True)
+            self._live(time_ns)
+            self._failing = False
+        except Exception as error:
+            if not self._failing:
+                log.exception("a period of the cycle failed")
+            self._failing = True
+            self._mixer.device_lost(f"{type(error).__name__}: {error}")
+
+    def _live(self, time_ns: int) -> None:
+        state = self._connection.update_ready()
+        if state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
+            self._lose(state, f"engine is {state.value}")
+            if self._communicating_since_ns:
+                self._communicating_since_ns = 0
+                self._connection.set_stale(False)
+                self._image.forget()
+            return
+        self._read(time_ns)
+        if self._is_fresh(time_ns):
+            self._mixer.advance(time_ns, self._image)
+        self._run_tasks(time_ns, first=False)
+
+    def _run(self) -> None:
+        self._prepare_thread()
+        deadline_ns = self._clock.now_ns() + self.period_ns
+        while not self._stop.is_set():
+            self._clock.sleep_until_ns(deadline_ns)
+            deadline_ns = self.period(deadline_ns)
+        self._due_ns = 0
+
+    def _age_ns(self) -> int:
+        began_ns = self._began_ns
+        return MonotonicClock.now_ns() - began_ns if began_ns else 0
+
+    def _hang(self, reason: str) -> None:
+        """Watchdog: no command any more; what runs has failed; the axes are asked to stop."""
+        self._connection.abandon(reason)
+        self._mixer.device_lost(reason)
+        try:
+            self._driver.stop(range(self._image.axes))
+        except RobotdError as error:
+            log.error("stopping the axes failed", reason=str(error))
+
+    def _prepare_thread(self) -> None:
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
+        if self._priority:
+            try:
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self._priority))
+                self.realtime = True
+            except PermissionError:
+                self.realtime = False
+
+    def _read(self, time_ns: int) -> None:
+        image = self._image
+        image.begin_write()
+        try:
+            self._driver.read(image)
+            image.stamp_ns = time_ns
+            self._read_failure = None
+        except Exception as error:
+            if self._read_failure is None:
+                log.exception("reading the process image failed")
+            self._read_failure = f"{type(error).__name__}: {error}"
+        finally:
+            image.end_write()
+
+    def _is_fresh(self, time_ns: int) -> bool:
+        """Whether the values are young enough to be true; else the engine is not ready."""
+        if self._communicating_since_ns == 0:
+            self._communicating_since_ns = time_ns
+        age_ns = time_ns - max(self._image.fresh_ns, self._communicating_since_ns)
+        stale = age_ns > self._stale_after_ns
+        self._connection.set_stale(stale)
+        if stale:
+            old = f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
+            self._lose(self._read_failure, self._read_failure or old)
+        else:
+            self._lost = None
+        return not stale
+
+    def _lose(self, why: object, reason: str) -> None:
+        """Nothing can be commanded. The device is asked for its reason once for each ``why``."""
+        if self._lost is None or self._lost[0] != why:
+            self._lost = why, ": ".join(filter(None, (reason, self._connection.fault)))
+        self._mixer.device_lost(self._lost[1])
+
+    def _run_tasks(self, time_ns: int, *, first: bool) -> None:
+        slack_ns = self.period_ns // 2
+        for periodic in self._tasks:
+            if periodic.first is not first or time_ns + slack_ns < periodic.due_ns:
+                continue
+            behind = time_ns - periodic.due_ns > periodic.period_ns
+            periodic.due_ns = (time_ns if behind else periodic.due_ns) + periodic.period_ns
+            try:
+                periodic.task(self._image)
+                periodic.failing = False
+            except Exception:
+                if not periodic.failing:
+                    log.exception("a task of the cycle failed", task=periodic.name)
+                periodic.failing = True

@@ -1,0 +1,152 @@
+"""A trajectory that the device interpolates: handed over whole, watched by the cycle.
+
+The core keeps the verdict (tolerances, faults, standstill) and the device the setpoints, so
+what the joints are asked for is what the device reports, not what the core would compute.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
+from robotd.control.trajectory_execution import Outcome, Phase, TrajectoryExecution
+from robotd.device.drivers import AxisDriver
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import Operation
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+from robotd.motion import Interpolation, JointLimits, MotionState, Tolerances, Trajectory
+
+log = get_logger("trajectory")
+
+STEP_S = 0.01  # spacing of the points that stand for a path that is no cubic spline
+ZERO_TWIST = 1e-6  # rad or m; a path shorter than this is none, and no device needs to be asked
+OVERTIME_S = 2.0  # how long after its time the device may still be on its way
+
+
+class DeviceExecution(TrajectoryExecution):
+    """As ``TrajectoryExecution``, for a device with the capability TRAJECTORIES_ON_DEVICE.
+
+    Its own thread makes the two calls that may block, ``follow`` and ``stop``: the first when
+    the cycle begins to watch, the second whenever it ends in another way than arriving.
+
+    Args:
+        driver: the axes; the others are those of ``TrajectoryExecution``.
+        max_points: the device's points per trajectory.
+    """
+
+    streams = False
+
+    def __init__(
+        self,
+        driver: AxisDriver,
+        max_points: int,
+        trajectory: Trajectory,
+        axes: IntArray,
+        limits: JointLimits,
+        tolerances: Tolerances,
+        start_ns: int,
+        stopped_velocity: float,
+    ) -> None:
+        super().__init__(trajectory, axes, limits, tolerances, start_ns, stopped_velocity)
+        self._start_ns = start_ns
+        self._driver = driver
+        self._times_s, self._points = device_points(trajectory, max_points)
+        self._still = bool(np.ptp(self._points, axis=0).max() < ZERO_TWIST)
+        self._watched = threading.Event()
+        self._ended = threading.Event()
+        self._started = self._seen_moving = self._stop_sent = False
+
+    def begin(self) -> None:
+        threading.Thread(target=self._conduct, name="robotd-trajectory", daemon=True).start()
+
+    def preempt(self) -> None:
+        """A new goal waits: stop, and end as PREEMPTED. Any thread."""
+        self._end(Outcome.PREEMPTED, "preempted by a new goal")
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """None: the device takes no other trajectory before this one has ended."""
+        return None
+
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
+        if time_ns >= self._start_ns:
+            self._watched.set()
+        super().advance(time_ns, period_ns, image)
+
+    def finish(self, outcome: Outcome, message: str) -> None:
+        super().finish(outcome, message)
+        self._watched.set()
+        self._ended.set()
+
+    def _end(self, outcome: Outcome, message: str) -> None:
+        super()._end(outcome, message)
+        self._watched.set()
+        self._ended.set()
+
+    def _observe(self, image: ProcessImage) -> None:
+        self.setpoint[:] = image.commands[:, self.columns]
+        super()._observe(image)
+
+    def _begin_stop(self, time_ns: int) -> None:
+        self._watched.set()
+        self._ended.set()
+        self._enter(Phase.RESTING, time_ns)
+
+    def _obeyed(self, image: ProcessImage) -> bool:
+        return True  # ``_move_on`` tells an arrival from a stop
+
+    def _move_on(self, due_ns: int, time_ns: int, image: ProcessImage) -> None:
+        moving = (image.operation[self._axes] == Operation.STREAM).any()
+        self._seen_moving |= bool(moving)
+        if not self._started:
+            self.start_ns = time_ns
+        self._time_s = (time_ns - self.start_ns) / NANOSECONDS
+        over_s = self._time_s - self.trajectory.duration_s
+        if moving and over_s > OVERTIME_S:
+            self._end(Outcome.FAULT, f"the device is still moving {over_s:.1f} s after its time")
+        elif not moving and (self._seen_moving or over_s > 0.0):
+            if self._still or image.motion_complete[self._axes].all():
+                self._enter(Phase.ARRIVING, time_ns)
+            else:
+                self._end(Outcome.FAULT, f"the device stopped at {self._time_s:.3f} s by itself")
+
+    def _rest(self, time_ns: int, image: ProcessImage) -> None:
+        if not self._stop_sent:  # a standstill before the stop proves nothing
+            self._enter(Phase.RESTING, time_ns)
+            return
+        if (image.operation[self._axes] != Operation.IDLE).any():
+            self._settled_periods = 0  # at the end of a stop the device is slow, and not done
+        super()._rest(time_ns, image)
+
+    def _conduct(self) -> None:
+        self._watched.wait()
+        try:
+            if not self.ending and not self.done:
+                if not self._still:
+                    self._driver.follow(self._axes.tolist(), self._times_s, self._points)
+                self._started = True
+                self._ended.wait()
+        except RobotdError as error:
+            self._end(Outcome.FAULT, str(error))
+        if self.outcome is not Outcome.SUCCEEDED:
+            try:
+                self._driver.stop(self._axes.tolist())
+            except RobotdError as error:
+                log.error("stopping a trajectory failed", reason=str(error))
+        self._stop_sent = True
+
+
+def device_points(trajectory: Trajectory, max_points: int) -> tuple[FloatArray, FloatArray]:
+    """Times (k,) and positions (k, m) through which a cubic spline at rest at both ends runs.
+
+    The knots where the path is such a spline; for other kinds samples of the path, so close
+    together that the difference does not matter.
+    """
+    if trajectory.kind is Interpolation.CUBIC_SPLINE:
+        return trajectory.breaks, np.ascontiguousarray(trajectory.knot_positions)
+    count = int(np.clip(np.ceil(trajectory.duration_s / STEP_S), 2, max_points - 1))
+    times_s = np.linspace(0.0, trajectory.duration_s, count + 1)
+    return times_s, np.ascontiguousarray(trajectory.evaluate(times_s)[0])

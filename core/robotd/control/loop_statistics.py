@@ -1,0 +1,99 @@
+"""How well the cycle keeps its time: lateness, execution time, missed deadlines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.arrays import IntArray
+
+WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
+
+
+@dataclass(frozen=True)
+class LoopReport:
+    """A snapshot; times in microseconds, over the last ``samples`` periods.
+
+    Attributes:
+        cycles, missed: periods run and deadlines missed since the start.
+        rate_hz: the rate really held over the window; NaN before the second period.
+        lateness_p50_us, lateness_p99_us, lateness_max_us: wake-up after the deadline.
+        execution_p50_us, execution_p99_us, execution_max_us: work done in a period.
+    """
+
+    cycles: int
+    missed: int
+    samples: int
+    rate_hz: float
+    lateness_p50_us: float
+    lateness_p99_us: float
+    lateness_max_us: float
+    execution_p50_us: float
+    execution_p99_us: float
+    execution_max_us: float
+
+
+@dataclass(frozen=True, eq=False)
+class CycleSamples:
+    """The last periods one by one, oldest first; int64 nanoseconds of shape (samples,).
+
+    Attributes:
+        start_ns: monotonic time at which the work began.
+        lateness_ns: how long after the deadline that was.
+        execution_ns: how long the work took.
+    """
+
+    start_ns: IntArray
+    lateness_ns: IntArray
+    execution_ns: IntArray
+
+
+class LoopStatistics:
+    """Ring buffers written by the cycle thread; ``report`` may be called by any thread."""
+
+    def __init__(self) -> None:
+        self.cycles = 0
+        self.missed = 0
+        self._start_ns = np.zeros(WINDOW, np.int64)
+        self._lateness_ns = np.zeros(WINDOW, np.int64)
+        self._execution_ns = np.zeros(WINDOW, np.int64)
+
+    def record(self, late_ns: int, start_ns: int, end_ns: int) -> None:
+        """Cycle thread: one period, begun ``late_ns`` late, ran from ``start_ns`` to ``end_ns``."""
+        slot = self.cycles % WINDOW
+        self._start_ns[slot] = start_ns
+        self._lateness_ns[slot] = late_ns
+        self._execution_ns[slot] = end_ns - start_ns
+        self.cycles += 1
+
+    def samples(self) -> CycleSamples:
+        """The last ``WINDOW`` periods; call it when the cycle has ended, or the oldest may mix."""
+        first = max(0, self.cycles - WINDOW)
+        order = np.arange(first, self.cycles) % WINDOW
+        return CycleSamples(
+            self._start_ns[order], self._lateness_ns[order], self._execution_ns[order]
+        )
+
+    def report(self) -> LoopReport:
+        """The figures of the last ``WINDOW`` periods; zeros before the first."""
+        cycles = self.cycles
+        samples = min(cycles, WINDOW)
+        if samples == 0:
+            return LoopReport(0, self.missed, 0, float("nan"), *[0.0] * 6)
+        started = self._start_ns[:samples]
+        span_s = float(started.max() - started.min()) * 1e-9
+        rate_hz = (samples - 1) / span_s if span_s > 0 else float("nan")
+        return LoopReport(
+            cycles,
+            self.missed,
+            samples,
+            rate_hz,
+            *_percentiles_us(self._lateness_ns[:samples]),
+            *_percentiles_us(self._execution_ns[:samples]),
+        )
+
+
+def _percentiles_us(values_ns: np.ndarray) -> tuple[float, float, float]:
+    p50, p99, top = np.percentile(values_ns, (50, 99, 100)) / 1000.0
+    return float(p50), float(p99), float(top)

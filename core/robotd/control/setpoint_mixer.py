@@ -1,0 +1,173 @@
+"""Streams what moves the axes, one setpoint per axis and period: a trajectory, and more."""
+
+from __future__ import annotations
+
+import threading
+from typing import Protocol
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.device.drivers import AxisDriver
+from robotd.device.process_image import ProcessImage
+
+PREEMPTED = "preempted by a new goal"
+ABANDONED = "the joints did not come to rest in time"
+NOT_RUNNING = "the cycle is not running"
+SPLICE_LOST = "the running trajectory was stopped before this one could take over"
+
+
+class SetpointSource(Protocol):
+    """Something besides trajectories that moves axes of its own. Cycle thread."""
+
+    def advance(
+        self, time_ns: int, image: ProcessImage, position: FloatArray, velocity: FloatArray
+    ) -> bool:
+        """Write the setpoints of its axes into the arrays; False when it moves nothing now."""
+
+    def device_lost(self, reason: str) -> None:
+        """The device cannot be reached. Called in every such period."""
+
+
+class SetpointMixer:
+    """Holds at most one running execution and one that takes over from it on its way.
+
+    ``submit``, ``make_way`` and ``release`` are for the trajectory follower (one worker at a
+    time); ``advance`` and ``device_lost`` for the cycle; ``add`` comes before the cycle starts.
+
+    Args:
+        axes: number of axes of the device.
+        rate_hz: rate of the cycle.
+    """
+
+    def __init__(self, driver: AxisDriver, axes: int, rate_hz: float) -> None:
+        self.period_ns = round(NANOSECONDS / rate_hz)
+        self._driver = driver
+        self._setpoint: FloatArray = np.full((2, axes), np.nan)
+        self._position, self._velocity = self._setpoint
+        self._running: TrajectoryExecution | None = None
+        self._next: TrajectoryExecution | None = None
+        self._due_ns = 0
+        self._lost: str | None = NOT_RUNNING
+        self._handover = threading.Lock()
+        self._sources: list[SetpointSource] = []
+
+    def add(self, source: SetpointSource) -> None:
+        """Stream the setpoints of ``source`` together with those of trajectories."""
+        self._sources.append(source)
+
+    @property
+    def running(self) -> TrajectoryExecution | None:
+        """The execution that moves the joints now, or holds them after its end."""
+        return self._running
+
+    @property
+    def active(self) -> list[TrajectoryExecution]:
+        """What runs and what is waiting to take over, without what has ended."""
+        return [each for each in (self._running, self._next) if each is not None and not each.done]
+
+    @property
+    def next_start_ns(self) -> int:
+        """The earliest time 0 of a trajectory from rest that is submitted now."""
+        return self._due_ns + self.period_ns
+
+    def submit(self, execution: TrajectoryExecution, after: TrajectoryExecution | None) -> bool:
+        """Let ``execution`` run: at once from rest, else from its ``start_ns`` on.
+
+        The axes must be in streaming. Where the device is lost, it ends with a fault at once.
+
+        Args:
+            after: the moving execution on whose path it was planned; None: it begins at rest.
+
+        Returns:
+            False, and nothing was done, when its time has passed, or ``after`` no longer is
+            what runs or has left its path: plan again.
+        """
+        with self._handover:
+            if self._lost is not None:
+                execution.finish(Outcome.FAULT, self._lost)
+                return True
+            on_path = after is None or after.on_path
+            if self._running is not after or not on_path or execution.start_ns < self._due_ns:
+                return False
+            self._drop_next(Outcome.PREEMPTED, PREEMPTED)
+            if after is None:
+                self._running = execution
+            else:
+                self._next = execution
+            return True
+
+    def release_after(self, running: TrajectoryExecution | None) -> bool:
+        """Hold the joints no longer after ``running``, which has ended; a goal from rest comes.
+
+        Returns False, and nothing was done, when something else runs by now.
+        """
+        with self._handover:
+            if self._running is not running:
+                return False
+            self._drop_next(Outcome.PREEMPTED, PREEMPTED)
+            self._running = None
+            return True
+
+    def release(self) -> None:
+        """Stream trajectories no more. Call after the last one ended, before ``end_stream``."""
+        with self._handover:
+            self._drop(Outcome.FAULT, ABANDONED)
+
+    def advance(self, time_ns: int, image: ProcessImage) -> None:
+        """Cycle: one period, whose setpoints are due at ``time_ns + period_ns``."""
+        self._due_ns, self._lost = time_ns + self.period_ns, None
+        streams = self._advance_trajectory(time_ns, image)
+        for source in self._sources:
+            streams |= source.advance(time_ns, image, self._position, self._velocity)
+        if streams:
+            self._driver.stream(self._position, self._velocity)
+
+    def device_lost(self, reason: str) -> None:
+        """Cycle: the device cannot be reached; whatever runs has failed."""
+        for source in self._sources:
+            source.device_lost(reason)
+        self._lost = reason
+        with self._handover:
+            self._drop(Outcome.FAULT, reason)
+
+    def _advance_trajectory(self, time_ns: int, image: ProcessImage) -> bool:
+        if self._next is not None:
+            with self._handover:
+                self._take_over()
+        execution = self._running
+        if execution is None or execution.outcome is Outcome.FAULT:
+            # After a fault the joints are where the device stopped them, not at the setpoint.
+            return False
+        execution.advance(time_ns, self.period_ns, image)
+        if not execution.streams:
+            return False
+        self._setpoint[:, execution.columns] = execution.setpoint
+        return True
+
+    def _take_over(self) -> None:
+        """Lock held. Let the one that waits run if its time has come, or end it."""
+        successor, running = self._next, self._running
+        if successor is None or running is None:
+            return
+        if successor.ending is not None:
+            self._drop_next(*successor.ending)
+        elif not running.on_path:
+            self._drop_next(Outcome.FAULT, SPLICE_LOST)
+        elif running.done or self._due_ns >= successor.start_ns:
+            successor.take_over(running)
+            running.finish(Outcome.PREEMPTED, PREEMPTED)
+            self._running, self._next = successor, None
+
+    def _drop(self, outcome: Outcome, message: str) -> None:
+        self._drop_next(outcome, message)
+        if self._running is not None:
+            self._running.finish(outcome, message)
+            self._running = None
+
+    def _drop_next(self, outcome: Outcome, message: str) -> None:
+        if self._next is not None:
+            self._next.finish(outcome, message)
+            self._next = None

@@ -1,0 +1,229 @@
+"""From a requested trajectory to its execution: plan, claim the axes, hand over to the cycle."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS, Clock, wait_until
+from robotd.clock.simulated import held
+from robotd.control.device_execution import DeviceExecution
+from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Axes
+from robotd.device.drivers import AxisDriver
+from robotd.device.state import CommandMode
+from robotd.errors import NotReady
+from robotd.motion import (
+    JointLimits,
+    JointTolerance,
+    MotionState,
+    Tolerances,
+    Trajectory,
+    TrajectoryRequest,
+    plan,
+)
+
+OWNER = "follow_joint_trajectory"
+LEAD_S = 0.03  # planning time granted to a goal that takes over from a running one
+STOP_TIMEOUT_S = 10.0  # the longest controlled stop that is waited for
+MOVED_RAD = 1e-6  # a command that differs by more has moved
+PLANNINGS = 8  # of one goal, each with twice the lead of the one before
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A trajectory, and the monotonic time of its time 0."""
+
+    trajectory: Trajectory
+    start_ns: int
+
+
+class TrajectoryFollower:
+    """Executes trajectories of a robot's joints, one at a time; a newer one takes over.
+
+    Any worker thread may call; concurrent goals are planned one after the other.
+
+    Args:
+        on_device: gets trajectories whole, where ``axes.trajectories_on_device``; None streams
+            them.
+    """
+
+    def __init__(
+        self,
+        axes: Axes,
+        mixer: SetpointMixer,
+        descriptor: RobotDescriptor,
+        clock: Clock,
+        on_device: AxisDriver | None = None,
+    ) -> None:
+        joints = descriptor.joints
+        self.settings = descriptor.trajectory
+        self.limits = JointLimits(
+            tuple(joint.name for joint in joints),
+            np.array([joint.lower_rad for joint in joints]),
+            np.array([joint.upper_rad for joint in joints]),
+            np.array([joint.velocity_rad_s for joint in joints]),
+            np.array([joint.acceleration_rad_s2 for joint in joints]),
+        )
+        self._axes = axes
+        self._mixer = mixer
+        self._clock = clock
+        self._execution = (
+            partial(DeviceExecution, on_device, descriptor.trajectory.max_points)
+            if on_device
+            else partial(TrajectoryExecution, goes_on=axes.goes_on)
+        )
+        self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
+        self._claim = ExitStack()
+        self._active = 0
+        self._lock = threading.RLock()
+
+    def tolerances(
+        self,
+        path: Iterable[JointTolerance] = (),
+        goal: Iterable[JointTolerance] = (),
+        goal_time_s: float = 0.0,
+    ) -> Tolerances:
+        """The descriptor's tolerances with those of a goal message laid over them.
+
+        In each value 0 means the descriptor's, -1 no limit. Raises TrajectoryRejected.
+        """
+        return Tolerances.of_goal(self.limits.names, self.settings, path, goal, goal_time_s)
+
+    @contextmanager
+    def follow(
+        self,
+        request: TrajectoryRequest,
+        tolerances: Tolerances | None = None,
+        start_ns: int | None = None,
+    ) -> Iterator[TrajectoryExecution]:
+        """Start a trajectory; the block watches it. Leaving the block cancels what still runs.
+
+        Args:
+            request: points in any order of joints.
+            tolerances: for the path and the goal; None: the descriptor's.
+            start_ns: monotonic time at which the trajectory's time 0 is; None: now.
+
+        Raises:
+            TrajectoryRejected: the request is not acceptable; nothing moved, and what ran
+                before runs on.
+            NotReady: a joint cannot be commanded now.
+        """
+        execution = self._start(request, tolerances or self.tolerances(), start_ns)
+        try:
+            yield execution
+        finally:
+            execution.cancel()
+            self._await_end(execution, STOP_TIMEOUT_S)
+            self._release()
+
+    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
+        """Stop what runs in a controlled way and wait for standstill. Nothing runs: no effect.
+
+        What takes longer than ``timeout_s`` is left to others.
+        """
+        active = self._mixer.active
+        for execution in active:
+            execution.cancel()
+        for execution in active:
+            self._await_end(execution, timeout_s)
+
+    def _start(
+        self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int | None
+    ) -> TrajectoryExecution:
+        with self._lock, held(self._clock):  # a cycle that does not wait would outrun planning
+            try:
+                execution = self._submit(request, tolerances, start_ns or 0)
+            except BaseException:
+                if self._active == 0:
+                    self._claim.close()
+                raise
+            self._active += 1
+            return execution
+
+    def _submit(
+        self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int
+    ) -> TrajectoryExecution:
+        """Plan and hand over, again until it fits what runs by then."""
+        lead_s = LEAD_S
+        for _ in range(PLANNINGS):
+            running = self._mixer.running
+            if running is None or running.done:
+                after, planned = None, self._plan_from_rest(request, running, start_ns)
+            else:
+                after, planned = running, self._plan_splice(request, running, start_ns, lead_s)
+                lead_s *= 2.0
+            if planned is None:
+                continue
+            execution = self._execution(
+                planned.trajectory,
+                self._joint_axes,
+                self.limits,
+                tolerances,
+                planned.start_ns,
+                self.settings.stopped_velocity_rad_s,
+            )
+            if self._mixer.submit(execution, after):
+                execution.begin()
+                return execution
+        raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
+
+    def _plan_splice(
+        self, request: TrajectoryRequest, running: TrajectoryExecution, start_ns: int, lead_s: float
+    ) -> _Planned | None:
+        """From the path of ``running``; None when that is left, after the standstill."""
+        splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns)
+        state = running.splice_state(splice_ns)
+        if state is not None:
+            return _Planned(plan(request, self.limits, self.settings, state), splice_ns)
+        if isinstance(running, DeviceExecution):
+            # It has to stop first; a request that would be refused anyway leaves it alone.
+            plan(request, self.limits, self.settings, MotionState.at_rest(self._command()))
+            running.preempt()
+        if not self._await_end(running, STOP_TIMEOUT_S):
+            raise NotReady("the joints did not come to rest after the last trajectory")
+        return None
+
+    def _plan_from_rest(
+        self, request: TrajectoryRequest, running: TrajectoryExecution | None, start_ns: int
+    ) -> _Planned | None:
+        """From standstill, on axes claimed anew; None when they have moved meanwhile."""
+        state = self._rest_state()
+        trajectory = plan(request, self.limits, self.settings, state)
+        if not self._mixer.release_after(running):
+            return None
+        # The old claim is no use: after a fault the device has taken axes out of the stream.
+        self._claim.close()
+        self._claim.enter_context(self._axes.claimed(OWNER, self._joint_axes.tolist()))
+        if (np.abs(self._command() - state.position) > MOVED_RAD).any():
+            return None
+        earliest_ns = max(self._mixer.next_start_ns, self._clock.now_ns())
+        return _Planned(trajectory, max(earliest_ns, start_ns))
+
+    def _rest_state(self) -> MotionState:
+        """Where the command stands: planning from the measured position would be a jump."""
+        for axis in self._joint_axes.tolist():
+            if reason := self._axes.rejection(axis, CommandMode.POSITION, OWNER):
+                raise NotReady(reason)
+        return MotionState.at_rest(self._command())
+
+    def _await_end(self, execution: TrajectoryExecution, timeout_s: float) -> bool:
+        return wait_until(lambda: execution.done, timeout_s, self._clock)
+
+    def _command(self) -> FloatArray:
+        return self._axes.image.position_command[self._joint_axes]
+
+    def _release(self) -> None:
+        with self._lock:
+            self._active -= 1
+            if self._active == 0:
+                self._mixer.release()
+                self._claim.close()

@@ -1,0 +1,68 @@
+"""What every export asks of a robot: its parameters, and the names that its nodes take."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from robotd.descriptor import RobotDescriptor
+from robotd.errors import DescriptorError
+
+
+@dataclass(frozen=True)
+class ExportInput:
+    """A robot as its descriptor has it, running in ``namespace`` (``/`` for none).
+
+    Parameters that are changed on the command line of ``robotd run`` are not known here.
+    """
+
+    descriptor: RobotDescriptor
+    namespace: str = "/"
+
+    def parameter(self, node: str, name: str, default: Any) -> Any:
+        """The value of a node's parameter; ``default`` where the descriptor gives none."""
+        return self.descriptor.ros_parameters.get(node, {}).get(name, default)
+
+    def topic(self, node: str, name: str) -> str:
+        """The resolved name that a parameter gives; "" where it gives none."""
+        value = str(self.parameter(node, name, ""))
+        if value.startswith("~/"):
+            value = f"{node}/{value.removeprefix('~/')}"
+        return posixpath.join(self.namespace, value) if value else ""
+
+    def needed_topic(self, node: str, name: str) -> str:
+        """As ``topic``. Raises DescriptorError where the robot has no such node or name."""
+        if node not in self.descriptor.nodes:
+            raise self.rejection(f"{self.descriptor.name} does not run {node}")
+        if topic := self.topic(node, name):
+            return topic
+        raise self.rejection(f"{node} of {self.descriptor.name} has no {name}")
+
+    def rejection(self, reason: str) -> DescriptorError:
+        """An error about the descriptor, ready to be raised."""
+        return DescriptorError(reason, path=self.descriptor.path)
+
+    def document(self, lines: Iterable[str], content: dict[str, Any]) -> str:
+        """YAML with ``lines`` as comments on top, after one that says where it comes from."""
+        variant = f" (variant {self.descriptor.variant})" if self.descriptor.variant else ""
+        origin = f"Made by 'robotd export' from the descriptor of {self.descriptor.name}{variant}."
+        head = "".join(f"# {line}\n" for line in (origin, *lines))
+        return head + yaml.dump(content, Dumper=_Dumper, sort_keys=False, width=100)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Mappings by lines, lists in brackets: as ROS parameter files are written."""
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
+        return super().represent_sequence(tag, sequence, flow_style=_is_plain(sequence))
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _is_plain(sequence: Iterable[Any]) -> bool:
+    return not any(isinstance(item, dict) for item in sequence)

@@ -1,0 +1,1 @@
+"""Health of a robot, part by part, independent of ROS."""

@@ -1,0 +1,177 @@
+"""What is said of each part of a robot in its diagnostics: pure functions, no ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from robotd.control.loop_statistics import LoopReport
+from robotd.device.drivers import NetworkState, SlaveInfo
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode, ConnectionState, Operation
+
+SLOW = 0.95  # part of the cycle's rate below which it is too slow
+OPERATIONAL = 16
+STATES = {0: "None", 1: "Init", 2: "Preop", 4: "Boot", 8: "Safeop", OPERATIONAL: "Op"}
+
+
+class Level(IntEnum):
+    """The numbers of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0  # as it should be
+    WARN = 1  # works, or would, but somebody should look
+    ERROR = 2  # does not work
+    STALE = 3  # nothing is known now
+
+
+@dataclass(frozen=True)
+class Status:
+    """One part of the robot: ``message`` says why it has its level, ``values`` are for people."""
+
+    part: str
+    level: Level
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+
+def engine_status(state: ConnectionState, backend: str, fault: str = "", *, ready: bool) -> Status:
+    """OK while axes can be commanded, ERROR when what is known is too old, else WARN."""
+    values = {"state": state.value, "ready": _yes_no(ready), "backend": backend}
+    if state is ConnectionState.UNKNOWN:
+        level, text = Level.ERROR, "the device gives no fresh values"
+    elif ready:
+        return Status("engine", Level.OK, state.value, values)
+    else:
+        level, text = Level.WARN, f"{state.value}: axes cannot be commanded"
+    return Status("engine", level, f"{text}: {fault}" if fault else text, values)
+
+
+def axis_status(
+    part: str, axis: int, image: ProcessImage, state: ConnectionState, *, used: bool
+) -> Status:
+    """One axis; that a servo is off is worth a warning where the robot switches it on itself."""
+    if state is not ConnectionState.COMMUNICATING:
+        return unknown_status(part, state)
+    level, message = _judge_axis(axis, image, used=used)
+    error = image.position_command[axis] - image.position[axis]
+    values = {
+        "axis": str(axis),
+        "servo": "on" if image.servo_on[axis] else "off",
+        "alarm code": str(image.alarm_code[axis]),
+        "mode": CommandMode(image.mode[axis]).name.lower(),
+        "operation": Operation(image.operation[axis]).name.lower(),
+        "position (rad or m)": _number(image.position[axis]),
+        "velocity (rad/s or m/s)": _number(image.velocity[axis]),
+        "torque (N·m or N)": _number(image.torque[axis]),
+        "following error (rad or m)": _number(error),
+    }
+    if image.mode[axis] != CommandMode.POSITION:
+        del values["following error (rad or m)"]
+    return Status(part, level, message, values)
+
+
+def fieldbus_status(part: str, network: NetworkState, *, losing: bool) -> Status:
+    """A master and its slaves: ERROR for one that is lost, WARN for one that is not in Op."""
+    errors = [
+        f"slave {slave.id} {fault}" for slave in network.slaves if (fault := _slave_fault(slave))
+    ]
+    warnings = [
+        f"slave {slave.id} is in {STATES.get(slave.state, slave.state)}"
+        for slave in network.slaves
+        if slave.state != OPERATIONAL and not slave.offline
+    ]
+    if losing:
+        warnings.append("packets are being lost")
+    level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
+    message = "; ".join([*errors, *warnings]) or f"{len(network.slaves)} slaves in Op"
+    values = {
+        "master state": STATES.get(network.state, str(network.state)),
+        "period (µs)": str(network.comm_period_us),
+        "packet loss": str(network.packet_loss),
+        "packet timeout": str(network.packet_timeout),
+        "over cycle": str(network.over_cycle),
+        **network.details,
+    }
+    return Status(part, level, message, values)
+
+
+def cycle_status(
+    report: LoopReport, rate_hz: float, realtime: str, *, running: bool, missing: bool
+) -> Status:
+    """The cycle: ERROR when it stands, WARN while deadlines are missed or it is too slow.
+
+    Args:
+        rate_hz: what it should run at.
+        realtime: the scheduling that was granted, for people.
+        running, missing: whether it ran, and missed deadlines, lately.
+    """
+    values = {
+        "rate (Hz)": f"{report.rate_hz:.1f}",
+        "wanted rate (Hz)": f"{rate_hz:g}",
+        "lateness p50 (µs)": f"{report.lateness_p50_us:.0f}",
+        "lateness p99 (µs)": f"{report.lateness_p99_us:.0f}",
+        "lateness max (µs)": f"{report.lateness_max_us:.0f}",
+        "execution p99 (µs)": f"{report.execution_p99_us:.0f}",
+        "periods": str(report.cycles),
+        "missed deadlines": str(report.missed),
+        "real-time priority": realtime,
+    }
+    if report.cycles == 0:
+        return Status("cycle", Level.STALE, "not started", values)
+    if not running:
+        return Status("cycle", Level.ERROR, "stands still", values)
+    if missing:
+        return Status("cycle", Level.WARN, "deadlines are being missed", values)
+    if report.rate_hz < SLOW * rate_hz:
+        message = f"{report.rate_hz:.0f} Hz instead of {rate_hz:g} Hz"
+        return Status("cycle", Level.WARN, message, values)
+    return Status("cycle", Level.OK, f"{rate_hz:g} Hz", values)
+
+
+def gripper_status(state: ConnectionState, *, closed: bool) -> Status:
+    """Where the gripper was sent; nothing measures whether it is there."""
+    if state is not ConnectionState.COMMUNICATING:
+        return unknown_status("gripper", state)
+    return Status("gripper", Level.OK, "commanded closed" if closed else "commanded open")
+
+
+def unknown_status(part: str, state: ConnectionState) -> Status:
+    """STALE, because the engine does not communicate."""
+    return Status(part, Level.STALE, f"not known: engine is {state.value}")
+
+
+def _slave_fault(slave: SlaveInfo) -> str:
+    what = "is offline" if slave.offline else ""
+    if slave.al_code:
+        what = what or f"has AL code {slave.al_code:#06x}"
+    return f"{what or 'has a fault'}: {slave.fault}" if slave.fault else what
+
+
+def _judge_axis(axis: int, image: ProcessImage, *, used: bool) -> tuple[Level, str]:
+    return next(_complaints(axis, image, used=used), (Level.OK, _servo(axis, image)))
+
+
+def _complaints(axis: int, image: ProcessImage, *, used: bool) -> Iterator[tuple[Level, str]]:
+    """What is wrong with an axis, the worst first."""
+    if fault := image.fault(axis):
+        yield Level.ERROR, fault
+    if image.negative_limit[axis]:
+        yield Level.WARN, "on the negative limit switch"
+    if image.positive_limit[axis]:
+        yield Level.WARN, "on the positive limit switch"
+    if used and not image.servo_on[axis]:
+        yield Level.WARN, "servo off"
+
+
+def _servo(axis: int, image: ProcessImage) -> str:
+    return "servo on" if image.servo_on[axis] else "servo off"
+
+
+def _yes_no(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def _number(value: float) -> str:
+    return "not known" if math.isnan(value) else f"{value:.6g}"

@@ -1,0 +1,95 @@
+"""How a robot is, part by part, and whether something changed. Imports no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+from robotd.clock import NANOSECONDS
+from robotd.device.state import ConnectionState
+from robotd.errors import RobotdError
+from robotd.health.part_status import (
+    Level,
+    Status,
+    axis_status,
+    cycle_status,
+    engine_status,
+    fieldbus_status,
+    gripper_status,
+    unknown_status,
+)
+from robotd.robot import Robot
+
+RECENT_S = 2.0  # for how long something that happened is worth a warning
+
+
+class Health:
+    """Looks at a robot; for one thread, which may wait for the fieldbus, so not the cycle's."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._cycles = Growth()
+        self._missed = Growth()
+        self._lost = [Growth() for _ in range(robot.fieldbus.masters)]
+
+    def fingerprint(self) -> Hashable:
+        """Another value whenever something changed that should be told at once. Cheap."""
+        robot, image = self._robot, self._robot.image
+        flags = (image.servo_on, image.amp_alarm, image.offline, image.alarm_code,
+                 image.negative_limit, image.positive_limit, image.mode)  # fmt: skip
+        gripper = robot.gripper is not None and robot.gripper.is_commanded_closed
+        states = (robot.connection.state, robot.connection.ready, gripper)
+        return (*states, *(array.tobytes() for array in flags))
+
+    def statuses(self) -> list[Status]:
+        """Of the engine, each axis, each fieldbus, the cycle, and the gripper."""
+        robot = self._robot
+        state, now_ns = robot.connection.state, robot.clock.now_ns()
+        connection = robot.connection
+        found = [engine_status(state, robot.backend.name, connection.fault, ready=connection.ready)]
+        image = robot.image.copy()
+        used = {*robot.joint_axes, *robot.wheel_axes}
+        for axis, name in enumerate(robot.axes.names):
+            found.append(axis_status(name, axis, image, state, used=axis in used))
+        found += [self._fieldbus(master, state, now_ns) for master in range(len(self._lost))]
+        found.append(self._control_loop(now_ns))
+        if robot.gripper is not None:
+            found.append(gripper_status(state, closed=robot.gripper.is_commanded_closed))
+        return found
+
+    def _fieldbus(self, master: int, state: ConnectionState, now_ns: int) -> Status:
+        part = "fieldbus" if len(self._lost) == 1 else f"fieldbus {master}"
+        if state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
+            return unknown_status(part, state)
+        try:
+            network = self._robot.fieldbus.network_state(master)
+        except RobotdError as error:
+            return Status(part, Level.ERROR, str(error))
+        losing = self._lost[master].is_recent(network.packet_loss, now_ns)
+        return fieldbus_status(part, network, losing=losing)
+
+    def _control_loop(self, now_ns: int) -> Status:
+        control_loop, settings = self._robot.control_loop, self._robot.descriptor.cycle
+        report = control_loop.stats.report()
+        granted = f"SCHED_FIFO {settings.realtime_priority}" if control_loop.realtime else "none"
+        return cycle_status(
+            report,
+            settings.rate_hz,
+            granted,
+            running=self._cycles.is_recent(report.cycles, now_ns),
+            missing=self._missed.is_recent(report.missed, now_ns),
+        )
+
+
+class Growth:
+    """Notices that a counter has grown lately. One that is reset begins anew."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._grown_ns: int | None = None
+
+    def is_recent(self, count: int, now_ns: int) -> bool:
+        """Whether ``count`` was seen to grow in the last ``RECENT_S``."""
+        if count > self._count:
+            self._grown_ns = now_ns
+        self._count = count
+        return self._grown_ns is not None and now_ns - self._grown_ns < RECENT_S * NANOSECONDS

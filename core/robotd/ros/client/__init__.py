@@ -1,0 +1,1 @@
+"""Clients of a running robot, used by the command line."""

@@ -1,0 +1,205 @@
+"""Move a running arm by its FollowJointTrajectory action, from another process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
+from rclpy.action import ActionClient, get_action_server_names_and_types_by_node
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from robotd.clock import NANOSECONDS
+from robotd.errors import DeviceTimeout, InvalidArgument, OperationError
+from robotd.ros.client.ros_client import RosClient
+
+JOINT_STATES = "joint_states"
+ACTION_TYPE = "control_msgs/action/FollowJointTrajectory"
+
+_SETTLE_S = 0.6  # a second robotd is found within this time after the first one: discovery.py
+
+Positions = Mapping[str, float]
+OnProgress = Callable[[float, Positions], None]
+
+
+class Ending(Enum):
+    """How a motion ended; the arm stands."""
+
+    REACHED = "reached"
+    CANCELED = "canceled"
+    ABORTED = "aborted"  # or refused, and nothing moved
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm that takes trajectories.
+
+    Attributes:
+        action: resolved name of its action.
+        positions: every joint of the arm, in the robot's order, and where it was; rad or m.
+    """
+
+    action: str
+    positions: Positions
+
+
+def find_arm(client: RosClient, action: str | None = None) -> Arm:
+    """The only arm that is running, or the one with ``action``.
+
+    Raises:
+        DeviceTimeout: there is none, or it does not tell where it is.
+        OperationError: there are several and ``action`` is None.
+    """
+    with client.listen(JointState, JOINT_STATES) as joint_states:
+        name, node = _find_action(client, action)
+        settled_s = time.monotonic() + _SETTLE_S
+        count = _joint_count(client, node)
+        names = joint_states.wait().name[:count]
+        if action is None:
+            _check_only_one(client, settled_s)
+        return Arm(name, dict(zip(names, joint_states.newest.position, strict=False)))
+
+
+def move(
+    client: RosClient,
+    arm: Arm,
+    targets: Positions,
+    time_s: float,
+    is_canceled: Callable[[], bool],
+    on_progress: OnProgress,
+) -> tuple[Ending, str]:
+    """Bring joints to ``targets``, all others stay; returns at standstill, with the robot's reason.
+
+    Args:
+        targets: rad or m.
+        time_s: duration of the motion.
+        is_canceled: asked all the time; once it is true, the robot is asked to stop.
+        on_progress: called with the seconds since the start, and all positions.
+
+    Raises:
+        InvalidArgument: the arm has no such joint; nothing moved.
+        DeviceTimeout: the robot went silent. It may be moving.
+    """
+    for name in targets:
+        if name not in arm.positions:
+            raise InvalidArgument(f"unknown joint {name!r}; there is {', '.join(arm.positions)}")
+    actions = ActionClient(client.node, FollowJointTrajectory, arm.action)
+    try:
+        client.wait(actions.server_is_ready, f"action {arm.action}")
+        return _Motion(client, on_progress).run(
+            actions, _goal({**arm.positions, **targets}, time_s), is_canceled
+        )
+    finally:
+        actions.destroy()
+
+
+class _Motion:
+    """One goal, from sending it to its result."""
+
+    def __init__(self, client: RosClient, on_progress: OnProgress) -> None:
+        self._client = client
+        self._on_progress = on_progress
+        self._heard_s = time.monotonic()
+
+    def run(
+        self, actions: ActionClient, goal: Any, is_canceled: Callable[[], bool]
+    ) -> tuple[Ending, str]:
+        sending = actions.send_goal_async(goal, feedback_callback=self._on_feedback)
+        self._client.wait(sending.done, "answer to the goal")
+        handle = sending.result()
+        if not handle.accepted:
+            return Ending.ABORTED, "the robot did not accept the goal"
+        result = handle.get_result_async()
+        cancel = None
+        self._heard_s = time.monotonic()
+        while not result.done():
+            self._client.spin()
+            if cancel is None and is_canceled():
+                cancel = handle.cancel_goal_async()
+            silence_s = time.monotonic() - self._heard_s
+            if silence_s > self._client.timeout_s:
+                raise DeviceTimeout(
+                    f"nothing heard from the robot for {silence_s:.0f} s; it may be moving"
+                )
+        answer = result.result()
+        endings = {
+            GoalStatus.STATUS_SUCCEEDED: Ending.REACHED,
+            GoalStatus.STATUS_CANCELED: Ending.CANCELED,
+        }
+        return endings.get(answer.status, Ending.ABORTED), answer.result.error_string
+
+    def _on_feedback(self, message: Any) -> None:
+        self._heard_s = time.monotonic()
+        feedback = message.feedback
+        passed = feedback.desired.time_from_start
+        positions = dict(zip(feedback.joint_names, feedback.actual.positions, strict=True))
+        self._on_progress(passed.sec + passed.nanosec / NANOSECONDS, positions)
+
+
+def _goal(positions: Positions, time_s: float) -> Any:
+    total_ns = round(time_s * NANOSECONDS)
+    point = JointTrajectoryPoint(
+        positions=list(positions.values()),
+        time_from_start=Duration(sec=total_ns // NANOSECONDS, nanosec=total_ns % NANOSECONDS),
+    )
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names = list(positions)
+    goal.trajectory.points = [point]
+    return goal
+
+
+def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:
+    """Names of the action and of the node that serves it."""
+    name = action and client.node.resolve_topic_name(action)
+
+    def find() -> list[tuple[str, str]]:
+        return [found for found in _action_servers(client.node) if name in (None, found[0])]
+
+    what = f"action {name}" if name else "arm (a FollowJointTrajectory action)"
+    found: tuple[str, str] = client.wait(find, what)[0]
+    return found
+
+
+def _check_only_one(client: RosClient, settled_s: float) -> None:
+    """Refuse to guess, once every arm has had the time to be found."""
+    while time.monotonic() < settled_s:
+        client.spin()
+    servers = _action_servers(client.node)
+    if len(servers) > 1:
+        listing = ", ".join(f"{action} (of {node})" for action, node in servers)
+        raise OperationError(f"several arms: choose one by --action; there is {listing}")
+
+
+def _action_servers(node: Node) -> list[tuple[str, str]]:
+    """FollowJointTrajectory actions in the client's namespace or below, and the servers' nodes."""
+    servers = []
+    own = node.get_namespace().rstrip("/")
+    for name, namespace in node.get_node_names_and_namespaces():
+        if not f"{namespace.rstrip('/')}/".startswith(f"{own}/"):
+            continue
+        try:
+            actions = get_action_server_names_and_types_by_node(node, name, namespace)
+        except Exception:  # noqa: BLE001, S112 - the node has gone in between
+            continue
+        for action, types in actions:
+            if ACTION_TYPE in types:
+                servers.append((action, f"{namespace.rstrip('/')}/{name}"))
+    return sorted(servers)
+
+
+def _joint_count(client: RosClient, node: str) -> int | None:
+    """How many of the joint states are the arm's; None: all, where the node does not say."""
+    response = client.call(GetParameters, f"{node}/get_parameters", names=["joint_number"])
+    value = response.values[0] if response.values else None
+    if value is None or value.type != ParameterType.PARAMETER_INTEGER:
+        return None
+    return int(value.integer_value)

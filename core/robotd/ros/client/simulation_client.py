@@ -1,0 +1,61 @@
+"""Reach into a simulation that runs in another process: faults and time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
+
+from robotd.errors import OperationError
+from robotd.ros.client.ros_client import RosClient
+from robotd.ros.nodes.simulation_node import NAME, STEP_TIMEOUT_S
+
+
+def inject(ros_args: Sequence[str], timeout_s: float, fields: Mapping[str, Any]) -> str:
+    """Let a fault happen; returns it as the simulation understood it.
+
+    Args:
+        ros_args, timeout_s: as for ``RosClient``.
+        fields: dotted names, like ``{"amp_alarm.axis": 2, "at_s": 1.5}``.
+
+    Raises:
+        OperationError: the simulation refused it; its reason is the text.
+        DeviceTimeout: no simulation with a node ``robotd_sim`` answers.
+    """
+    return _ask(ros_args, timeout_s, "inject", fields)
+
+
+def step(ros_args: Sequence[str], timeout_s: float, periods: int) -> str:
+    """Let periods pass, then let time stand. Raises as ``inject`` does."""
+    return _ask(ros_args, max(timeout_s, STEP_TIMEOUT_S), "step", {"periods": periods})
+
+
+def pause(ros_args: Sequence[str], timeout_s: float, *, paused: bool) -> str:
+    """Let time stand or pass. Raises as ``inject`` does."""
+    with _client(ros_args, timeout_s) as client:
+        return str(client.call(SetBool, f"{NAME}/pause", data=paused).message)
+
+
+def _ask(ros_args: Sequence[str], timeout_s: float, service: str, fields: Mapping[str, Any]) -> str:
+    parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in fields.items()]
+    with _client(ros_args, timeout_s) as client:
+        answer = client.call(
+            SetParametersAtomically, f"{NAME}/{service}", parameters=parameters
+        ).result
+    if not answer.successful:
+        raise OperationError(answer.reason)
+    return str(answer.reason)
+
+
+@contextmanager
+def _client(ros_args: Sequence[str], timeout_s: float) -> Iterator[RosClient]:
+    client = RosClient(ros_args, timeout_s)
+    client.start()
+    try:
+        yield client
+    finally:
+        client.close()

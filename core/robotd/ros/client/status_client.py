@@ -1,0 +1,113 @@
+"""What a running robot says of itself, and the commands that one service call can do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+from wmx_ros2_message.msg import AxisState
+from wmx_ros2_message.srv import SetAxis
+
+from robotd.clock import MonotonicClock, wait_until
+from robotd.ros.client.ros_client import LATCHED, RosClient
+
+GRIPPER = "wmx/set_gripper"
+AXIS_STATE = "wmx/axis/state"
+DISCOVERY_S = 1.0
+
+
+@dataclass(frozen=True)
+class AxisReport:
+    """One axis as it was measured; rad and N·m, or m and N for a linear axis.
+
+    Attributes:
+        torque: None where the drive does not tell.
+    """
+
+    axis: int
+    servo_on: bool
+    alarm: bool
+    home_done: bool
+    home_switch: bool
+    negative_limit: bool
+    positive_limit: bool
+    motion_complete: bool
+    position_command: float
+    position: float
+    velocity: float
+    torque: float | None
+
+
+@dataclass(frozen=True)
+class RobotReport:
+    """The engine and its axes.
+
+    Attributes:
+        state: the engine's, in the words of ``get_status``.
+        axes: None where they are not published: the engine is not ready, or the robot runs
+            without ``wmx_core_motion_node``.
+    """
+
+    state: str
+    ready: bool
+    axes: tuple[AxisReport, ...] | None
+
+
+def read_report(client: RosClient) -> RobotReport:
+    """Ask the robot. Raises DeviceTimeout when there is none."""
+    with (
+        client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
+        client.listen(AxisState, AXIS_STATE) as axes,
+    ):
+        state = client.call(Trigger, "wmx/engine/get_status").message
+        is_ready = ready.wait().data
+        # One node of a robot may be heard of before the other.
+        published = is_ready and wait_until(
+            lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
+        )
+        return RobotReport(state, is_ready, axis_reports(axes.wait()) if published else None)
+
+
+def set_gripper(client: RosClient, closed: bool) -> str:
+    """The robot's answer. Raises DeviceTimeout without one, OperationError for a rejection."""
+    return str(client.call(SetBool, GRIPPER, data=closed).message)
+
+
+def set_servos(client: RosClient, axes: Sequence[int], on: bool) -> str:
+    """Switch servos; on, alarms are cleared first. Empty ``axes`` means all.
+
+    Returns what the robot answers for each axis. Raises DeviceTimeout without an answer,
+    OperationError when one axis refuses.
+    """
+    index = list(axes) or _all_axes(client)
+    if on:
+        client.call(SetAxis, "wmx/axis/clear_alarm", index=index, data=[0] * len(index))
+    data = [int(on)] * len(index)
+    return str(client.call(SetAxis, "wmx/axis/set_on", index=index, data=data).message)
+
+
+def axis_reports(message: AxisState) -> tuple[AxisReport, ...]:
+    """The parallel arrays of the message, axis by axis."""
+    columns = zip(
+        message.servo_on,
+        message.amp_alarm,
+        message.home_done,
+        message.home_switch,
+        message.negative_ls,
+        message.positive_ls,
+        message.motion_complete,
+        message.pos_cmd,
+        message.actual_pos,
+        message.actual_velocity,
+        (None if math.isnan(torque) else torque for torque in message.actual_torque),
+        strict=True,
+    )
+    return tuple(AxisReport(axis, *values) for axis, values in enumerate(columns))
+
+
+def _all_axes(client: RosClient) -> list[int]:
+    with client.listen(AxisState, AXIS_STATE) as axes:
+        return list(range(len(axes.wait().servo_on)))

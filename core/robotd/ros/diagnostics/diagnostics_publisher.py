@@ -1,0 +1,102 @@
+"""``/diagnostics``: how the robot is, once a second and when something changes."""
+
+from __future__ import annotations
+
+import threading
+from types import TracebackType
+from typing import Self
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+
+from robotd.clock import NANOSECONDS, MonotonicClock
+from robotd.health.part_status import Status
+from robotd.health.robot_health import Health
+from robotd.log import get_logger
+from robotd.robot import Robot
+
+log = get_logger("diagnostics")
+
+TOPIC = "/diagnostics"  # absolute: aggregators and monitors of ROS listen there
+DEPTH = 10
+PERIOD_NS = NANOSECONDS  # 1 Hz
+LOOK_S = 0.1  # the longest that a change waits to be told
+END_S = 1.0  # for a look that is under way
+
+
+class Diagnostics:
+    """``with Diagnostics(node, robot):`` publishes for a whole process, on one of its nodes.
+
+    A thread of its own, ``robotd-diagnostics``, does it: to ask the fieldbus may block, which
+    neither the cycle nor the executor can afford.
+
+    Args:
+        node: the owner of the publisher; its namespace tells robots apart that share the topic.
+    """
+
+    def __init__(self, node: Node, robot: Robot) -> None:
+        self._publisher = node.create_publisher(DiagnosticArray, TOPIC, DEPTH)
+        self._clock = node.get_clock()
+        self._hardware = f"{node.get_namespace()}/{robot.descriptor.name}".lstrip("/")
+        self._health = Health(robot)
+        self._told: object = None
+        self._due_ns = 0
+        self._failing = False
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robotd-diagnostics", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """The last state is told, too."""
+        self._stop.set()
+        self._thread.join(END_S)
+        if not self._thread.is_alive():
+            self._look()
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK_S):
+            self._look()
+
+    def _look(self) -> None:
+        """Publish if it is time to, or if something changed. What fails is logged once."""
+        try:
+            now_ns = MonotonicClock.now_ns()
+            seen = self._health.fingerprint()
+            is_due = now_ns >= self._due_ns
+            if seen == self._told and not is_due:
+                return
+            if is_due:  # on a grid of whole periods, unless one was left out
+                self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
+            self._told = seen
+            self._publish(self._health.statuses())
+            self._failing = False
+        except (InvalidHandle, RCLError):
+            self._stop.set()  # the node is gone
+        except Exception:
+            if not self._failing:
+                log.exception("the diagnostics failed")
+            self._failing = True
+
+    def _publish(self, statuses: list[Status]) -> None:
+        message = DiagnosticArray(status=[self._message(status) for status in statuses])
+        message.header.stamp = self._clock.now().to_msg()
+        self._publisher.publish(message)
+
+    def _message(self, status: Status) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=bytes([status.level]),
+            name=f"robotd/{self._hardware}: {status.part}",
+            message=status.message,
+            hardware_id=self._hardware,
+            values=[KeyValue(key=key, value=value) for key, value in status.values.items()],
+        )

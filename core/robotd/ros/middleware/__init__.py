@@ -1,0 +1,1 @@
+"""Workarounds and fast paths around rclpy and the DDS, each with its measurement."""

@@ -1,0 +1,253 @@
+"""Messages that are serialized once and then patched in place: the hot path of publishing.
+
+Building a message object, filling it and serializing it costs 12.5 us per call (JointState of
+8 joints, x86_64, CPython 3.11, no subscriber). A message whose strings and array lengths do not
+change needs none of that: its CDR bytes stay the same but for some numbers. Writing those in place
+and publishing the bytes costs 2 us, of which ``Publisher.publish(bytes)`` is 1.2.
+
+Calling ``rcl_publish_serialized_message`` directly would save 0.6 us more, and the checks against
+a destroyed publisher with it; the public function is the better bargain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import InvalidHandle
+from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message, serialize_message
+
+from robotd.log import get_logger
+from robotd.ros.middleware.message_fields import MessageField, time_paths
+
+log = get_logger("ros")
+
+# Length of the encapsulation header; CDR aligns everything relative to its end.
+_HEADER_BYTES = 4
+_ALIGNMENT_BYTES = 8
+# Each round leaves a wrong place for a one-byte field a chance of 1 in 2, so 2^-24 in the end.
+_ROUNDS = 24
+_NANOSECONDS = 1_000_000_000
+
+
+class LayoutError(ValueError):
+    """The serialized form of a message cannot be patched; ``HotPublisher`` then does without."""
+
+
+class HotMessage(Protocol):
+    """A message of constant shape whose numbers change. One thread owns it: the cycle."""
+
+    def view(self, path: str) -> NDArray[Any]:
+        """The numbers of ``path``, shape (count,); what is written here is published."""
+
+    def stamp(self, time_ns: int) -> None:
+        """Set every ``builtin_interfaces/Time`` of the message; ns since the epoch."""
+
+    def payload(self) -> Any:
+        """What ``Publisher.publish`` takes. Valid until the next change of the message."""
+
+
+class PatchedMessage:
+    """The CDR bytes of ``template``, with a writable numpy view for each path of ``views``.
+
+    The template's strings and array lengths are constant from now on. Where a field lies is found
+    by serializing the template with random numbers in it and looking for them, so it needs no
+    knowledge of the type or of the encoding; a message read back from the patched bytes must
+    then equal the template with the same numbers. The template itself is left unchanged.
+
+    Raises:
+        ValueError: a path does not exist or does not mean numbers of one type.
+        LayoutError: a field was not found in the bytes, or reading back gave something else.
+    """
+
+    def __init__(self, template: Any, views: Iterable[str]) -> None:
+        times = list(time_paths(template))
+        paths = [*views, *(f"{path}.{part}" for path in times for part in ("sec", "nanosec"))]
+        fields = [MessageField(template, path) for path in paths]
+        originals = [field.get() for field in fields]
+        try:
+            offsets = _find(template, fields)
+            self._buffer = _aligned_copy(serialize_message(template))
+            self._views = {
+                field.path: np.ndarray(field.count, field.dtype, self._buffer, offset)
+                for field, offset in zip(fields, offsets, strict=True)
+            }
+            self._verify(template, fields)
+        finally:
+            for field, original in zip(fields, originals, strict=True):
+                field.set(original)
+        for field, original in zip(fields, originals, strict=True):
+            self._views[field.path][:] = original
+        self._times = [
+            (self._views[f"{t}.sec"].data, self._views[f"{t}.nanosec"].data) for t in times
+        ]
+
+    def view(self, path: str) -> NDArray[Any]:
+        return self._views[path]
+
+    def stamp(self, time_ns: int) -> None:
+        seconds, nanoseconds = divmod(time_ns, _NANOSECONDS)
+        for sec, nanosec in self._times:
+            sec[0] = seconds
+            nanosec[0] = nanoseconds
+
+    def payload(self) -> bytes:
+        return self._buffer.tobytes()
+
+    def _verify(self, template: Any, fields: list[MessageField]) -> None:
+        """Patch other numbers than the ones in the bytes, read back, compare with the template."""
+        random = np.random.default_rng(_ROUNDS)
+        _randomize(random, fields)
+        for field in fields:
+            self._views[field.path][:] = field.get()
+        # repr, because a NaN in another field would differ from itself.
+        if repr(deserialize_message(self.payload(), type(template))) != repr(template):
+            raise LayoutError(f"{type(template).__name__}: patched bytes read back differently")
+
+
+class PlainMessage:
+    """The same interface over an ordinary message object, filled field by field.
+
+    Raises:
+        ValueError: a path does not exist or does not mean numbers of one type.
+    """
+
+    def __init__(self, template: Any, views: Iterable[str]) -> None:
+        self._message = template
+        self._fields = [MessageField(template, path) for path in views]
+        self._values = {field.path: field.get() for field in self._fields}
+        self._times = [
+            (MessageField(template, f"{path}.sec"), MessageField(template, f"{path}.nanosec"))
+            for path in time_paths(template)
+        ]
+
+    def view(self, path: str) -> NDArray[Any]:
+        return self._values[path]
+
+    def stamp(self, time_ns: int) -> None:
+        parts = np.array(divmod(time_ns, _NANOSECONDS))
+        for sec, nanosec in self._times:
+            sec.set(parts[:1])
+            nanosec.set(parts[1:])
+
+    def payload(self) -> Any:
+        for field in self._fields:
+            field.set(self._values[field.path])
+        return self._message
+
+
+class Link:
+    """Copies the numbers of ``source`` to the beginning of ``target`` when called.
+
+    Both are contiguous, not empty, and of one type. Bytes of memory views: in a cycle that comes
+    out of a sleep a third of what an assignment of NumPy costs.
+    """
+
+    def __init__(self, target: NDArray[Any], source: NDArray[Any]) -> None:
+        self._source = source.data.cast("B")
+        self._target = target.data.cast("B")[: len(self._source)]
+
+    def __call__(self) -> None:
+        self._target[:] = self._source
+
+
+class HotPublisher:
+    """A publisher and its one message. Made in any thread, then owned by the cycle thread.
+
+    Falls back to ordinary messages, at about ten times the cost, where the serialized form
+    cannot be patched; the numbers that are published are the same.
+
+    Args:
+        publisher: from ``Node.create_publisher``, of the template's type.
+        template: the message with its constant strings and array lengths; not shared.
+        views: paths that ``view`` is going to be asked for.
+
+    Raises:
+        ValueError: a path does not exist or does not mean numbers of one type.
+    """
+
+    def __init__(self, publisher: Publisher, template: Any, views: Iterable[str]) -> None:
+        paths = list(views)
+        self._publisher = publisher
+        self._lost = False
+        self._message: HotMessage
+        try:
+            self._message = PatchedMessage(template, paths)
+        except LayoutError as error:
+            log.warning("publishing ordinary messages", topic=publisher.topic, reason=str(error))
+            self._message = PlainMessage(template, paths)
+
+    def view(self, path: str) -> NDArray[Any]:
+        """The numbers of ``path``, shape (count,): keep it, write into it, publish."""
+        return self._message.view(path)
+
+    def stamp(self, time_ns: int) -> None:
+        """Set every time stamp in the message; ns since the epoch."""
+        self._message.stamp(time_ns)
+
+    def publish(self) -> None:
+        """Send the message as it stands. Never raises for a publisher that is gone."""
+        try:
+            self._publisher.publish(self._message.payload())
+        except (InvalidHandle, RCLError) as error:
+            # The cycle outlives ROS by a period or two at shut-down; say it once, go on.
+            if not self._lost:
+                self._lost = True
+                log.warning("publishing failed", topic=self._publisher.topic, reason=str(error))
+        else:
+            self._lost = False
+
+
+def _aligned_copy(data: bytes) -> NDArray[np.uint8]:
+    """A copy that starts so that what CDR aligns is aligned in memory too."""
+    room = np.empty(len(data) + 2 * _ALIGNMENT_BYTES, np.uint8)
+    start = -(room.ctypes.data + _HEADER_BYTES) % _ALIGNMENT_BYTES
+    copy = room[start : start + len(data)]
+    copy[:] = np.frombuffer(data, np.uint8)
+    return copy
+
+
+def _find(template: Any, fields: list[MessageField]) -> list[int]:
+    """Offset of each field in the serialized template: the one place that follows every change."""
+    random = np.random.default_rng(0)
+    candidates: list[set[int]] = []
+    for _ in range(_ROUNDS):
+        _randomize(random, fields)
+        data = serialize_message(template)
+        found = [_occurrences(data, field.get().tobytes()) for field in fields]
+        candidates = (
+            [a & b for a, b in zip(candidates, found, strict=True)] if candidates else found
+        )
+    for field, places in zip(fields, candidates, strict=True):
+        if len(places) != 1 and field.count:
+            raise LayoutError(
+                f"{type(template).__name__}.{field.path}: found at {len(places)} places, not at 1"
+            )
+    return [min(places, default=0) for places in candidates]
+
+
+def _occurrences(data: bytes, pattern: bytes) -> set[int]:
+    found = set()
+    position = data.find(pattern, _HEADER_BYTES)
+    while position >= 0:
+        found.add(position)
+        position = data.find(pattern, position + 1)
+    return found
+
+
+def _randomize(random: np.random.Generator, fields: list[MessageField]) -> None:
+    for field in fields:
+        field.set(_random_values(random, field))
+
+
+def _random_values(random: np.random.Generator, field: MessageField) -> NDArray[Any]:
+    if field.dtype.kind == "f":
+        return random.random(field.count).astype(field.dtype)
+    if field.dtype.kind == "b":
+        return random.integers(0, 2, field.count).astype(field.dtype)
+    limits = np.iinfo(field.dtype)
+    return random.integers(limits.min, limits.max, field.count, field.dtype, endpoint=True)

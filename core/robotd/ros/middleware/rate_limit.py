@@ -1,0 +1,50 @@
+"""A share of a thread's time for what comes as often as others like."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+BURST_S = 0.1
+MOST_S = 0.002
+QUIET_S = 1.0
+
+
+class RateLimit:
+    """``share`` of the time, and ``IN_HAND_S`` saved for what comes at once. One thread.
+
+    Attributes:
+        is_news: whether the last rejection was the first for ``QUIET_S``.
+    """
+
+    def __init__(self, share: float) -> None:
+        self.is_news = False
+        self._share = share
+        self._left_s = BURST_S
+        self._seen_s = time.monotonic()
+        self._refused_s = -QUIET_S
+
+    def is_left(self) -> bool:
+        """Whether there is time for one more, however long it takes."""
+        now_s = time.monotonic()
+        earned_s = (now_s - self._seen_s) * self._share
+        self._left_s = min(BURST_S, self._left_s + earned_s)
+        self._seen_s = now_s
+        if self._left_s > 0.0:
+            return True
+        self.is_news = now_s - self._refused_s >= QUIET_S
+        self._refused_s = now_s
+        return False
+
+    @contextmanager
+    def spent(self) -> Iterator[None]:
+        """Charge the time that the block takes, but no more than ``MOST_S``.
+
+        What takes long once, such as the log of an exception, must not cost those that follow.
+        """
+        began_s = time.monotonic()
+        try:
+            yield
+        finally:
+            self._left_s -= min(time.monotonic() - began_s, MOST_S)

@@ -1,0 +1,151 @@
+"""Responses that wait for their client without holding up anything else.
+
+rmw_fastrtps keeps ``rcl_send_response`` for up to 100 ms when it does not know the reader of the
+response: the client is not discovered whole yet, or has gone before its request was taken. So the
+reader of a client's first request is looked up in the ROS graph, 10 us for each client of the
+service (x86_64), and a response without one waits here. Where the graph is behind, the call itself
+waits, with the interpreter released: see ``unlocked.py``.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, NamedTuple
+
+import rclpy
+from rclpy._rclpy_pybind11 import RCLError, rclpy_get_subscriptions_info_by_topic
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.service import Service
+
+from robotd.log import get_logger
+from robotd.ros.middleware.release_gil import RequestId, UnlockedSender, request_id_of
+
+log = get_logger("ros")
+
+_WAIT_S = 0.5  # rmw_fastrtps: 0.1, but it holds up others meanwhile
+_LOOK_S = 0.01
+_FRESH_S = 0.002  # a burst is answered by one look
+_READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
+_KNOWN = 64  # readers that are not looked up again
+
+
+class Replies:
+    """Sends the responses of one service.
+
+    Args:
+        node: the service's owner.
+        service: whose requests are answered.
+    """
+
+    def __init__(self, node: Node, service: Service) -> None:
+        self._node = node
+        self._name = service.service_name
+        self._rclpy_send = service.send_response
+        self._send_unlocked = UnlockedSender(service)
+        self._looks = "fastrtps" in rclpy.get_rmw_implementation_identifier()
+        self._known: set[bytes] = set()
+        self._seen: set[bytes] | None = set()
+        self._seen_s = -_FRESH_S
+        self._lock = threading.Lock()
+        self._waiting: list[_Waiting] = []
+
+    def send(self, response: Any, header: Any) -> None:
+        """Send now, or, in a thread of its own, as soon as the client's reader is there.
+
+        A client whose reader does not come within half a second has gone, its response is dropped.
+        For a node that is gone there is a warning. Any thread.
+
+        Args:
+            response: of the service's type.
+            header: of the request, from rclpy.
+        """
+        request = request_id_of(header)
+        reader = reader_of(request) if request and self._looks else None
+        waiting = _Waiting(response, header, request, reader or b"", time.monotonic() + _WAIT_S)
+        if reader is None or reader in self._known or waiting.may_go(self._readers()):
+            self._send(waiting)
+            return
+        with self._lock:
+            self._waiting.append(waiting)
+            is_first = len(self._waiting) == 1
+        if is_first:
+            threading.Thread(target=self._deliver, name="robotd-replies").start()
+
+    def _deliver(self) -> None:
+        """Send what waits when its reader has come; ends when nothing waits any more."""
+        left = 1
+        while left:
+            time.sleep(_LOOK_S)
+            readers = self._readers() or set()
+            ready = []
+            with self._lock:
+                waiting, self._waiting = self._waiting, []
+                for each in waiting:
+                    if each.may_go(readers):
+                        ready.append(each)
+                    elif time.monotonic() < each.until_s:
+                        self._waiting.append(each)
+                left = len(self._waiting)
+            for each in ready:
+                self._send(each)
+
+    def _send(self, waiting: _Waiting) -> None:
+        try:
+            if waiting.request is None:
+                self._rclpy_send(waiting.response, waiting.header)
+                failure = ""
+            else:
+                failure = self._send_unlocked(waiting.response, waiting.request)
+        except (InvalidHandle, RCLError) as error:
+            failure = str(error)
+        if not failure:
+            self._remember(waiting.reader)
+            return
+        self._known.discard(waiting.reader)
+        log.warning("response not sent", service=self._name, reason=failure)
+
+    def _remember(self, reader: bytes) -> None:
+        """Its answers go without a look; one that has gone meanwhile costs one wait."""
+        if reader not in self._known:
+            if len(self._known) >= _KNOWN:
+                self._known.clear()
+            self._known.add(reader)
+
+    def _readers(self) -> set[bytes] | None:
+        """GUIDs of all that read responses of this service; None when the node is gone."""
+        now_s = time.monotonic()
+        if now_s - self._seen_s >= _FRESH_S:
+            self._seen, self._seen_s = self._look(), now_s
+        return self._seen
+
+    def _look(self) -> set[bytes] | None:
+        """``Node.get_subscriptions_info_by_topic`` has it in public, in three times the time."""
+        topic = f"rr{self._name}Reply"
+        try:
+            with self._node.handle:
+                found = rclpy_get_subscriptions_info_by_topic(self._node.handle, topic, True)
+        except (InvalidHandle, RCLError):
+            return None
+        return {bytes(each["endpoint_gid"]) for each in found}
+
+
+class _Waiting(NamedTuple):
+    """A response; ``until_s`` is of the monotonic clock."""
+
+    response: Any
+    header: Any
+    request: RequestId | None
+    reader: bytes
+    until_s: float
+
+    def may_go(self, readers: set[bytes] | None) -> bool:
+        """Whether it is not going to wait: where the node is gone, to send says so at once."""
+        return readers is None or self.reader in readers
+
+
+def reader_of(request: RequestId) -> bytes | None:
+    """GUID of the reader that waits for the response, 16 bytes; None when it cannot be told."""
+    guid = bytes(request.guid)
+    return guid if guid[-1] & _READER else None

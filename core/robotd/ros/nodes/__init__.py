@@ -1,0 +1,1 @@
+"""ROS nodes and the topics they publish."""

@@ -1,0 +1,63 @@
+"""The topic wmx/axis/state: all axes of the robot, published by the cycle."""
+
+from __future__ import annotations
+
+import numpy as np
+from rclpy.node import Node
+from std_msgs.msg import Header
+from wmx_ros2_message.msg import AxisState
+
+from robotd.device.connection import Connection
+from robotd.device.process_image import ProcessImage
+from robotd.ros.middleware.cdr import HotPublisher, Link
+from robotd.ros.middleware.stamp_clock import StampClock
+
+TOPIC = "wmx/axis/state"
+RATE_HZ = 100.0
+FRAME = "base_link"
+DEPTH = 10
+
+# Field of the message → array of the process image.
+FIELDS = {
+    "amp_alarm": "amp_alarm",
+    "servo_on": "servo_on",
+    "home_done": "home_done",
+    "home_switch": "home_switch",
+    "negative_ls": "negative_limit",
+    "positive_ls": "positive_limit",
+    "motion_complete": "motion_complete",
+    "pos_cmd": "position_command",
+    "velocity_cmd": "velocity_command",
+    "actual_pos": "position",
+    "actual_velocity": "velocity",
+    "actual_torque": "torque",
+}
+
+
+class AxisStateTopic:
+    """Made in any thread; ``publish`` belongs to the cycle.
+
+    Nothing is published while the engine is not ready: old values must not look alive.
+
+    Attributes:
+        topic: its resolved name.
+    """
+
+    def __init__(self, node: Node, image: ProcessImage, connection: Connection) -> None:
+        arrays = {field: getattr(image, name) for field, name in FIELDS.items()}
+        zeros = {field: np.zeros_like(array).tolist() for field, array in arrays.items()}
+        template = AxisState(header=Header(frame_id=FRAME), **zeros)
+        publisher = node.create_publisher(AxisState, TOPIC, DEPTH)
+        self.topic = publisher.topic_name
+        self._connection = connection
+        self._clock = StampClock(node.get_clock())
+        self._message = HotPublisher(publisher, template, FIELDS)
+        self._links = [Link(self._message.view(field), array) for field, array in arrays.items()]
+
+    def publish(self, image: ProcessImage) -> None:
+        if not self._connection.ready:
+            return
+        for copy in self._links:
+            copy()
+        self._message.stamp(self._clock.now_ns())
+        self._message.publish()

@@ -1,0 +1,125 @@
+"""The joint topics: one set of numbers, published by the cycle in up to three shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from robotd.arrays import FloatArray
+from robotd.device.gripper import Gripper
+from robotd.device.process_image import ProcessImage, columns
+from robotd.robot import Robot
+from robotd.ros.middleware.cdr import HotPublisher, Link
+from robotd.ros.middleware.stamp_clock import StampClock
+
+DEPTH = 10
+
+
+class Fingers:
+    """Where the gripper's fingers are, told from its output bit. Cycle thread.
+
+    Args:
+        open_m, closed_m: position of every finger at the two ends.
+    """
+
+    def __init__(self, gripper: Gripper, open_m: float, closed_m: float) -> None:
+        self._gripper = gripper
+        self._open_m = open_m
+        self._stroke_m = closed_m - open_m
+
+    def position_m(self, time_ns: int) -> float:
+        """Position of every finger at monotonic ``time_ns``."""
+        return self._open_m + self._stroke_m * self._gripper.closed(time_ns)
+
+
+class JointStateTopics:
+    """Made in any thread; ``publish`` belongs to the cycle.
+
+    Nothing is published while the engine is not ready: old values must not look alive.
+
+    Attributes:
+        topics: their resolved names.
+
+    Args:
+        names: of the arm's joints in the robot's order, then of the fingers.
+        fingers: None where there is no gripper.
+    """
+
+    def __init__(
+        self, node: Node, robot: Robot, names: Sequence[str], fingers: Fingers | None
+    ) -> None:
+        self.topics: list[str] = []
+        self._node = node
+        self._connection = robot.connection
+        self._clock = StampClock(node.get_clock())
+        self._joints = len(robot.joint_axes)
+        self._names = list(names)
+        self._fingers = fingers
+        self._finger_m = 0.0
+        self._stamped: list[HotPublisher] = []
+        self._unstamped: list[HotPublisher] = []
+        self._positions: list[FloatArray] = []  # of each message
+        self._links: list[Link] = []
+        self._index = columns(robot.joint_axes)
+        self._measured: FloatArray = robot.image.measured[:, self._index]
+        self._is_gathered = not isinstance(self._index, slice)  # the axes are not side by side
+        if self._is_gathered:
+            self._measured = np.ascontiguousarray(self._measured)
+
+    def add_joint_states(self, topic: str) -> None:
+        """Stamped JointState; effort in N·m, NaN where it is not known."""
+        self._stamped.append(self._joint_state(topic, ("position", "velocity", "effort")))
+
+    def add_unstamped(self, topic: str) -> None:
+        """JointState with a zero stamp; no effort, since its reader takes it as a command."""
+        self._unstamped.append(self._joint_state(topic, ("position", "velocity")))
+
+    def add_positions(self, topic: str) -> None:
+        """Float64MultiArray of the positions, in the order of the names."""
+        template = Float64MultiArray(data=[0.0] * len(self._names))
+        self._unstamped.append(self._publisher(topic, template, ("data",)))
+
+    def publish(self, image: ProcessImage) -> None:
+        if not self._connection.ready:
+            return
+        if self._is_gathered:
+            self._measured[:] = image.measured[:, self._index]
+        for copy in self._links:
+            copy()
+        self._move_fingers(image.stamp_ns)
+        now_ns = self._clock.now_ns()
+        for message in self._stamped:
+            message.stamp(now_ns)
+            message.publish()
+        for message in self._unstamped:
+            message.publish()
+
+    def _move_fingers(self, time_ns: int) -> None:
+        position_m = self._fingers.position_m(time_ns) if self._fingers else 0.0
+        if position_m != self._finger_m:
+            self._finger_m = position_m
+            for positions in self._positions:
+                positions[self._joints :] = position_m
+
+    def _joint_state(self, topic: str, fields: tuple[str, ...]) -> HotPublisher:
+        rest = [0.0] * len(self._names)
+        template = JointState(name=self._names, position=rest, velocity=rest)
+        if "effort" in fields:
+            template.effort = [math.nan] * len(rest)  # nothing measures the fingers' force
+        return self._publisher(topic, template, fields)
+
+    def _publisher(self, topic: str, template: Any, fields: tuple[str, ...]) -> HotPublisher:
+        """``fields`` are the first of position, velocity and effort."""
+        publisher = self._node.create_publisher(type(template), topic, DEPTH)
+        self.topics.append(publisher.topic_name)
+        message = HotPublisher(publisher, template, fields)
+        self._positions.append(message.view(fields[0]))
+        for field, values in zip(fields, self._measured, strict=False):
+            self._links.append(Link(message.view(field), values))
+        return message

@@ -1,0 +1,43 @@
+"""The latched topic that tells whether the engine takes commands."""
+
+from __future__ import annotations
+
+import threading
+
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Bool
+
+from robotd.device.connection import Connection
+
+PERIOD_S = 1.0
+LATCHED = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+
+class ReadyTopic:
+    """Publishes ``engine.ready`` on every change and once a second, for the life of the node."""
+
+    def __init__(self, node: Node, connection: Connection, topic: str) -> None:
+        self._connection = connection
+        self._publisher = node.create_publisher(Bool, topic, LATCHED)
+        self._lock = threading.Lock()
+        # Wall time that no clock jump and no simulated clock can stop.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(PERIOD_S, self._publish, clock=steady)
+        connection.on_ready(lambda ready: self._publish())
+
+    def _publish(self) -> None:
+        """Any thread. The value is read under the lock, so the last one out is the newest."""
+        with self._lock:
+            try:
+                self._publisher.publish(Bool(data=self._connection.ready))
+            except (InvalidHandle, RCLError):
+                return  # the node is gone; the engine outlives it where a program has both

@@ -1,0 +1,48 @@
+"""Commands that come as a stream are refused as a stream: one line of log for each reason."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from robotd.log import get_logger
+
+log = get_logger("commands")
+
+MAX_KNOWN = 256  # axes that are remembered
+MAX_AXES = 128  # of one message
+
+_NUMBERS = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+
+
+class RejectionLog:
+    """Logs the first rejection of each kind until a command on the same axes is accepted again.
+
+    Two rejections are of one kind when they concern the same axes of the same topic and their
+    texts differ in numbers only. A flood of ever other axes is cut off until a command is
+    accepted, so that no client can fill the memory or the disk. One thread: the executor's.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, tuple[int, ...]], set[str]] = {}
+
+    def refused(self, topic: str, axes: Sequence[int], reason: str) -> None:
+        """A message on ``topic`` was not obeyed."""
+        concerned = (topic, tuple(axes[:MAX_AXES]))
+        if concerned not in self._known:
+            if len(self._known) == MAX_KNOWN:
+                return
+            self._known[concerned] = set()
+            if len(self._known) == MAX_KNOWN:
+                log.warning("rejections of other axes are hidden until a command is accepted")
+        kinds = self._known[concerned]
+        kind = _NUMBERS.sub("#", reason)
+        if kind not in kinds:
+            kinds.add(kind)
+            log.warning("command refused", topic=topic, axes=list(concerned[1]), reason=reason)
+
+    def accepted(self, topic: str, axes: Sequence[int]) -> None:
+        """A message on ``topic`` was obeyed: the next rejection is news again."""
+        if len(self._known) == MAX_KNOWN:
+            self._known.clear()
+        self._known.pop((topic, tuple(axes[:MAX_AXES])), None)

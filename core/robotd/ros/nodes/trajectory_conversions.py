@@ -1,0 +1,89 @@
+"""FollowJointTrajectory ↔ core types: pure, and refusing what is not supported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from builtin_interfaces.msg import Duration, Time
+from control_msgs.action import FollowJointTrajectory
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.control.trajectory_execution import Progress
+from robotd.motion import JointTolerance, TrajectoryRequest
+from robotd.motion.rejection import reject, reject_joints
+
+
+def trajectory_request(goal: Any) -> TrajectoryRequest:
+    """The trajectory of a goal, its rows as they came.
+
+    Raises TrajectoryRejected where no joints are named, for rows of a wrong length, and for parts
+    of the message that cannot be honoured.
+    """
+    _refuse_unsupported(goal)
+    if not goal.trajectory.joint_names:
+        raise reject_joints("the trajectory names no joints")
+    points = goal.trajectory.points
+    return TrajectoryRequest.from_rows(
+        goal.trajectory.joint_names,
+        [duration_s(point.time_from_start) for point in points],
+        [point.positions for point in points],
+        [point.velocities for point in points],
+        [point.accelerations for point in points],
+    )
+
+
+def joint_tolerances(entries: Iterable[Any]) -> list[JointTolerance]:
+    """The entries of ``path_tolerance`` or ``goal_tolerance``; 0 and -1 keep their meaning."""
+    return [
+        JointTolerance(entry.name, entry.position, entry.velocity, entry.acceleration)
+        for entry in entries
+    ]
+
+
+def duration_s(message: Any) -> float:
+    """Seconds of a builtin_interfaces/Duration."""
+    return float(message.sec + message.nanosec / NANOSECONDS)
+
+
+def stamp_ns(message: Any) -> int:
+    """Nanoseconds of a builtin_interfaces/Time."""
+    return int(message.sec) * NANOSECONDS + int(message.nanosec)
+
+
+def feedback(names: Iterable[str], progress: Progress, now_ns: int) -> Any:
+    """The action's feedback, stamped with ROS time ``now_ns``; joints in the order ``names``."""
+    message = FollowJointTrajectory.Feedback()
+    message.header.stamp = Time(sec=now_ns // NANOSECONDS, nanosec=now_ns % NANOSECONDS)
+    message.joint_names = list(names)
+    desired = (progress.desired_position, progress.desired_velocity)
+    actual = (progress.actual_position, progress.actual_velocity)
+    error = (desired[0] - actual[0], desired[1] - actual[1])
+    time_from_start = _duration(max(progress.time_s, 0.0))
+    for name, (position, velocity) in (("desired", desired), ("actual", actual), ("error", error)):
+        _fill_point(getattr(message, name), position, velocity, time_from_start)
+    return message
+
+
+def _fill_point(point: Any, position: FloatArray, velocity: FloatArray, time: Any) -> None:
+    point.positions = position.tolist()
+    point.velocities = velocity.tolist()
+    point.time_from_start = time
+
+
+def _duration(seconds: float) -> Any:
+    total_ns = round(seconds * NANOSECONDS)
+    return Duration(sec=total_ns // NANOSECONDS, nanosec=total_ns % NANOSECONDS)
+
+
+def _refuse_unsupported(goal: Any) -> None:
+    multi_dof = goal.multi_dof_trajectory
+    for given, what in (
+        (multi_dof.joint_names or multi_dof.points, "multi_dof_trajectory"),
+        (goal.component_path_tolerance, "component_path_tolerance"),
+        (goal.component_goal_tolerance, "component_goal_tolerance"),
+        (any(point.effort for point in goal.trajectory.points), "effort in the points"),
+    ):
+        if given:
+            raise reject(f"{what} is not supported; leave it empty")

@@ -1,0 +1,61 @@
+"""wmx_engine_node: the life of the engine, over services, and whether it is ready."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+from wmx_ros2_message.srv import SetEngine
+
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
+from robotd.ros.services import add_service
+
+READY = "wmx/engine/ready"
+
+
+class WmxEngineNode(Node):
+    """Opens and closes the device, starts and stops communication, tells the state.
+
+    Nothing here enables a servo: after a restart of the engine the axes wait for ``set_on``.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__("wmx_engine_node", context=host.context)
+        self._connection = robot.connection
+        add_service(self, host, SetEngine, "wmx/engine/set_device", self._set_device)
+        add_service(self, host, SetBool, "wmx/engine/set_comm", self._set_communication)
+        add_service(self, host, Trigger, "wmx/engine/get_status", self._get_status, blocking=False)
+        add_service(self, host, Trigger, "wmx/engine/scan_network", self._scan_network)
+        self._ready = ReadyTopic(self, robot.connection, READY)
+        self.rates_hz = {self.resolve_topic_name(READY): 1 / PERIOD_S}
+
+    def _set_device(self, request: Any, response: Any) -> Any:
+        if request.data:
+            self._connection.open(request.path, request.name)
+        else:
+            self._connection.close()
+        return self._done(response)
+
+    def _set_communication(self, request: Any, response: Any) -> Any:
+        if request.data:
+            self._connection.start_communication()
+        else:
+            self._connection.stop_communication()
+        return self._done(response)
+
+    def _get_status(self, request: Any, response: Any) -> Any:
+        return self._done(response)
+
+    def _scan_network(self, request: Any, response: Any) -> Any:
+        response.success = True
+        response.message = self._connection.scan_network()
+        return response
+
+    def _done(self, response: Any) -> Any:
+        """Success, with the state that the engine has now."""
+        response.success = True
+        response.message = self._connection.state.value
+        return response

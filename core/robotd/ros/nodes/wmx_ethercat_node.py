@@ -1,0 +1,58 @@
+"""wmx_ethercat_node: what the fieldbus says of itself and of its slaves."""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+from rclpy.node import Node
+from wmx_ros2_message.srv import (
+    EcatGetNetworkState,
+    EcatRegisterRead,
+    EcatResetStatistics,
+    EcatStartHotconnect,
+)
+
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.nodes.axis_conversions import fill_network_state
+from robotd.ros.services import add_service
+
+
+class WmxEthercatNode(Node):
+    """Four services of diagnostics; all may wait for the fieldbus, so all run in workers."""
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__("wmx_ethercat_node", context=host.context)
+        self._fieldbus = robot.fieldbus
+        for service_type, name, handler in (
+            (EcatGetNetworkState, "get_network_state", self._get_network_state),
+            (EcatRegisterRead, "register_read", self._register_read),
+            (EcatResetStatistics, "reset_statistics", self._reset_statistics),
+            (EcatStartHotconnect, "start_hotconnect", self._start_hot_connect),
+        ):
+            add_service(self, host, service_type, f"wmx/ecat/{name}", handler)
+
+    def _get_network_state(self, request: Any, response: Any) -> Any:
+        return fill_network_state(response, self._fieldbus.network_state(request.master_id))
+
+    def _register_read(self, request: Any, response: Any) -> Any:
+        data = self._fieldbus.read_register(
+            request.master_id, request.slave_id, request.reg_address, request.length
+        )
+        response.data = array("B", data)
+        response.success = True
+        response.message = f"{len(data)} bytes"
+        return response
+
+    def _reset_statistics(self, request: Any, response: Any) -> Any:
+        self._fieldbus.reset_statistics(request.master_id)
+        response.success = True
+        response.message = "statistics reset"
+        return response
+
+    def _start_hot_connect(self, request: Any, response: Any) -> Any:
+        self._fieldbus.start_hot_connect(request.master_id)
+        response.success = True
+        response.message = "hot connect started"
+        return response

@@ -1,0 +1,63 @@
+"""wmx_io_node: the digital I/O image, bit by bit and in blocks."""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+from rclpy.node import Node
+from wmx_ros2_message.srv import GetIoBit, GetIoBytes, SetIoBit, SetIoBytes
+
+from robotd.errors import InvalidArgument
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.services import add_service
+
+
+class WmxIoNode(Node):
+    """Six services on the I/O image. Reads only look at memory; writes wait for the driver."""
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__("wmx_io_node", context=host.context)
+        self._io = robot.io
+        for service_type, name, handler, writes in (
+            (GetIoBit, "get_input_bit", self._get_input_bit, False),
+            (GetIoBit, "get_output_bit", self._get_output_bit, False),
+            (GetIoBytes, "get_input_bytes", self._get_input_bytes, False),
+            (GetIoBytes, "get_output_bytes", self._get_output_bytes, False),
+            (SetIoBit, "set_output_bit", self._set_output_bit, True),
+            (SetIoBytes, "set_output_bytes", self._set_output_bytes, True),
+        ):
+            add_service(self, host, service_type, f"wmx/io/{name}", handler, blocking=writes)
+
+    def _get_input_bit(self, request: Any, response: Any) -> Any:
+        response.value = int(self._io.input_bit(request.byte, request.bit))
+        return _ok(response)
+
+    def _get_output_bit(self, request: Any, response: Any) -> Any:
+        response.value = int(self._io.output_bit(request.byte, request.bit))
+        return _ok(response)
+
+    def _get_input_bytes(self, request: Any, response: Any) -> Any:
+        response.data = array("B", self._io.input_bytes(request.byte, request.length))
+        return _ok(response)
+
+    def _get_output_bytes(self, request: Any, response: Any) -> Any:
+        response.data = array("B", self._io.output_bytes(request.byte, request.length))
+        return _ok(response)
+
+    def _set_output_bit(self, request: Any, response: Any) -> Any:
+        if request.value not in (0, 1):
+            raise InvalidArgument(f"value {request.value} is not 0 or 1")
+        self._io.set_output_bit(request.byte, request.bit, bool(request.value))
+        return _ok(response)
+
+    def _set_output_bytes(self, request: Any, response: Any) -> Any:
+        self._io.set_output_bytes(request.byte, bytes(request.data))
+        return _ok(response)
+
+
+def _ok(response: Any) -> Any:
+    response.success = True
+    response.message = "ok"
+    return response

@@ -1,0 +1,77 @@
+"""A robot's nodes in this process: for ``serve``, and for programs that hold a robot themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING
+
+from rclpy.node import Node
+
+from robotd.plugin.registry import NodeRegistry
+from robotd.robot import Robot
+from robotd.ros.diagnostics.diagnostics_publisher import Diagnostics
+from robotd.ros.host import RosHost
+from robotd.ros.middleware.discovery import announce_often
+from robotd.ros.registry import ENABLING_NODES, check_names, make_node
+
+if TYPE_CHECKING:
+    from robotd.scenario import FaultSchedule
+
+
+@contextmanager
+def run_nodes(
+    robot: Robot,
+    names: Sequence[str],
+    host: RosHost,
+    registry: NodeRegistry | None = None,
+    faults: FaultSchedule | None = None,
+) -> Iterator[list[Node]]:
+    """The nodes of a robot that is not started, answering; they end with the host.
+
+    Args:
+        robot, names, registry: as for ``serve``.
+        host: started.
+        faults: of a simulation; with it there is the node ``robotd_sim``.
+
+    Raises:
+        DescriptorError, PluginError: a node or a parameter is wrong.
+    """
+    host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
+    host.on_hang = lambda reason: robot.bring_to_rest()  # nobody could stop it by ROS any more
+    nodes = [make_node(name, robot, host, registry) for name in names]
+    if faults is not None:
+        from robotd.ros.nodes.simulation_node import SimulationNode
+
+        nodes.append(SimulationNode(robot, host, nodes, faults))
+    for node in nodes:
+        host.add_node(node)
+    with Diagnostics(nodes[0], robot) if nodes else nullcontext():
+        yield nodes
+
+
+@contextmanager
+def served_robot(
+    robot: Robot, names: Sequence[str], faults: FaultSchedule, domain_id: int
+) -> Iterator[None]:
+    """A simulated robot, started and served until the block ends. Signals are left alone.
+
+    Args:
+        robot: not started; it is shut down at the end.
+        names: nodes to make; one of ``ENABLING_NODES`` switches the servos on.
+        faults: begins when the robot is ready.
+        domain_id: ROS domain.
+
+    Raises:
+        DescriptorError, PluginError: a node or a parameter is wrong.
+        RobotdError: the robot did not start.
+    """
+    check_names(names)
+    announce_often()
+    with RosHost(domain_id=domain_id) as host, run_nodes(robot, names, host, faults=faults):
+        try:
+            robot.start(enable=not ENABLING_NODES.isdisjoint(names))
+            faults.begin()
+            yield
+        finally:
+            robot.shutdown()

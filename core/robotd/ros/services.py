@@ -1,0 +1,163 @@
+"""Services and subscriptions whose handlers may block and may raise, without harm to the others.
+
+A handler is a plain function. rclpy would run it in the executor thread, where one that waits for
+the hardware holds up every other callback, and where an exception leaves the client without an
+answer. Coroutine handlers are no way out: the EventsExecutor does not await them. So the callback
+given to rclpy only hands the request on, and a worker sends the response when it has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+from robotd.ros.host import RosHost
+from robotd.ros.middleware.rate_limit import RateLimit
+from robotd.ros.middleware.service_responses import Replies
+
+log = get_logger("ros")
+
+# The usual depth, 10, loses unheard what comes beyond it before the executor has looked.
+SERVICE_QOS = QoSProfile(depth=1000)
+
+HANDLER_SHARE = 0.2  # a move takes 0.2 ms: 1000 messages a second
+
+ServiceHandler = Callable[[Any, Any], Any]
+
+
+def add_service(
+    node: Node,
+    host: RosHost,
+    service_type: Any,
+    name: str,
+    handler: ServiceHandler,
+    *,
+    blocking: bool = True,
+    urgent: bool = False,
+) -> Service:
+    """Create a service that always answers.
+
+    Args:
+        node: its owner; any thread may create before ``host.add_node``.
+        host: whose workers run blocking handlers.
+        service_type: class of the service; ``success`` and ``message`` of its response are used
+            for errors where it has them.
+        name: as for ``Node.create_service``.
+        handler: ``handler(request, response)`` fills the response and returns it. A RobotdError
+            becomes ``success=False`` with its text; anything else is logged with its traceback
+            and answered ``internal error: ...``.
+        blocking: True runs the handler in a worker, several at a time, so it guards what it
+            shares; False runs it in the executor thread, for handlers that only read memory.
+        urgent: a blocking handler that must not wait behind others, such as a stop.
+    """
+    if not blocking:
+
+        def answer_now(request: Any, _: Any) -> Any:
+            with host.callback_guard():
+                return _answer(service_type, name, handler, request)
+
+        service = node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
+        service.send_response = Replies(node, service).send
+        return service
+    return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
+
+
+def add_subscription(
+    node: Node,
+    host: RosHost,
+    message_type: Any,
+    topic: str,
+    handler: Callable[[Any], None],
+    qos: QoSProfile | int,
+) -> Subscription:
+    """Create a subscription whose handler may raise; it runs in the executor thread.
+
+    An exception that reaches the EventsExecutor also costs it the messages that arrived together
+    with the offending one. Here it is logged and the next message is handled. That executor keeps
+    an event for each message, so one that it cannot follow would answer services later and later:
+    a handler gets ``HANDLER_SHARE`` of the time, and what is beyond is dropped undecoded.
+    """
+    rate_limit = RateLimit(HANDLER_SHARE)
+
+    def on_message(data: bytes) -> None:
+        with host.callback_guard():
+            if rate_limit.is_left():
+                with rate_limit.spent():
+                    handle(data)
+            elif rate_limit.is_news:
+                log.warning("messages come too fast, some are dropped", topic=topic)
+
+    def handle(data: bytes) -> None:
+        try:
+            handler(deserialize_message(data, message_type))
+        except RobotdError as error:
+            log.warning("message refused", topic=topic, reason=str(error))
+        except Exception:
+            log.exception("message handler raised", topic=topic)
+
+    return node.create_subscription(message_type, topic, on_message, qos, raw=True)
+
+
+def _add_deferred_service(
+    node: Node,
+    host: RosHost,
+    service_type: Any,
+    name: str,
+    handler: ServiceHandler,
+    *,
+    urgent: bool,
+) -> Service:
+    service = node.create_service(
+        service_type, name, lambda request, _: request, qos_profile=SERVICE_QOS
+    )
+    send = Replies(node, service).send
+
+    def answer_later(request: Any, header: Any) -> None:
+        with host.callback_guard():
+            try:
+                host.submit(
+                    lambda: send(_answer(service_type, name, handler, request), header),
+                    urgent=urgent,
+                )
+            except RobotdError as error:
+                send(_rejection(service_type, name, str(error)), header)
+
+    # Every rclpy executor passes what the callback returned, with the request's header, to
+    # send_response. That is the one place where the header can be had.
+    service.send_response = answer_later
+    return service
+
+
+def _answer(service_type: Any, name: str, handler: ServiceHandler, request: Any) -> Any:
+    """The handler's response, or the rejection that its exception stands for. Never raises."""
+    try:
+        response = handler(request, service_type.Response())
+    except RobotdError as error:
+        log.info("service refused", service=name, reason=str(error))
+        return _rejection(service_type, name, str(error))
+    except Exception as error:
+        log.exception("service handler raised", service=name)
+        return _rejection(service_type, name, f"internal error: {error}")
+    if isinstance(response, service_type.Response):
+        return response
+    log.error("service handler returned no response", service=name, returned=repr(response))
+    return _rejection(service_type, name, "internal error: the handler returned no response")
+
+
+def _rejection(service_type: Any, name: str, message: str) -> Any:
+    response = service_type.Response()
+    if hasattr(response, "success"):
+        response.success = False
+    if hasattr(response, "message"):
+        response.message = message
+    else:
+        log.error("the response has no field for this", service=name, reason=message)
+    return response

@@ -1,0 +1,263 @@
+"""The kinds of faults: what each needs to know, how it begins, and how it ends."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from robotd.descriptor.problems import validate
+from robotd.errors import InvalidArgument
+from robotd.robot import Robot
+
+AxisNumber = Annotated[int, Field(ge=0, le=127)]
+Seconds = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Byte = Annotated[int, Field(ge=0, le=7999)]
+Bit = Annotated[int, Field(ge=0, le=7)]
+
+OVERCURRENT = 0x2310  # CiA 402: continuous overcurrent
+
+
+class Part(BaseModel):
+    """Base of everything in a scenario: frozen, strict keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class FaultKind(Part):
+    """One kind. ``begin`` and ``end`` are called by the cycle, and do not block."""
+
+    def check(self, robot: Robot) -> None:
+        """Raise InvalidArgument when the fault does not fit the robot."""
+        axis = getattr(self, "axis", 0)
+        if axis >= len(robot.axes):
+            raise InvalidArgument(f"axis {axis} is outside 0..{len(robot.axes) - 1}")
+
+    @abstractmethod
+    def begin(self, robot: Robot) -> None:
+        """Let it happen."""
+
+    def end(self, robot: Robot) -> None:
+        """After ``for_s``, where the kind has that: let it be over."""
+
+
+class AmpAlarm(FaultKind):
+    """The drive of an axis reports an alarm, until it is cleared."""
+
+    axis: AxisNumber
+    code: int = Field(OVERCURRENT, ge=1, le=0xFFFF)
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.trip(self.axis, self.code)
+
+
+class FollowingError(FaultKind):
+    """Something holds an axis where it is, so that it does not follow its command."""
+
+    axis: AxisNumber
+    for_s: Seconds | None = None
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.block(self.axis, True)
+
+    def end(self, robot: Robot) -> None:
+        robot.fault_injector.block(self.axis, False)
+
+
+class SlaveLost(FaultKind):
+    """The slave of an axis stops answering; after ``for_s`` it is taken in again, servo off."""
+
+    axis: AxisNumber
+    for_s: Seconds | None = None
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.disconnect(self.axis)
+
+    def end(self, robot: Robot) -> None:
+        robot.fault_injector.reconnect(self.axis)
+        robot.fieldbus.start_hot_connect(0)
+
+
+class PacketLoss(FaultKind):
+    """Frames of the fieldbus are lost in a row."""
+
+    count: int = Field(ge=1, le=1_000_000)
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.lose_packets(self.count)
+
+
+class LateCycles(FaultKind):
+    """``count`` periods of the cycle in a row begin ``late_s`` late."""
+
+    late_s: float = Field(gt=0, le=10)
+    count: int = Field(1, ge=1, le=100_000)
+
+    def begin(self, robot: Robot) -> None:
+        robot.control_loop.delay(self.late_s)
+
+
+class StuckGripper(FaultKind):
+    """The gripper's valve keeps its position, whatever is commanded."""
+
+    closed: bool
+    for_s: Seconds | None = None
+
+    def check(self, robot: Robot) -> None:
+        if robot.descriptor.gripper is None:
+            raise InvalidArgument(f"{robot.descriptor.name} has no gripper")
+
+    def begin(self, robot: Robot) -> None:
+        self._stick(robot, self.closed)
+
+    def end(self, robot: Robot) -> None:
+        self._stick(robot, None)
+
+    def _stick(self, robot: Robot, value: bool | None) -> None:
+        if gripper := robot.descriptor.gripper:
+            robot.fault_injector.stick_output_bit(gripper.output_byte, gripper.output_bit, value)
+
+
+class InputBit(FaultKind):
+    """An input bit changes; after ``for_s`` it changes back."""
+
+    byte: Byte
+    bit: Bit
+    value: bool
+    for_s: Seconds | None = None
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.set_input_bit(self.byte, self.bit, self.value)
+
+    def end(self, robot: Robot) -> None:
+        robot.fault_injector.set_input_bit(self.byte, self.bit, not self.value)
+
+
+class EncoderJump(FaultKind):
+    """The measured position of an axis jumps."""
+
+    axis: AxisNumber
+    delta_rad: Finite
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.jump_encoder(self.axis, self.delta_rad)
+
+
+class CommunicationDrop(FaultKind):
+    """The cyclic exchange breaks down; the engine can start it again."""
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.drop_communication()
+
+
+class EngineStopped(FaultKind):
+    """The engine dies."""
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.stop_engine()
+
+
+class Crossing(Part):
+    """A joint's measured position gets past a value, in one of the two ways."""
+
+    joint: str
+    above_rad: Finite | None = None
+    below_rad: Finite | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.above_rad is None) == (self.below_rad is None):
+            raise ValueError("needs one of above_rad and below_rad")
+        return self
+
+    def check(self, robot: Robot) -> None:
+        """Raise InvalidArgument when the robot has no such joint."""
+        if self.joint not in robot.joint_names:
+            raise InvalidArgument(
+                f"no joint is named {self.joint!r}; there is {', '.join(robot.joint_names)}"
+            )
+
+    def happens(self, robot: Robot) -> bool:
+        """Whether the joint is there now."""
+        axis = robot.joint_axes[robot.joint_names.index(self.joint)]
+        position = float(robot.image.position[axis])
+        if self.above_rad is not None:
+            return position > self.above_rad
+        return self.below_rad is not None and position < self.below_rad
+
+
+class Fault(Part):
+    """One fault: exactly one kind, and when it happens.
+
+    Attributes:
+        at_s: simulated seconds after the scenario began, or after the fault was injected.
+        when: happens as soon as a joint is there, not before ``at_s``.
+    """
+
+    at_s: float = Field(0.0, ge=0, allow_inf_nan=False)
+    when: Crossing | None = None
+    amp_alarm: AmpAlarm | None = None
+    following_error: FollowingError | None = None
+    slave_lost: SlaveLost | None = None
+    packet_loss: PacketLoss | None = None
+    late_cycles: LateCycles | None = None
+    stuck_gripper: StuckGripper | None = None
+    input_bit: InputBit | None = None
+    encoder_jump: EncoderJump | None = None
+    communication_drop: CommunicationDrop | None = None
+    engine_stopped: EngineStopped | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        given = [name for name in FAULTS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"needs exactly one of {', '.join(FAULTS)}")
+        return self
+
+    @property
+    def name(self) -> str:
+        """Name of the kind."""
+        return next(name for name in FAULTS if getattr(self, name) is not None)
+
+    @property
+    def kind(self) -> FaultKind:
+        kind: FaultKind = getattr(self, self.name)
+        return kind
+
+    def check(self, robot: Robot) -> None:
+        """Raise InvalidArgument when the fault does not fit the robot."""
+        self.kind.check(robot)
+        if self.when is not None:
+            self.when.check(robot)
+
+    def __str__(self) -> str:
+        values = self.kind.model_dump(exclude_none=True)
+        return " ".join([self.name, *(f"{key}={value}" for key, value in values.items())])
+
+
+def validate_fault(values: Any) -> Fault:
+    """The fault of a mapping like one of a scenario file. Raises DescriptorError."""
+    return validate(Fault, values, None)
+
+
+def nested(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """``{"amp_alarm.axis": 2}`` → ``{"amp_alarm": {"axis": 2}}``; a plain ``true`` → ``{}``.
+
+    Raises InvalidArgument when a name is both a value and the beginning of others.
+    """
+    values: dict[str, Any] = {}
+    for path, value in fields.items():
+        *parents, last = path.split(".")
+        below = values
+        for name in parents:
+            below = below.setdefault(name, {})
+            if not isinstance(below, dict):
+                raise InvalidArgument(f"{path}: {name} has a value already")
+        below[last] = {} if value is True and not parents else value
+    return values
+
+
+FAULTS = tuple(name for name in Fault.model_fields if name not in ("at_s", "when"))

@@ -1,0 +1,237 @@
+"""A robot on the bench: brought up, moved a little, watched, and given time to do so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import cast
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.clock import Clock, MonotonicClock, wait_until
+from robotd.clock.simulated import SteppedClock
+from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Move
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import Profile
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode, Operation
+from robotd.motion import TrajectoryRequest
+from robotd.plugin.hookspecs import DeviceContext
+from robotd.plugin.manager import Backend
+from robotd.robot import Robot
+from robotd.testing.conformance.parts import Parts
+from robotd.testing.conformance.recording import Recorder, Recording
+
+TRAVEL_RAD = 0.3  # the farthest that a check moves an axis
+SPEED_RAD_S = 0.8
+RAMP_RAD_S2 = 4.0
+SETTLED_RAD = 2e-3  # largest error of an axis that stands
+STANDSTILL_RAD_S = 0.01
+SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
+WAIT_S = 10.0  # for what a working backend does in far less
+
+
+class Harness:
+    """A robot, its drivers, and time. One test thread.
+
+    Where the device lives by the context's clock, time is simulated: it passes while a check
+    waits, in steps of the cycle and as fast as the computer can. Otherwise the cycle has its
+    thread, as when the robot is served.
+
+    Attributes:
+        robot, parts: the robot, and the drivers behind it.
+        bench: None where the backend offers none.
+        clock: the time that the device lives by.
+        stepped: time is simulated.
+    """
+
+    def __init__(
+        self, backend: Backend, descriptor: RobotDescriptor, *, real_time: bool = False
+    ) -> None:
+        self.parts = Parts(backend)
+        self.stepped = not real_time and _lives_by_clock(backend, descriptor)
+        self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
+        self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
+        self.fault_injector: FaultInjector | None = self.parts.made_bench
+        self.period_s = 1.0 / descriptor.cycle.rate_hz
+        self.image = self.robot.image
+        self.count = len(self.robot.axes)
+        self.all = list(range(self.count))
+        self._recorder = Recorder()
+        self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
+        self._running = False
+
+    # Life
+
+    def begin(self) -> None:
+        """Let the cycle run. Nothing is opened."""
+        if not self._running:
+            self.robot.control_loop.start()
+        self._running = True
+
+    def up(self, *, enable: bool = True) -> None:
+        """Open, communicate, and switch every axis on (or leave them as they are)."""
+        self.begin()
+        self.robot.connection.start()
+        self.until(lambda: self.robot.connection.ready, "the engine is ready")
+        self.until(lambda: bool(np.isfinite(self.image.position).all()), "positions are known")
+        self.periods(2)
+        if enable:
+            self.enable()
+
+    def enable(self) -> None:
+        """Alarms cleared, servos on, in position mode."""
+        for axis in self.all:
+            self.robot.axes.clear_alarm(axis)
+            if self.image.mode[axis] != CommandMode.POSITION:
+                self.robot.axes.set_command_mode(axis, CommandMode.POSITION)
+            self.robot.axes.servo(axis, True)
+        self.until(lambda: bool(self.image.servo_on.all()), "all servos are on")
+
+    def down(self) -> None:
+        """Shut everything down; the rig is done with."""
+        self.robot.shutdown()
+
+    @property
+    def healthy(self) -> bool:
+        """Ready for the next check as it is: enabled, in position mode, at rest, no alarm."""
+        image = self.image
+        return bool(
+            self.robot.connection.ready
+            and image.servo_on.all()
+            and not image.amp_alarm.any()
+            and (image.mode == CommandMode.POSITION).all()
+            and (image.operation == Operation.IDLE).all()
+        )
+
+    # Time
+
+    def let(self, seconds: float) -> None:
+        """Time passes."""
+        self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * 1e9))
+
+    def periods(self, count: int) -> None:
+        """Some periods of the cycle pass."""
+        self.let(count * self.period_s)
+
+    def holds(self, condition: Callable[[], bool], timeout_s: float = WAIT_S) -> bool:
+        """Wait for ``condition``; False when ``timeout_s`` is over."""
+        return wait_until(condition, timeout_s, self.clock, self.period_s)
+
+    def until(self, condition: Callable[[], bool], what: str, timeout_s: float = WAIT_S) -> None:
+        """Wait for ``condition``. Raises AssertionError, saying ``what`` did not come true."""
+        if not self.holds(condition, timeout_s):
+            raise AssertionError(f"not within {timeout_s:g} s: {what}")
+
+    @contextmanager
+    def recording(self) -> Iterator[Recording]:
+        """Every period's values while the block runs."""
+        recording = Recording()
+        self._recorder.fill(recording)
+        try:
+            yield recording
+        finally:
+            self._recorder.fill(None)
+
+    @contextmanager
+    def each_period(self, task: Callable[[ProcessImage], None]) -> Iterator[None]:
+        """Call ``task(image)`` in every period while the block runs, from the cycle."""
+        self._recorder.call(task)
+        try:
+            yield
+        finally:
+            self._recorder.call(None)
+
+    # Motion
+
+    def travel(self, share: float = 1.0) -> FloatArray:
+        """(n_axes,) distances to move by, all different, away from the nearer position limit."""
+        size = TRAVEL_RAD * share * np.linspace(1.0, 0.5, self.count)
+        sign = np.where(np.arange(self.count) % 2, -1.0, 1.0)
+        for axis, limits in enumerate(self.robot.axes.limits):
+            start = float(self.image.position_command[axis])
+            target = start + sign[axis] * size[axis]
+            if not limits.lower < target < limits.upper:
+                sign[axis] = -sign[axis]
+        return cast(FloatArray, sign * size)
+
+    def profile(self, axis: int, share: float = 1.0) -> Profile:
+        """A gentle profile within the limits of the axis, at ``share`` of its speed."""
+        limits = self.robot.axes.limits[axis]
+        speed = min(SPEED_RAD_S, 0.5 * limits.velocity) * share
+        ramp = min(RAMP_RAD_S2, 0.5 * limits.acceleration)
+        return Profile(speed, ramp, ramp)
+
+    def move(self, axes: Sequence[int], targets: FloatArray, share: float = 1.0) -> None:
+        """Start moves of ``axes`` to ``targets[axis]`` (n_axes,)."""
+        self.robot.axes.move(
+            [Move(axis, float(targets[axis]), self.profile(axis, share)) for axis in axes]
+        )
+
+    def rest(self, axes: Sequence[int] | None = None) -> None:
+        """Wait until ``axes`` (all) execute nothing and stand still.
+
+        Raises AssertionError naming them otherwise.
+        """
+        chosen = self.all if axes is None else list(axes)
+        image = self.image
+
+        def idle() -> bool:
+            at_rest = np.abs(image.velocity[chosen]) < STANDSTILL_RAD_S
+            return bool((image.operation[chosen] == Operation.IDLE).all() and at_rest.all())
+
+        # A command may need some periods to show in the image.
+        self.periods(10)
+        self.until(idle, f"axes {chosen} are at rest")
+        self.let(SETTLE_S)
+
+    @contextmanager
+    def following(
+        self, times_s: Sequence[float], rows: Sequence[FloatArray], velocities: bool = False
+    ) -> Iterator[TrajectoryExecution]:
+        """Follow a trajectory of all joints; leaving the block ends it.
+
+        Args:
+            rows: one position row per point, shape (joints,), relative to the present command.
+            velocities: give velocities too (those of a smooth path), so that it is cubic.
+        """
+        joints = list(self.robot.joint_axes)
+        start = self.image.position_command[joints].copy()
+        points = [list(start + row) for row in rows]
+        slopes = np.gradient(np.array([np.zeros(len(joints)), *rows]), [0.0, *times_s], axis=0)
+        slopes[-1] = 0.0
+        request = TrajectoryRequest.from_rows(
+            self.robot.joint_names,
+            times_s,
+            points,
+            [list(row) for row in slopes[1:]] if velocities else (),
+        )
+        with self.robot.follower.follow(request) as execution:
+            try:
+                yield execution
+            finally:
+                execution.cancel()
+                self.holds(lambda: execution.done)
+
+    def can(self, capability: Capability) -> bool:
+        return capability in self.robot.backend.capabilities
+
+    def may_rescale(self) -> bool:
+        """A change of scale or home can be undone: by a parameter file, or it is no real drive."""
+        return self.can(Capability.SIMULATED) or self.robot.descriptor.parameters_file is not None
+
+
+MakeHarness = Callable[..., Harness]
+"""The fixture ``make_harness``: its keywords are those of ``Stand.build``."""
+
+
+def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
+    """The device is simulated and has no time but the clock that it is given."""
+    context = DeviceContext(descriptor, backend.options(descriptor))
+    injector = backend.fault_injector(backend.open_device(context), context)
+    simulated = Capability.SIMULATED in backend.info.capabilities
+    return simulated and injector is not None and injector.lives_by_clock

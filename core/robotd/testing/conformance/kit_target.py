@@ -1,0 +1,106 @@
+"""What the checks run on: one backend, one robot, and at most one rig at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from robotd.descriptor import RobotDescriptor, default_search_path, load_robot_descriptor
+from robotd.device.fault_injector import FaultInjector
+from robotd.errors import Unsupported
+from robotd.plugin.manager import load_backend, load_plugins, register_all
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
+
+PLAIN_ROBOT = {
+    "schema": 1,
+    "name": "plain",
+    "axes": 3,
+    "joints": [
+        {
+            "name": f"joint{axis + 1}",
+            "axis": axis,
+            "lower_rad": -3.0,
+            "upper_rad": 3.0,
+            "velocity_rad_s": 3.0,
+            "acceleration_rad_s2": 10.0,
+        }
+        for axis in range(2)
+    ],
+}
+"""The robot of the checks when none is named: two joints, and an axis that is none."""
+
+
+class KitTarget:
+    """Builds rigs. Raises RobotdError when backend or robot cannot be loaded.
+
+    Args:
+        robot: name or file; None is the plain robot.
+    """
+
+    def __init__(self, backend: str, robot: str | None) -> None:
+        self.backend = load_backend(backend)
+        self.descriptor = _find(robot) if robot else RobotDescriptor.model_validate(PLAIN_ROBOT)
+        self.backend.options(self.descriptor)
+        self._shared: Harness | None = None
+
+    def build(self, **options: Any) -> Harness:
+        """A rig, not brought up."""
+        return Harness(self.backend, self.descriptor, **options)
+
+    def shared(self) -> Harness:
+        """The shared rig, ready for a check; a new one where the last check broke it."""
+        harness = self._shared
+        if harness is not None and not harness.healthy:
+            self.clear()
+        if self._shared is None:
+            harness = self.build()
+            self._shared = harness
+            harness.up()
+            self._pose = harness.image.position_command.copy()
+        harness = self._shared
+        if np.abs(harness.image.position_command - self._pose).max() > SETTLED_RAD:
+            harness.move(harness.all, self._pose)
+            harness.rest()
+        return harness
+
+    def clear(self) -> None:
+        """Shut the shared rig down."""
+        harness, self._shared = self._shared, None
+        if harness is not None:
+            harness.down()
+
+
+def _find(robot: str) -> RobotDescriptor:
+    """A robot of robotd, of a plugin, or a file."""
+    robots, _ = register_all(load_plugins()[0])
+    return load_robot_descriptor(robot, search_path=(*default_search_path(), *robots.folders))
+
+
+class BenchOrSkip:
+    """A bench on which "cannot do that" skips the check."""
+
+    def __init__(self, injector: FaultInjector) -> None:
+        self._fault_injector = injector
+
+    @classmethod
+    def of(cls, harness: Harness) -> FaultInjector:
+        """The bench of ``rig``; skips where there is none."""
+        if harness.fault_injector is None:
+            pytest.skip(
+                f"the {harness.robot.backend.name} backend offers no bench (robotd_fault_injector)"
+            )
+        return cast(FaultInjector, cls(harness.fault_injector))
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        method = getattr(self._fault_injector, name)
+
+        def call(*arguments: Any) -> Any:
+            try:
+                return method(*arguments)
+            except Unsupported as error:
+                pytest.skip(str(error))
+
+        return call

@@ -1,0 +1,143 @@
+"""States and their transitions; start-up and shut-down in any order, and twice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.device.state import ConnectionState
+from robotd.errors import NotReady, RobotdError
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+
+
+def test_a_device_that_is_made_is_idle(make_harness: MakeHarness) -> None:
+    assert make_harness().parts.device.state() is ConnectionState.IDLE
+
+
+def test_the_states_follow_the_calls(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    device = harness.parts.device
+    harness.begin()
+    seen = []
+    calls: list[Callable[[], None]] = [
+        device.open,
+        lambda: device.start_communication(10.0),
+        lambda: device.stop_communication(10.0),
+        lambda: device.start_communication(10.0),
+        device.close,
+    ]
+    for call in calls:
+        call()
+        seen.append(device.state().name)
+    assert seen == ["RUNNING", "COMMUNICATING", "RUNNING", "COMMUNICATING", "IDLE"]
+
+
+def test_every_call_may_come_twice(make_harness: MakeHarness) -> None:
+    connection = make_harness().robot.connection
+    for call, state in (
+        (connection.open, ConnectionState.RUNNING),
+        (connection.start_communication, ConnectionState.COMMUNICATING),
+        (connection.stop_communication, ConnectionState.RUNNING),
+        (connection.close, ConnectionState.IDLE),
+        (connection.shutdown, ConnectionState.SHUTDOWN),
+    ):
+        call()
+        call()
+        assert connection.state is state
+
+
+def test_closing_a_device_twice_or_unopened_is_no_error(make_harness: MakeHarness) -> None:
+    device = make_harness().parts.device
+    device.close()
+    device.open()
+    device.close()
+    device.close()
+    assert device.state() is ConnectionState.IDLE
+
+
+def test_calls_out_of_order_are_refused_or_have_no_effect(make_harness: MakeHarness) -> None:
+    connection = make_harness().robot.connection
+    with pytest.raises(NotReady):
+        connection.start_communication()
+    with pytest.raises(NotReady):
+        connection.scan_network()
+    connection.stop_communication()
+    connection.close()
+    assert connection.state is ConnectionState.IDLE
+
+
+def test_communication_without_an_open_device_is_refused(make_harness: MakeHarness) -> None:
+    device = make_harness().parts.device
+    with pytest.raises(RobotdError):
+        device.start_communication(1.0)
+    assert device.state() is ConnectionState.IDLE
+
+
+def test_it_works_again_after_it_was_closed(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    for _ in range(2):
+        harness.up()
+        targets = harness.image.position_command + harness.travel(0.3)
+        harness.move(harness.all, targets)
+        harness.rest()
+        assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
+        harness.robot.connection.close()
+        harness.until(
+            lambda: not harness.robot.connection.ready, "the engine is not ready once it is closed"
+        )
+
+
+def test_starting_enables_and_moves_nothing(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up(enable=False)
+    start = harness.image.position.copy()
+    harness.let(0.3)
+    assert not harness.image.servo_on.any()
+    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
+
+
+def test_servos_are_off_after_communication_stopped(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    harness.parts.device.stop_communication(10.0)
+    harness.periods(3)
+    harness.robot.connection.start_communication()
+    harness.until(lambda: harness.robot.connection.ready, "the engine is ready again")
+    harness.let(0.3)
+    assert not harness.image.servo_on.any(), "nothing may enable a servo by itself"
+
+
+def test_closing_while_axes_move_is_orderly(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.let(0.15)
+    harness.robot.shutdown()
+    assert harness.robot.connection.state is ConnectionState.SHUTDOWN
+    assert harness.parts.device.state() is ConnectionState.IDLE
+
+
+def test_a_scan_is_one_line_for_people(harness: Harness) -> None:
+    line = harness.robot.connection.scan_network()
+    assert line.strip()
+    assert "\n" not in line
+
+
+@pytest.mark.needs(Capability.PARAMETERS_FILE)
+def test_parameters_can_be_shown_for_every_axis(harness: Harness) -> None:
+    for axis in harness.all:
+        assert harness.robot.connection.dump_parameters(axis).strip()
+
+
+@pytest.mark.needs(Capability.PARAMETERS_FILE)
+def test_a_bad_parameter_file_changes_nothing(harness: Harness, tmp_path: Path) -> None:
+    bad = tmp_path / "parameters.xml"
+    bad.write_text("<Parameters><not closed", encoding="utf-8")
+    before = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
+    with pytest.raises(RobotdError):
+        harness.robot.connection.load_parameters(bad)
+    assert [harness.robot.connection.dump_parameters(axis) for axis in harness.all] == before

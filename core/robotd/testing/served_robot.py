@@ -1,0 +1,181 @@
+"""A whole robot in a test: on the simulation, served on ROS in the test's own process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from robotd.clock import NANOSECONDS
+from robotd.clock.simulated import PacedClock
+from robotd.descriptor import load_robot_descriptor
+from robotd.errors import InvalidArgument
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
+from robotd.ros.client.motion_client import Arm, Ending, move
+from robotd.ros.client.ros_client import RosClient
+from robotd.ros.run_nodes import served_robot
+from robotd.scenario import FaultSchedule, Scenario, load_scenario, validate_fault
+from robotd.scenario.expectations import standing
+
+_POLL_S = 0.002
+_FOLLOWER = "follow_joint_trajectory_server"
+
+
+class RobotUnderTest:
+    """What a test has of its robot. One test thread.
+
+    Attributes:
+        robot: all of it, without ROS: axes, engine, I/O, the process image.
+        domain_id: its ROS domain, which is in ``ROS_DOMAIN_ID`` too.
+        timeout_s: of every wait, in real time.
+    """
+
+    def __init__(
+        self, robot: Robot, clock: PacedClock, faults: FaultSchedule, domain_id: int
+    ) -> None:
+        self.robot = robot
+        self.domain_id = domain_id
+        self.timeout_s = 20.0
+        self._clock, self._faults = clock, faults
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time, as /clock has it."""
+        return self._clock.now_ns() / NANOSECONDS
+
+    @property
+    def joint_positions(self) -> dict[str, float]:
+        """Measured positions by joint, rad or m."""
+        robot = self.robot
+        values = robot.image.position[list(robot.joint_axes)].tolist()
+        return dict(zip(robot.joint_names, values, strict=True))
+
+    @property
+    def gripper_closed(self) -> bool:
+        """What the gripper's valve is told. Raises InvalidArgument where there is none."""
+        gripper = self.robot.descriptor.gripper
+        if gripper is None:
+            raise InvalidArgument(f"{self.robot.descriptor.name} has no gripper")
+        return self.robot.io.output_bit(gripper.output_byte, gripper.output_bit)
+
+    def fail(self, axis: int, *, at_s: float = 0.0, code: int | None = None) -> None:
+        """Let the drive of an axis go into alarm ``code``, ``at_s`` simulated seconds from now."""
+        keys: dict[str, Any] = {} if code is None else {"code": code}
+        self.inject("amp_alarm", axis=axis, at_s=at_s, **keys)
+
+    def inject(
+        self, fault: str, *, at_s: float = 0.0, when: Mapping[str, Any] | None = None, **keys: Any
+    ) -> None:
+        """Let a fault happen; ``docs/reference/scenario.md`` lists kinds and keys.
+
+        Raises DescriptorError or InvalidArgument: there is no such fault, or it does not fit.
+        """
+        self._faults.add(validate_fault({"at_s": at_s, "when": when, fault: keys}))
+
+    def move(self, targets: Mapping[str, float], time_s: float = 1.0) -> tuple[bool, str]:
+        """Move joints over ROS, as a client does; waits for the end.
+
+        Args:
+            targets: rad or m by joint; others stay.
+            time_s: duration, in simulated time.
+
+        Returns:
+            Whether the goal was reached, and what the robot says of it.
+        """
+        parameters = self.robot.descriptor.ros_parameters.get(_FOLLOWER, {})
+        action = self.node.resolve_topic_name(str(parameters["joint_trajectory_action"]))
+        arm = Arm(action, self.joint_positions)
+        ending, text = move(self.client, arm, targets, time_s, lambda: False, lambda *_: None)
+        return ending is Ending.REACHED, text
+
+    def wait_until(
+        self, condition: Callable[[], Any], what: str = "", timeout_s: float | None = None
+    ) -> Any:
+        """The first true answer of ``condition``, asked again and again; in real time.
+
+        What came for ``node`` meanwhile has been handled. Raises AssertionError when there is
+        no true answer in time.
+        """
+        timeout_s = self.timeout_s if timeout_s is None else timeout_s
+        deadline_s = time.monotonic() + timeout_s
+        while not (answer := condition()):
+            if time.monotonic() > deadline_s:
+                raise AssertionError(f"not within {timeout_s:g} s: {what or condition}")
+            if "client" in self.__dict__:
+                self.client.spin()
+            else:
+                time.sleep(_POLL_S)
+        return answer
+
+    def wait_standstill(self, timeout_s: float | None = None) -> None:
+        """Until no axis executes anything and none moves. Raises as ``wait_until``."""
+        self.wait_until(lambda: standing(self.robot), "all axes stand", timeout_s)
+
+    def pause(self) -> None:
+        """Let time stand."""
+        self._clock.pause()
+
+    def resume(self) -> None:
+        """Let time pass again."""
+        self._clock.resume()
+
+    def step(self, periods: int = 1) -> None:
+        """Let periods of the cycle pass, then let time stand."""
+        self.robot.step(periods)
+
+    @cached_property
+    def client(self) -> RosClient:
+        """A client in the same domain: ``client.call``, ``client.listen``, ``client.wait``."""
+        client = RosClient(timeout_s=self.timeout_s)
+        client.start()
+        return client
+
+    @property
+    def node(self) -> Any:
+        """The client's node, for clients of a test's own; its callbacks run in waits."""
+        return self.client.node
+
+    def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
+        """The response of a service. Raises as ``RosClient.call``."""
+        return self.client.call(service_type, name, **request)
+
+    def close(self) -> None:
+        """End the client; the robot is not ours to end."""
+        if "client" in self.__dict__:
+            self.client.close()
+
+
+@contextmanager
+def robot_under_test(
+    name_or_path: str | Path,
+    domain_id: int,
+    *,
+    variant: str | None = None,
+    nodes: Sequence[str] | None = None,
+    scenario: Path | None = None,
+    time_scale: float = 1.0,
+) -> Iterator[RobotUnderTest]:
+    """A robot on the simulation, ready; shut down when the block ends.
+
+    Args:
+        name_or_path, variant: as for ``build_robot``.
+        domain_id: ROS domain; also what ``ROS_DOMAIN_ID`` says.
+        nodes: None: those of the robot.
+        scenario: a file whose options and faults are used.
+        time_scale: simulated seconds per second; ``math.inf``: as fast as it goes.
+    """
+    plan = load_scenario(scenario) if scenario else Scenario(schema=1)
+    descriptor = plan.lay_over(load_robot_descriptor(name_or_path, variant))
+    clock = PacedClock(time_scale)
+    robot = Robot(descriptor, load_backend(plan.backend), clock)
+    faults = FaultSchedule(robot, plan.faults)
+    with served_robot(robot, descriptor.nodes if nodes is None else nodes, faults, domain_id):
+        under_test = RobotUnderTest(robot, clock, faults, domain_id)
+        try:
+            yield under_test
+        finally:
+            under_test.close()

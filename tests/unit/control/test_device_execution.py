@@ -1,0 +1,196 @@
+"""Trajectories that the device interpolates: handed over, watched, stopped, judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robotd.clock import MonotonicClock, wait_until
+from robotd.control.device_execution import DeviceExecution, device_points
+from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.control.trajectory_execution import Outcome
+from robotd.descriptor.model import TrajectorySettings
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import Operation
+from robotd.errors import OperationError
+from robotd.motion import (
+    Interpolation,
+    JointLimits,
+    JointTolerance,
+    MotionState,
+    Tolerances,
+    TrajectoryRequest,
+    plan,
+)
+from robotd.testing.fakes import FakeAxes
+
+NAMES = ("a", "b")
+PERIOD_NS = 2_000_000
+LIMITS = JointLimits(NAMES, np.full(2, -3.0), np.full(2, 3.0), np.full(2, 3.0), np.full(2, 10.0))
+SETTINGS = TrajectorySettings()
+
+
+class Harness:
+    """Two fake axes, a streamer, and a cycle that the test steps."""
+
+    def __init__(self, *, velocities: bool = False, target: float = 0.5) -> None:
+        self.axes = FakeAxes(2)
+        self.axes.image.servo_on[:] = True
+        self.image = ProcessImage(2)
+        self.mixer = SetpointMixer(self.axes, 2, 1e9 / PERIOD_NS)
+        self.time_ns = 1_000_000_000
+        rows = ([[0.0, 0.0], [0.0, 0.0]],) if velocities else ()
+        request = TrajectoryRequest.from_rows(
+            NAMES, [0.5, 1.0], [[target / 2] * 2, [target] * 2], *rows
+        )
+        self.trajectory = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(2)))
+
+    def start(self) -> DeviceExecution:
+        execution = DeviceExecution(
+            self.axes,
+            SETTINGS.max_points,
+            self.trajectory,
+            np.array([0, 1]),
+            LIMITS,
+            Tolerances.of_goal(NAMES, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
+            self.time_ns,
+            SETTINGS.stopped_velocity_rad_s,
+        )
+        self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
+        assert self.mixer.submit(execution, None)
+        execution.begin()
+        return execution
+
+    def step(self, seconds: float = 0.002) -> None:
+        for _ in range(max(1, round(seconds * 1e9 / PERIOD_NS))):
+            self.time_ns += PERIOD_NS
+            self.axes.read(self.image)
+            self.mixer.advance(self.time_ns, self.image)
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        assert wait_until(lambda: (self.step(), condition())[1], 5.0, MonotonicClock())
+
+    def called(self, name: str) -> bool:
+        return any(call[0] == name for call in self.axes.calls)
+
+    def run(self) -> DeviceExecution:
+        """Started, seen to move."""
+        execution = self.start()
+        self.until(lambda: self.called("follow"))
+        self.step(0.1)
+        return execution
+
+    def arrive(self, position: float, *, complete: bool = True) -> None:
+        self.axes.image.position[:] = self.axes.image.position_command[:] = position
+        self.axes.image.operation[:] = Operation.IDLE
+        self.axes.image.motion_complete[:] = complete
+
+
+def test_hands_over_the_points_and_succeeds_when_the_device_has_arrived() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.step(1.0)
+    assert not execution.done
+    harness.arrive(0.5)
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.SUCCEEDED
+    (name, axes, times_s, positions) = harness.axes.calls[0]
+    assert (name, axes) == ("follow", [0, 1])
+    np.testing.assert_allclose(times_s, [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(positions, [[0.0, 0.0], [0.25, 0.25], [0.5, 0.5]])
+    assert not harness.called("stop")
+
+
+def test_never_streams() -> None:
+    harness = Harness()
+    harness.axes.stream = lambda position, velocity: pytest.fail("streamed")  # type: ignore[method-assign]
+    execution = harness.run()
+    harness.mixer.release()  # ends the execution's thread
+    assert execution.done
+
+
+def test_cancel_stops_the_device_and_ends_at_standstill() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.axes.image.velocity[:] = 1.0
+    execution.cancel()
+    harness.until(lambda: harness.called("stop"))
+    harness.step(0.1)
+    assert not execution.done
+    harness.axes.image.velocity[:] = 0.0
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.CANCELED
+
+
+def test_cancel_before_the_cycle_watches_moves_nothing() -> None:
+    harness = Harness()
+    execution = harness.start()
+    execution.cancel()
+    harness.until(lambda: execution.done and harness.called("stop"))
+    assert execution.outcome is Outcome.CANCELED
+    assert not harness.called("follow")
+
+
+def test_a_refusal_of_the_device_is_the_result() -> None:
+    harness = Harness()
+    harness.axes.failures["follow"] = OperationError("too many points")
+    execution = harness.start()
+    harness.until(lambda: execution.done)
+    assert (execution.outcome, execution.message) == (Outcome.FAULT, "too many points")
+
+
+def test_a_device_that_stops_by_itself_is_a_fault() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.arrive(0.2, complete=False)
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.FAULT
+    assert "the device stopped at 0." in execution.message
+
+
+def test_an_alarm_stops_all_axes_and_names_the_joint() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.axes.image.amp_alarm[1], harness.axes.image.alarm_code[1] = True, 77
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.FAULT
+    assert "b at" in execution.message
+    assert "77" in execution.message
+    assert harness.called("stop")
+
+
+def test_the_following_error_is_judged_against_the_devices_command() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.axes.image.position_command[0] = 1.0
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.PATH_TOLERANCE
+    assert harness.called("stop")
+
+
+def test_a_device_that_never_arrives_is_a_fault() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.step(3.5)
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.FAULT
+    assert "still moving" in execution.message
+
+
+def test_a_path_that_leads_nowhere_is_not_handed_over() -> None:
+    harness = Harness(target=0.0)
+    execution = harness.start()
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.SUCCEEDED
+    assert not harness.called("follow")
+
+
+def test_another_kind_of_path_is_sampled_densely() -> None:
+    trajectory = Harness(velocities=True).trajectory
+    assert trajectory.kind is Interpolation.CUBIC_HERMITE
+    times_s, positions = device_points(trajectory, 1000)
+    np.testing.assert_allclose(np.diff(times_s), 0.01)
+    np.testing.assert_allclose(positions, trajectory.evaluate(times_s)[0])
+    assert len(device_points(trajectory, 20)[0]) == 20

@@ -1,0 +1,190 @@
+"""What happens while a goal is being planned: it must fit what runs when it is handed over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from robotd.control_loop import follower
+from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness
+
+from robotd.control.setpoint_mixer import ABANDONED, NOT_RUNNING
+from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.errors import NotReady
+
+FAR = (1.0, -0.6, 0.3)
+HOME = (0.0, 0.0, 0.0)
+
+Meanwhile = Callable[[], Any]
+
+
+@pytest.fixture
+def harness() -> Harness:
+    return Harness().up()
+
+
+@pytest.fixture
+def while_planning(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[float]]:
+    """``while_planning(first, second, ...)``: what happens during the next plannings."""
+    plan = follower.plan
+
+    def install(*events: Meanwhile) -> list[float]:
+        coming, starts = list(events), list[float]()
+
+        def planned(request: Any, limits: Any, settings: Any, start: Any) -> Any:
+            starts.append(float(np.abs(start.velocity).max()))
+            trajectory = plan(request, limits, settings, start)
+            if coming:
+                coming.pop(0)()
+            return trajectory
+
+        monkeypatch.setattr(follower, "plan", planned)
+        return starts
+
+    return install
+
+
+def peak(*executions: TrajectoryExecution) -> float:
+    return max(float(each.trajectory.peaks.acceleration.value.max()) for each in executions)
+
+
+def test_planning_that_takes_longer_than_its_lead_is_done_again(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    with harness.goal(FAR) as first:
+        harness.run(0.2)
+        starts = while_planning(lambda: harness.run(0.05), lambda: harness.run(0.05))
+        with harness.goal(HOME, seconds=1.5) as second:
+            assert len(starts) == 2
+            harness.end(second)
+    assert (first.outcome, second.outcome) == (Outcome.PREEMPTED, Outcome.SUCCEEDED)
+    harness.setpoints.assert_smooth(peak(first, second))
+
+
+def test_a_cancel_of_what_runs_makes_the_next_one_start_from_rest(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    with harness.goal(FAR) as first:
+        harness.run(0.4)
+        starts = while_planning(first.cancel)
+        with harness.goal(HOME, seconds=1.5) as second:
+            harness.end(second)
+    assert (first.outcome, second.outcome) == (Outcome.CANCELED, Outcome.SUCCEEDED)
+    assert starts[0] > 0.5
+    assert starts[-1] == 0.0
+    harness.setpoints.assert_smooth_streams(max(ACCELERATION, peak(second)))
+
+
+def test_one_that_took_over_meanwhile_is_the_one_to_follow(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    with harness.goal(FAR) as first:
+        harness.run(0.3)
+        with harness.goal((-0.3, 0.4, 0.5), seconds=1.5) as second:
+            # Planned to follow the first one, in time, but the second one runs by then.
+            starts = while_planning(lambda: harness.run(0.025))
+            harness.run(2 * PERIOD_S)
+            with harness.goal(HOME, seconds=1.5) as third:
+                assert len(starts) == 2
+                assert second.outcome is None
+                harness.end(third)
+    outcomes = [first.outcome, second.outcome, third.outcome]
+    assert outcomes == [Outcome.PREEMPTED, Outcome.PREEMPTED, Outcome.SUCCEEDED]
+    harness.setpoints.assert_smooth(peak(first, second, third))
+
+
+def test_what_runs_may_reach_its_end_meanwhile(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    with harness.goal(FAR) as first:
+        harness.run(0.99)
+        while_planning(lambda: harness.run(0.025))
+        with harness.goal(HOME, start_in_s=0.3) as second:
+            harness.end(second)
+    assert (first.outcome, second.outcome) == (Outcome.SUCCEEDED, Outcome.SUCCEEDED)
+    harness.setpoints.assert_smooth_streams(peak(first, second))
+
+
+def test_one_that_waits_and_gets_its_turn_meanwhile_is_not_jumped_over(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    with harness.goal(FAR) as first:
+        harness.run(0.5)
+        with harness.goal(HOME, seconds=1.5, start_in_s=0.7) as second:
+            harness.until(lambda: harness.mixer.running is first and first.done)
+            # At rest now; while this one is planned the second one takes over and moves.
+            while_planning(lambda: harness.run(0.6))
+            with harness.goal((0.2, 0.2, 0.2), seconds=1.5) as third:
+                assert second.outcome is None
+                harness.end(third)
+    assert second.outcome is Outcome.PREEMPTED
+    assert third.outcome is Outcome.SUCCEEDED
+    harness.setpoints.assert_smooth_streams(peak(first, second, third))
+
+
+def test_axes_that_moved_meanwhile_are_planned_for_again(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    def move() -> None:
+        harness.move(0, 0.1)
+        harness.run(1.0)
+
+    starts = while_planning(move)
+    with harness.goal(FAR) as execution:
+        harness.end(execution)
+    assert len(starts) == 2
+    assert harness.setpoints.position[0][0] == pytest.approx(0.1)
+    assert execution.outcome is Outcome.SUCCEEDED
+    harness.setpoints.assert_smooth(peak(execution))
+
+
+def test_planning_that_is_always_too_late_is_given_up(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    with harness.goal(FAR, seconds=30.0) as first:
+        harness.run(0.2)
+        delays_s = [follower.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
+        starts = while_planning(*[partial(harness.run, delay_s) for delay_s in delays_s])
+        with pytest.raises(NotReady, match="did not go on as planned for, 8 times"):
+            harness.goal(HOME).__enter__()
+        assert len(starts) == 8
+        assert not first.done
+    harness.setpoints.assert_smooth(ACCELERATION)
+
+
+def test_a_stop_that_takes_too_long_is_not_waited_for(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(follower, "STOP_TIMEOUT_S", 0.05)
+    with harness.goal(FAR) as execution:
+        harness.run(0.5)
+        execution.cancel()
+        harness.run(PERIOD_S)
+        with pytest.raises(NotReady, match="did not come to rest"), harness.goal(HOME):
+            pass
+        harness.follower.stop(0.01)
+        assert not execution.done
+    assert (execution.outcome, execution.message) == (Outcome.FAULT, ABANDONED)
+    harness.run(0.5)
+    assert np.abs(harness.image.velocity).max() < 0.01, "the device has stopped it"
+    with harness.goal(HOME, seconds=2.0) as execution:
+        pass
+
+
+def test_a_goal_that_comes_after_the_cycle_ended_is_over_at_once(
+    harness: Harness, while_planning: Callable[..., list[float]]
+) -> None:
+    while_planning(harness.robot.control_loop.stop)
+    with harness.goal(FAR) as execution:
+        assert (execution.outcome, execution.message) == (Outcome.FAULT, NOT_RUNNING)
+
+
+def test_the_end_of_the_cycle_is_the_end_of_what_runs(harness: Harness) -> None:
+    with harness.goal(FAR) as first:
+        harness.run(0.1)
+        with harness.goal(HOME, start_in_s=1.0) as second:
+            harness.robot.control_loop.stop()
+            assert [first.outcome, second.outcome] == [Outcome.FAULT] * 2

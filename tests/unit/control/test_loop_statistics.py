@@ -1,0 +1,50 @@
+"""The figures of the cycle."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robotd.control.loop_statistics import WINDOW, LoopStatistics
+
+
+def test_before_the_first_period_there_are_no_figures() -> None:
+    report = LoopStatistics().report()
+    assert (report.cycles, report.missed, report.samples) == (0, 0, 0)
+    assert math.isnan(report.rate_hz)
+    assert report.execution_max_us == 0.0
+
+
+def test_one_period_has_no_rate() -> None:
+    stats = LoopStatistics()
+    stats.record(1000, 5000, 25_000)
+    report = stats.report()
+    assert math.isnan(report.rate_hz)
+    assert report.lateness_p50_us == report.lateness_max_us == 1.0
+    assert report.execution_p50_us == report.execution_max_us == 20.0
+
+
+def test_percentiles_and_rate_of_known_periods() -> None:
+    stats = LoopStatistics()
+    for index in range(101):
+        stats.record(index * 1000, index * 2_000_000, index * 2_000_000 + 2 * index * 1000)
+    report = stats.report()
+    assert report.samples == report.cycles == 101
+    assert report.rate_hz == pytest.approx(500.0)
+    assert report.lateness_p50_us == pytest.approx(50.0)
+    assert report.lateness_p99_us == pytest.approx(99.0)
+    assert report.lateness_max_us == pytest.approx(100.0)
+    assert report.execution_p99_us == pytest.approx(198.0)
+
+
+def test_only_the_window_counts_but_every_cycle_is_counted() -> None:
+    stats = LoopStatistics()
+    stats.record(10**9, 0, 10**9)
+    for index in range(1, WINDOW + 11):
+        stats.record(0, index * 1_000_000, index * 1_000_000 + 1000)
+    report = stats.report()
+    assert report.cycles == WINDOW + 11
+    assert report.samples == WINDOW
+    assert report.rate_hz == pytest.approx(1000.0)
+    assert report.lateness_max_us == 0.0

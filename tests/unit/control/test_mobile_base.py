@@ -1,0 +1,354 @@
+"""The base on the simulation, on a clock that tests advance: what it does, and what stops it."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from structlog.testing import capture_logs
+
+from robotd.clock import NANOSECONDS, FakeClock, MonotonicClock
+from robotd.control.mobile_base import twist_limits
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.device.axes import Jog
+from robotd.device.drivers import Profile
+from robotd.device.state import CommandMode, Operation
+from robotd.errors import InvalidArgument, NotReady
+from robotd.motion.diff_drive import ORIGIN, PlanarTwist, Pose, along_arc
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
+from robotd_sim.simulation import Simulation
+
+COMMAND_S = 0.05  # between two commands of a client
+TICK_S = 0.001
+
+
+class SteppingClock(FakeClock):
+    """Whoever sleeps lives through the cycle's periods, but the base's thread: it looks again."""
+
+    def __init__(self, period_s: float) -> None:
+        super().__init__()
+        self.step: Callable[[], None] = lambda: None
+        self._period_ns = round(period_s * NANOSECONDS)
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        if threading.current_thread().name == "robotd-base":
+            time.sleep(1e-4)
+            return
+        while self.now_ns() + self._period_ns <= deadline_ns:
+            self.step()
+        super().sleep_until_ns(deadline_ns)
+
+
+class Harness:
+    """Baymax, enabled; time passes where the test says so, and the base's thread is waited for."""
+
+    def __init__(self, descriptor: RobotDescriptor) -> None:
+        self.period_s = 1.0 / descriptor.cycle.rate_hz
+        self.clock = SteppingClock(self.period_s)
+        self.clock.step = self.step
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Simulation, "__init__", self._remember(Simulation.__init__))
+            self.robot = Robot(descriptor, load_backend("sim"), self.clock)
+        assert self.robot.base is not None
+        self.base = self.robot.base
+        self.base.start()
+        self.up()
+
+    def _remember(self, init: Callable[..., None]) -> Callable[..., None]:
+        def remembering(simulation: Simulation, *arguments: Any) -> None:
+            init(simulation, *arguments)
+            self.simulation = simulation
+
+        return remembering
+
+    def up(self) -> None:
+        self.robot.connection.start()
+        self.step()
+        self.robot.enable_joints()
+        self.step()
+
+    def step(self) -> None:
+        self.clock.advance(self.period_s)
+        self.robot.control_loop.step(self.clock.now_ns())
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / self.period_s)):
+            self.step()
+
+    def drive(self, linear: float, angular: float, seconds: float) -> None:
+        """Command for so long, then let the commands cease."""
+        for _ in range(round(seconds / COMMAND_S)):
+            self.base.command(linear, angular)
+            self.settle()
+            self.run(COMMAND_S)
+
+    def settle(self) -> None:
+        """Until the base's thread has claimed the wheels, or given them back."""
+        base = self.base
+        self.wait(lambda: base.streaming or (base._free.is_set() and not base._wake.is_set()))
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """For another thread; the cycle runs meanwhile, in case that it waits for the image."""
+        deadline = time.monotonic() + 5.0
+        time.sleep(1e-4)
+        while not condition():
+            assert time.monotonic() < deadline
+            time.sleep(1e-3)
+            if not condition():
+                self.step()
+
+    def close(self) -> None:
+        closing = threading.Thread(target=self.base.close)
+        closing.start()
+        self.wait(lambda: not closing.is_alive())
+
+    @property
+    def twist(self) -> PlanarTwist:
+        return self.base.twist(self.robot.image)
+
+    def wheel(self, axis: int) -> float:
+        """The true position of a wheel, ahead of encoder and process image."""
+        return float(self.simulation.servo.position[axis])
+
+
+@pytest.fixture
+def descriptor() -> RobotDescriptor:
+    return load_robot_descriptor("baymax")
+
+
+@pytest.fixture
+def harness(descriptor: RobotDescriptor) -> Iterator[Harness]:
+    yield from running(descriptor)
+
+
+def running(descriptor: RobotDescriptor) -> Iterator[Harness]:
+    made = Harness(descriptor)
+    yield made
+    made.close()
+
+
+class Truth:
+    """The pose by the simulation's own wheels, tick by tick, in the crudest of ways."""
+
+    def __init__(self, harness: Harness) -> None:
+        self.harness = harness
+        self.x = self.y = self.heading = self.way = 0.0
+        self.wheels = (harness.wheel(0), harness.wheel(1))
+
+    def tick(self) -> None:
+        before, self.wheels = self.wheels, (self.harness.wheel(0), self.harness.wheel(1))
+        left, right = (0.09 * (b - a) for a, b in zip(before, self.wheels, strict=True))
+        middle = self.heading + (right - left) / 0.55 / 2
+        self.x += (left + right) / 2 * math.cos(middle)
+        self.y += (left + right) / 2 * math.sin(middle)
+        self.heading += (right - left) / 0.55
+        self.way += abs(left + right) / 2
+
+
+def test_a_square_of_ten_metres_closes_and_odometry_is_the_truth(harness: Harness) -> None:
+    truth = Truth(harness)
+    run_ticks = round(harness.period_s / TICK_S)
+
+    def run(seconds: float) -> None:
+        for _ in range(round(seconds / harness.period_s)):
+            for _ in range(run_ticks):
+                harness.clock.advance(TICK_S)
+                with harness.simulation.world.lock:
+                    harness.simulation.world.advance()
+                truth.tick()
+            harness.robot.control_loop.step(harness.clock.now_ns())
+
+    harness.run = run  # type: ignore[method-assign]
+    for _ in range(4):
+        harness.drive(1.0, 0.0, 2.5)
+        harness.drive(0.0, 0.0, 1.5)
+        harness.drive(0.0, math.pi / 2, 1.0)
+        harness.drive(0.0, 0.0, 1.5)
+    pose = harness.base.pose
+    assert truth.way == pytest.approx(10.0, abs=0.01)
+    assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 1e-4
+    assert math.remainder(pose.heading - truth.heading, 2 * math.pi) == pytest.approx(0, abs=1e-4)
+    assert math.hypot(truth.x, truth.y) < 1e-3
+    assert math.remainder(truth.heading, 2 * math.pi) == pytest.approx(0, abs=math.radians(0.1))
+
+
+def test_when_commands_cease_it_stops_on_its_arc_in_time(harness: Harness) -> None:
+    with capture_logs() as logs:
+        harness.drive(0.8, 0.4, 2.0)
+        limits = twist_limits(harness.base.settings)
+        braking_s = 0.8 / limits.linear.deceleration + limits.smoothing()
+        start_s = harness.clock.now_ns() / 1e9 - COMMAND_S
+        previous = harness.twist.linear
+        while harness.base.streaming:
+            harness.step()
+            assert harness.twist.linear <= previous + 1e-6
+            assert harness.twist.angular == pytest.approx(harness.twist.linear / 2, abs=1e-6)
+            previous = harness.twist.linear
+    took_s = harness.clock.now_ns() / 1e9 - start_s
+    assert 0.5 < took_s <= 0.5 + braking_s + 2 * harness.period_s
+    harness.settle()
+    harness.step()
+    assert list(harness.robot.image.operation) == [Operation.IDLE] * 2
+    assert [log["event"] for log in logs] == ["no command in time: the base slows to rest"]
+
+
+def test_the_wheels_ramp_in_the_time_of_the_parameters_not_at_once(harness: Harness) -> None:
+    settings = harness.base.settings
+    assert settings.acceleration_m_s2 == 2.5
+    harness.drive(1.0, 0.0, 0.2)
+    assert 0.0 < harness.twist.linear < 0.5
+
+
+def test_standing_commands_claim_nothing_and_say_nothing(harness: Harness) -> None:
+    with capture_logs() as logs:
+        for _ in range(40):
+            harness.base.command(0.0, 0.0)
+            harness.settle()
+            harness.run(COMMAND_S)
+    assert not harness.base.streaming
+    assert logs == []
+    harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
+
+
+def test_moving_wheels_are_nobody_elses(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 0.5)
+    with pytest.raises(NotReady, match="left wheel is in use by mobile base"):
+        harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
+
+
+def test_a_free_wheel_is_limited_to_what_the_base_may_do(harness: Harness) -> None:
+    with pytest.raises(InvalidArgument, match=r"right wheel: velocity 12\.1 rad/s exceeds 12"):
+        harness.robot.axes.jog([Jog(1, Profile(12.1, 5.0, 5.0))])
+
+
+@pytest.mark.parametrize("twist", [(math.nan, 0.0), (0.0, math.inf), (-math.inf, math.nan)])
+def test_what_is_not_finite_is_refused(harness: Harness, twist: tuple[float, float]) -> None:
+    with pytest.raises(InvalidArgument, match="is not finite"):
+        harness.base.command(*twist)
+    harness.run(0.1)
+    assert harness.base.pose == ORIGIN
+
+
+def test_a_servo_that_goes_off_stops_both_wheels_and_is_said_once(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 1.0)
+    with capture_logs() as logs:
+        harness.robot.axes.servo(0, False)
+        for _ in range(20):
+            harness.base.command(0.5, 0.0)
+            harness.settle()
+            harness.run(COMMAND_S)
+        assert np.abs(harness.robot.image.velocity).max() < 1e-6
+        harness.robot.axes.servo(0, True)
+        harness.step()
+        harness.drive(0.5, 0.0, 1.0)
+    told = [(log["event"], log.get("reason")) for log in logs]
+    assert told == [
+        ("the base cannot move", "left wheel: servo is off"),
+        ("the base can move again", None),
+    ]
+    assert harness.twist.linear == pytest.approx(0.5, abs=1e-3)
+
+
+def test_an_alarm_stops_the_other_wheel_by_its_own_ramp(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 1.0)
+    with harness.simulation.world.lock:
+        harness.simulation.power.trip(1, 0x7305)
+    with capture_logs() as logs:
+        harness.step()
+        harness.settle()
+        harness.run(0.5)
+    assert [log["reason"] for log in logs] == ["right wheel: amplifier alarm 29445 (encoder fault)"]
+    assert abs(harness.robot.image.velocity[0]) < 1e-6
+
+
+def test_wheels_stopped_by_something_else_are_claimed_anew(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 1.0)
+    harness.robot.axes.stop([1])
+    with capture_logs() as logs:
+        harness.step()
+        harness.settle()
+        harness.run(0.5)
+        harness.drive(0.5, 0.0, 1.0)
+    assert logs[0]["reason"] == "right wheel was stopped by something else"
+    assert harness.twist.linear == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_lost_device_ends_it_and_the_odometry_goes_on_from_where_it_was(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 1.0)
+    pose = harness.base.pose
+    with harness.simulation.world.lock:
+        harness.simulation.silence()
+    harness.step()
+    harness.settle()
+    harness.run(1.0)
+    assert harness.base.pose == pose
+    harness.up()
+    harness.run(0.1)
+    assert harness.base.pose.x == pytest.approx(pose.x, abs=1e-6)
+    harness.drive(0.5, 0.0, 0.5)
+    assert harness.base.pose.x > pose.x + 0.01
+
+
+def test_a_stop_for_good_refuses_commands_until_the_engine_starts_anew(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 1.0)
+    clock = MonotonicClock()
+    harness.base._clock = clock  # the stop waits while this thread makes time pass
+    harness.base.stop(0.0)
+    harness.base._clock = harness.clock
+    with pytest.raises(NotReady, match="being stopped"):
+        harness.base.command(0.5, 0.0)
+    harness.run(1.0)
+    harness.settle()
+    assert harness.twist == pytest.approx((0.0, 0.0), abs=1e-6)
+    harness.robot.connection.stop_communication()
+    harness.step()
+    harness.up()
+    harness.drive(0.5, 0.0, 0.5)
+    assert harness.twist.linear > 0.1
+
+
+def test_the_pose_starts_at_zero_whatever_the_encoders_say(descriptor: RobotDescriptor) -> None:
+    options = {"sim": {"initial_position_rad": [123.4, -56.7]}}
+    for harness in running(descriptor.model_copy(update={"backends": options})):
+        harness.run(0.1)
+        assert harness.robot.image.position == pytest.approx([123.4, -56.7], abs=1e-6)
+        assert harness.base.pose == ORIGIN
+
+
+def test_homing_a_wheel_is_no_motion(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 1.0)
+    harness.run(2.0)
+    harness.settle()
+    harness.step()
+    pose = harness.base.pose
+    with capture_logs() as logs:
+        harness.robot.axes.home(0)
+        harness.run(0.1)
+    assert harness.base.pose == pose
+    assert [log["event"] for log in logs] == [
+        "a wheel's position was renumbered; odometry goes on from there"
+    ]
+
+
+def test_reset_makes_the_present_pose_the_origin(harness: Harness) -> None:
+    harness.drive(0.5, 0.5, 1.0)
+    assert harness.base.pose.heading > 0.1
+    harness.base.reset_odometry()
+    assert harness.base.pose == ORIGIN
+    before = harness.twist
+    harness.step()
+    step = PlanarTwist(before.linear * harness.period_s, before.angular * harness.period_s)
+    assert harness.base.pose == pytest.approx(along_arc(Pose(0.0, 0.0, 0.0), step), abs=1e-3)
+
+
+def test_wheels_are_put_into_velocity_mode(descriptor: RobotDescriptor) -> None:
+    for harness in running(descriptor.model_copy(update={"parameters_file": None})):
+        assert list(harness.robot.image.mode) == [CommandMode.VELOCITY] * 2
+        harness.drive(0.5, 0.0, 0.5)
+        assert harness.twist.linear > 0.1

@@ -1,0 +1,145 @@
+"""A cycle that stands still for a while, once and again: no joint leaps, and all end well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.unit.control.harness import PERIOD_S, Harness
+
+from robotd.arrays import FloatArray
+from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+
+SWING = ([0.8, -0.6, 0.45], [-0.4, 0.4, 0.2], [0.5, 0.2, -0.3], [0.0, 0.0, 0.0])
+SWING_S = 0.8
+BACK = 0.1 * 3.0  # rad/s: share of the velocity limit
+TICK_S = 0.001
+
+
+class Drives:
+    """Commands of the simulated drives, tick by tick."""
+
+    def __init__(self, harness: Harness) -> None:
+        self._rig, self.commands = harness, list[FloatArray]()
+
+    def live(self, seconds: float) -> None:
+        world = self._rig.simulation.world
+        for _ in range(round(seconds / TICK_S)):
+            self._rig.run(TICK_S)
+            with world.lock:
+                world.advance()
+            self.commands.append(self._rig.simulation.servo.command.copy())
+
+    def stand(self, seconds: float) -> None:
+        """As ``live``, but for the cycle."""
+        control_loop = self._rig.robot.control_loop
+        self._rig.clock.detach()
+        self.live(seconds)
+        self._rig.clock.attach(control_loop.period_ns, control_loop.period)
+
+    def finish(self, execution: TrajectoryExecution) -> None:
+        while not execution.done:
+            self.live(PERIOD_S)
+
+    @property
+    def velocity(self) -> FloatArray:
+        return np.diff(np.array(self.commands), axis=0) / TICK_S
+
+
+@pytest.fixture
+def harness() -> Iterator[Harness]:
+    harness = Harness().up()
+    yield harness
+    harness.robot.shutdown()
+
+
+def peak_of(execution: TrajectoryExecution) -> float:
+    trajectory = execution.trajectory
+    return float(np.abs(trajectory.evaluate(np.arange(0, trajectory.duration_s, 1e-3))[1]).max())
+
+
+def test_a_short_stall_costs_setpoints_and_a_small_deviation(harness: Harness) -> None:
+    drives = Drives(harness)
+    with harness.goal(*SWING, seconds=SWING_S) as execution:
+        drives.live(0.3)
+        drives.stand(0.03)
+        drives.finish(execution)
+    assert execution.outcome is Outcome.SUCCEEDED
+    times_s = harness.setpoints.due_s - execution.start_ns * 1e-9
+    planned = execution.trajectory.evaluate(times_s)[0]
+    deviation = np.abs(harness.setpoints.position - planned).max(axis=1)
+    gap = int(np.argmax(np.diff(times_s))) + 1
+    assert deviation[:gap].max() < 1e-9
+    assert 1e-5 < deviation.max() < 0.01
+    assert deviation[times_s > times_s[gap] + 0.5].max() < 1e-5, "it is back on its path"
+
+
+@pytest.mark.parametrize("stall_s", [0.004, 0.01, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("after_s", [0.05, 0.4, 0.75, 2.3, 3.15])
+def test_no_joint_leaps_after_a_stall(harness: Harness, stall_s: float, after_s: float) -> None:
+    drives = Drives(harness)
+    with harness.goal(*SWING, seconds=SWING_S) as execution:
+        drives.live(after_s)
+        drives.stand(stall_s)
+        drives.finish(execution)
+    assert np.abs(drives.velocity).max() <= peak_of(execution) + BACK + 0.05
+    assert_ended_well(harness, execution)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.tuples(st.integers(2, 100), st.integers(2, 120)), min_size=1, max_size=12))
+def test_stall_upon_stall_does_not_feed_on_itself(stalls: list[tuple[int, int]]) -> None:
+    harness = Harness().up()
+    drives = Drives(harness)
+    with harness.goal(*SWING, seconds=SWING_S) as execution:
+        for live_ms, stand_ms in stalls:
+            if not execution.done:
+                drives.live(live_ms * 1e-3)
+                drives.stand(stand_ms // 2 * 2e-3)
+        drives.finish(execution)
+    assert np.abs(drives.velocity).max() <= peak_of(execution) + BACK + 0.05
+    assert_ended_well(harness, execution)
+    harness.robot.shutdown()
+
+
+def test_a_drive_that_stands_starts_where_it_stands(harness: Harness) -> None:
+    harness.follower._execution = partial(TrajectoryExecution, goes_on=False)
+    with harness.goal(*SWING, seconds=SWING_S) as execution:
+        harness.run(0.3)
+        harness.stall(0.03)
+        harness.end(execution)
+    rows = harness.setpoints.rows
+    begun = 1 + next(i for i, (one, two) in enumerate(pairwise(rows)) if two[0] - one[0] > 0.01)
+    assert rows[begun][1] == pytest.approx(rows[begun - 1][1])
+    assert rows[begun][2] == pytest.approx(0.0)
+    steps = np.abs(np.diff([row[1] for row in rows[begun:]], axis=0)).max() / PERIOD_S
+    assert steps <= peak_of(execution) + BACK
+    assert_ended_well(harness, execution)
+
+
+def test_a_goal_that_takes_over_leaps_no_more_than_the_one_before(harness: Harness) -> None:
+    drives = Drives(harness)
+    with harness.goal(*SWING, seconds=SWING_S) as first:
+        drives.live(0.3)
+        drives.stand(0.08)
+        drives.live(0.01)
+        with harness.goal(*SWING[1:], seconds=1.2) as second:
+            drives.finish(second)
+    assert first.outcome is Outcome.PREEMPTED
+    assert np.abs(drives.velocity).max() <= max(peak_of(first), peak_of(second)) + BACK + 0.05
+    assert_ended_well(harness, second)
+
+
+def assert_ended_well(harness: Harness, execution: TrajectoryExecution) -> None:
+    """At the goal, or stopped for a reason that says how far off a joint was."""
+    if execution.outcome is not Outcome.SUCCEEDED:
+        assert execution.outcome is Outcome.FAULT
+        assert "off its path after the cycle had stood for" in execution.message
+    else:
+        last = harness.setpoints.rows[-1]
+        assert last[1] == pytest.approx(execution.trajectory.final_position, abs=1e-5)

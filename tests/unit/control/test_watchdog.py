@@ -1,0 +1,145 @@
+"""A driver that hangs in ``read``: the robot is not ready, motion has failed, it can be ended."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+from robotd.control_loop import watchdog
+
+from robotd.clock import Clock, MonotonicClock, wait_until
+from robotd.clock.simulated import PacedClock
+from robotd.control.control_loop import ControlLoop
+from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.control.watchdog import Watchdog, place_of
+from robotd.descriptor import EngineSettings
+from robotd.device.connection import Connection
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import ConnectionState
+from robotd.testing.fakes import FakeAxes, FakeDevice
+
+LIMIT_S = 0.05
+
+
+class HangingAxes(FakeAxes):
+    """Live values, until ``hang`` is set; ``go_on`` ends the read that hangs."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__(2)
+        self.hang, self.go_on = threading.Event(), threading.Event()
+        self._clock = clock
+
+    def read(self, image: ProcessImage) -> None:
+        if self.hang.is_set():
+            self.go_on.wait(20.0)
+        super().read(image)
+        image.fresh_ns = self._clock.now_ns()
+
+
+class FaultInjector:
+    def __init__(self, clock: Clock) -> None:
+        settings = EngineSettings(stale_after_s=LIMIT_S)
+        self.axes, self.image = HangingAxes(clock), ProcessImage(2)
+        self.connection = Connection(FakeDevice(), settings, None, "fake")
+        mixer = SetpointMixer(self.axes, 2, 500.0)
+        self.control_loop = ControlLoop(
+            self.axes, self.connection, self.image, mixer, 500.0, clock=clock
+        )
+        self.heard: list[bool] = []
+        self.connection.on_ready(self.heard.append)
+
+    def ready(self) -> bool:
+        return wait_until(lambda: self.connection.ready, 5.0, MonotonicClock())
+
+    def lost(self) -> bool:
+        return wait_until(lambda: not self.connection.ready, 5.0, MonotonicClock())
+
+
+@pytest.fixture(params=[MonotonicClock, PacedClock])
+def injector(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[FaultInjector]:
+    monkeypatch.setattr("robotd.control.control_loop.STOP_S", 0.1)
+    monkeypatch.setattr("robotd.control.control_loop.SIMULATED_HANG_S", LIMIT_S)
+    monkeypatch.setattr(watchdog, "HANG_S", LIMIT_S)
+    injector = FaultInjector(request.param())
+    injector.control_loop.start()
+    injector.connection.start()
+    assert injector.ready()
+    yield injector
+    injector.axes.go_on.set()
+    injector.control_loop.stop()
+
+
+def test_a_read_that_hangs_makes_the_engine_not_ready(injector: FaultInjector) -> None:
+    injector.axes.hang.set()
+    assert injector.lost()
+    assert injector.connection.state is ConnectionState.UNKNOWN
+    assert injector.heard[-1] is False
+    assert "state Unknown): the cycle hangs" in injector.connection.rejection
+    assert wait_until(lambda: ("stop", [0, 1]) in injector.axes.calls, 5.0, MonotonicClock())
+
+
+def test_the_place_where_it_hangs_is_found(injector: FaultInjector) -> None:
+    injector.axes.hang.set()
+    assert injector.lost()
+    assert f"{__name__}: HangingAxes.read, line " in place_of(injector.control_loop._thread)
+
+
+def test_a_cycle_that_goes_on_is_ready_again(injector: FaultInjector) -> None:
+    injector.axes.hang.set()
+    assert injector.lost()
+    injector.axes.hang.clear()
+    injector.axes.go_on.set()
+    assert injector.ready()
+    assert injector.connection.fault == ""
+
+
+def test_the_image_can_be_copied_while_the_driver_hangs(injector: FaultInjector) -> None:
+    injector.axes.hang.set()
+    assert injector.lost()
+    assert injector.image.copy().axes == 2
+
+
+def test_shutting_down_does_not_wait_for_ever(injector: FaultInjector) -> None:
+    injector.axes.hang.set()
+    assert injector.lost()
+    injector.connection.shutdown()
+    injector.control_loop.stop()
+    assert injector.connection.state is ConnectionState.SHUTDOWN
+
+
+def test_a_delay_of_simulated_time_is_no_hang() -> None:
+    """Time may stand meanwhile for as long as it likes."""
+    clock, delayed = PacedClock(), threading.Event()
+    injector = FaultInjector(clock)
+
+    def delay(_: ProcessImage) -> None:
+        clock.pause()
+        delayed.set()
+        injector.control_loop.delay(1.0)
+
+    injector.control_loop.every(500.0, "delay", delay, first=True)
+    injector.control_loop.start()
+    assert delayed.wait(5.0)
+    assert wait_until(lambda: injector.control_loop._age_ns() == 0, 5.0, MonotonicClock())
+    clock.end()
+    injector.control_loop.stop()
+
+
+def test_a_hang_is_told_once_for_each_period() -> None:
+    age_ns, told = [0], list[str]()
+    dog = Watchdog(lambda: age_ns[0], lambda: "acme: read", 2.0, told.append)
+    for age_s in (0.0, 1.99, 2.01, 5.0, 0.0, 3.0):
+        age_ns[0] = round(age_s * 1e9)
+        dog.look()
+    assert len(told) == 2
+    assert told[0].endswith("longer than 2 s (acme: read)")
+
+
+def test_a_busy_computer_is_no_hang() -> None:
+    told: list[str] = []
+    dog = Watchdog(lambda: 400_000_000, str, 0.1, told.append)
+    dog.look()
+    assert not told

@@ -1,0 +1,249 @@
+"""What the diagnostics say of each part, and when something is worth telling at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from robotd.clock import FakeClock
+from robotd.control.loop_statistics import LoopReport
+from robotd.device.drivers import NetworkState, SlaveInfo
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode, ConnectionState
+from robotd.health.part_status import (
+    Level,
+    Status,
+    axis_status,
+    cycle_status,
+    engine_status,
+    fieldbus_status,
+    gripper_status,
+)
+from robotd.health.robot_health import RECENT_S, Growth, Health
+from robotd.robot import Robot, build_robot
+
+UP = ConnectionState.COMMUNICATING
+ON_TIME = LoopReport(1000, 3, 1000, 500.0, 40.0, 130.0, 900.0, 100.0, 200.0, 300.0)
+SECOND = 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("state", "ready", "level"),
+    [
+        (ConnectionState.COMMUNICATING, True, Level.OK),
+        (ConnectionState.COMMUNICATING, False, Level.WARN),  # parameters are being applied
+        (ConnectionState.IDLE, False, Level.WARN),
+        (ConnectionState.RUNNING, False, Level.WARN),
+        (ConnectionState.SHUTDOWN, False, Level.WARN),
+        (ConnectionState.UNKNOWN, False, Level.ERROR),
+    ],
+)
+def test_the_engine(state: ConnectionState, ready: bool, level: Level) -> None:
+    status = engine_status(state, "sim", ready=ready)
+    assert status.level is level
+    assert status.values["state"] == state.value
+
+
+def test_an_engine_without_fresh_values_says_why() -> None:
+    status = engine_status(ConnectionState.UNKNOWN, "canopen", "the bus is off", ready=False)
+    assert status.message == "the device gives no fresh values: the bus is off"
+
+
+def test_an_engine_that_does_not_communicate_says_why() -> None:
+    status = engine_status(ConnectionState.RUNNING, "wmx", "the licence has run out", ready=False)
+    assert status.message == "Running: axes cannot be commanded: the licence has run out"
+
+
+def test_the_device_adds_its_words_to_an_alarm() -> None:
+    image = healthy()
+    image.amp_alarm[0], image.alarm_code[0], image.reason[0] = True, 16, "DC link over-voltage"
+    assert axis(image).message == "amplifier alarm 16 (DC link over-voltage)"
+
+
+def test_what_else_a_fieldbus_knows_is_shown() -> None:
+    network = NetworkState(16, details={"bus load (%)": "23"})
+    assert fieldbus_status("fieldbus", network, losing=False).values["bus load (%)"] == "23"
+
+
+def healthy() -> ProcessImage:
+    image = ProcessImage(1)
+    image.offline[:], image.servo_on[:] = False, True
+    image.position[:], image.position_command[:], image.velocity[:] = 1.0, 1.25, 0.5
+    return image
+
+
+def axis(image: ProcessImage, state: ConnectionState = UP, *, used: bool = True) -> Status:
+    return axis_status("joint1", 0, image, state, used=used)
+
+
+def test_an_axis_that_is_well() -> None:
+    status = axis(healthy())
+    assert (status.level, status.message) == (Level.OK, "servo on")
+    assert status.values["position (rad or m)"] == "1"
+    assert status.values["following error (rad or m)"] == "0.25"
+    assert status.values["torque (N·m or N)"] == "not known"
+
+
+@pytest.mark.parametrize(
+    ("array", "value", "level", "message"),
+    [
+        ("offline", True, Level.ERROR, "drive is offline"),
+        ("amp_alarm", True, Level.ERROR, "amplifier alarm 0"),
+        ("negative_limit", True, Level.WARN, "on the negative limit switch"),
+        ("positive_limit", True, Level.WARN, "on the positive limit switch"),
+        ("servo_on", False, Level.WARN, "servo off"),
+    ],
+)
+def test_an_axis_that_is_not(array: str, value: bool, level: Level, message: str) -> None:
+    image = healthy()
+    getattr(image, array)[0] = value
+    status = axis(image)
+    assert (status.level, status.message) == (level, message)
+
+
+def test_the_worst_is_told_first() -> None:
+    image = healthy()
+    image.servo_on[0], image.amp_alarm[0], image.alarm_code[0] = False, True, 12
+    status = axis(image)
+    assert (status.level, status.message) == (Level.ERROR, "amplifier alarm 12")
+    assert status.values["alarm code"] == "12"
+
+
+def test_a_bare_axis_may_be_off() -> None:
+    image = healthy()
+    image.servo_on[0] = False
+    assert axis(image, used=False).level is Level.OK
+
+
+def test_only_in_position_mode_is_there_a_following_error() -> None:
+    image = healthy()
+    image.mode[0] = CommandMode.VELOCITY
+    assert "following error (rad or m)" not in axis(image).values
+
+
+@pytest.mark.parametrize("state", [state for state in ConnectionState if state is not UP])
+def test_what_cannot_be_known_is_stale(state: ConnectionState) -> None:
+    for status in (axis(ProcessImage(1), state), gripper_status(state, closed=False)):
+        assert (status.level, status.values) == (Level.STALE, {})
+        assert state.value in status.message
+
+
+def slave(number: int, state: int = 16, **details: int | bool | str) -> SlaveInfo:
+    return SlaveInfo(number, state, **details)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("slaves", "losing", "level", "message"),
+    [
+        ((slave(0), slave(1)), False, Level.OK, "2 slaves in Op"),
+        ((slave(0), slave(1, 8)), False, Level.WARN, "slave 1 is in Safeop"),
+        ((slave(0),), True, Level.WARN, "packets are being lost"),
+        ((slave(0, 0, offline=True),), False, Level.ERROR, "slave 0 is offline"),
+        ((slave(0, al_code=0x1B),), False, Level.ERROR, "slave 0 has AL code 0x001b"),
+        ((slave(3, fault="EMCY 0x3210"),), False, Level.ERROR, "slave 3 has a fault: EMCY 0x3210"),
+        (
+            (slave(3, offline=True, fault="no heartbeat"),),
+            False,
+            Level.ERROR,
+            "slave 3 is offline: no heartbeat",
+        ),
+        (
+            (slave(0, 0, offline=True), slave(1, 2)),
+            True,
+            Level.ERROR,
+            "slave 0 is offline; slave 1 is in Preop; packets are being lost",
+        ),
+    ],
+)
+def test_the_fieldbus(
+    slaves: tuple[SlaveInfo, ...], losing: bool, level: Level, message: str
+) -> None:
+    status = fieldbus_status("fieldbus", NetworkState(16, slaves=slaves), losing=losing)
+    assert (status.level, status.message) == (level, message)
+
+
+@pytest.mark.parametrize(
+    ("report", "running", "missing", "level", "message"),
+    [
+        (ON_TIME, True, False, Level.OK, "500 Hz"),
+        (ON_TIME, True, True, Level.WARN, "deadlines are being missed"),
+        (ON_TIME, False, False, Level.ERROR, "stands still"),
+        (LoopReport(0, 0, 0, math.nan, *[0.0] * 6), False, False, Level.STALE, "not started"),
+        (
+            LoopReport(9, 0, 9, 400.0, *[0.0] * 6),
+            True,
+            False,
+            Level.WARN,
+            "400 Hz instead of 500 Hz",
+        ),
+    ],
+)
+def test_the_cycle(
+    report: LoopReport, running: bool, missing: bool, level: Level, message: str
+) -> None:
+    status = cycle_status(report, 500.0, "none", running=running, missing=missing)
+    assert (status.level, status.message) == (level, message)
+    assert status.values["missed deadlines"] == str(report.missed)
+
+
+def test_growth_is_remembered_for_a_while() -> None:
+    growth, while_ns = Growth(), int(RECENT_S * SECOND)
+    assert not growth.is_recent(0, SECOND)
+    assert growth.is_recent(1, 2 * SECOND)
+    assert growth.is_recent(1, 2 * SECOND + while_ns - 1)
+    assert not growth.is_recent(1, 2 * SECOND + while_ns)
+    assert not growth.is_recent(0, 9 * SECOND)  # it was reset
+    assert growth.is_recent(1, 10 * SECOND)
+
+
+@pytest.fixture
+def robot() -> Iterator[Robot]:
+    """The arm on the simulation with a clock that nobody moves, up, without a running cycle."""
+    robot = build_robot("cr3a", "sim", clock=FakeClock())
+    robot.connection.start()
+    robot.control_loop.step(robot.clock.now_ns())
+    yield robot
+    robot.connection.shutdown()
+
+
+def levels(health: Health) -> dict[str, Level]:
+    return {status.part: status.level for status in health.statuses()}
+
+
+def test_a_robot_tells_of_all_its_parts(robot: Robot) -> None:
+    assert levels(Health(robot)) == {
+        "engine": Level.OK,
+        **dict.fromkeys(robot.joint_names, Level.WARN),  # servos are off
+        "fieldbus": Level.OK,
+        "cycle": Level.STALE,
+        "gripper": Level.OK,
+    }
+
+
+def test_an_idle_engine_leaves_nothing_known(robot: Robot) -> None:
+    health = Health(robot)
+    robot.connection.close()
+    found = levels(health)
+    assert found.pop("engine") is Level.WARN
+    assert set(found.values()) == {Level.STALE}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda robot: robot.image.servo_on.__setitem__(2, True),
+        lambda robot: robot.image.amp_alarm.__setitem__(5, True),
+        lambda robot: robot.image.offline.__setitem__(0, True),
+        lambda robot: robot.image.positive_limit.__setitem__(1, True),
+        lambda robot: robot.gripper.command(True),
+        lambda robot: robot.connection.close(),
+    ],
+)
+def test_what_changes_is_noticed(robot: Robot, change: Callable[[Robot], object]) -> None:
+    health = Health(robot)
+    before = health.fingerprint()
+    assert health.fingerprint() == before
+    change(robot)
+    assert health.fingerprint() != before

@@ -1,0 +1,79 @@
+"""Hooks and imports that do not end, or end the process, are the plugin's fault, not ours."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robotd.errors import PluginError
+from robotd.plugin import manager
+from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
+from robotd.plugin.manager import load_backend
+
+Install = Callable[..., Path]
+
+HEADER = "from robotd.api import BackendInfo, hookimpl\nimport threading, sys\n"
+DESCRIBE = """
+@hookimpl
+def robotd_backend():
+    {body}
+    return BackendInfo(name="odd", summary="", capabilities=frozenset())
+"""
+
+
+def rejection() -> str:
+    with pytest.raises(PluginError) as caught:
+        load_backend("odd")
+    return str(caught.value)
+
+
+def test_results_and_errors_come_back() -> None:
+    assert call_with_timeout(5.0, lambda: 7, "work") == 7
+    with pytest.raises(KeyError, match="x"):
+        call_with_timeout(5.0, lambda: {}["x"], "work")
+
+
+def test_what_takes_too_long_is_given_up() -> None:
+    released = threading.Event()
+    with pytest.raises(CallTimeout):
+        call_with_timeout(0.02, lambda: released.wait(20.0), "work")
+    released.set()
+
+
+def test_an_endless_hook_is_given_up(install: Install, monkeypatch: pytest.MonkeyPatch) -> None:
+    install("odd", HEADER + DESCRIBE.format(body="threading.Event().wait(3.0)"))
+    monkeypatch.setattr(manager, "HOOK_BUDGET_S", 0.05)
+    text = rejection()
+    assert "'odd' (plugin_acme of acme 1.2)" in text
+    assert "robotd_backend did not return within 0.05 s" in text
+
+
+def test_an_endless_import_is_given_up(install: Install, monkeypatch: pytest.MonkeyPatch) -> None:
+    install("odd", HEADER + "threading.Event().wait(3.0)")
+    monkeypatch.setattr(manager, "IMPORT_BUDGET_S", 0.05)
+    assert "cannot be imported: not done within 0.05 s" in rejection()
+
+
+@pytest.mark.parametrize(
+    ("source", "reason"),
+    [
+        (HEADER + "sys.exit(3)", "cannot be imported: SystemExit: 3"),
+        (HEADER + DESCRIBE.format(body="sys.exit(3)"), "robotd_backend failed: SystemExit: 3"),
+        (
+            HEADER + "@hookimpl\ndef robotd_open_device(context=None): ...",
+            "robotd_open_device must take 'context' as a plain argument",
+        ),
+        (
+            HEADER + "@hookimpl\ndef robotd_open_device(*, context): ...",
+            "robotd_open_device must take 'context' as a plain argument",
+        ),
+    ],
+)
+def test_what_would_end_the_process_or_get_lost_is_refused(
+    install: Install, source: str, reason: str
+) -> None:
+    install("odd", source)
+    assert reason in rejection()

@@ -1,0 +1,189 @@
+"""A broken driver cannot hurt: what it raises or never returns is told with the plugin's name."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robotd.arrays import FloatArray
+from robotd.clock import MonotonicClock, wait_until
+from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import ConnectionState
+from robotd.errors import DeviceTimeout, NotReady, OperationError
+from robotd.plugin import guard as guard_module
+from robotd.plugin.fault_isolation import isolated, unguarded
+from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
+
+PLUGIN = "'odd' (plugin_acme of acme 1.2)"
+
+
+def test_calls_pass_with_their_arguments_and_results() -> None:
+    device, axes, io = FakeDevice(), FakeAxes(2), FakeIo()
+    isolated(device, DeviceDriver, PLUGIN).open("/dev/bus", name="me")
+    assert device.calls == [("open", "/dev/bus", "me")]
+    isolated(axes, AxisDriver, PLUGIN).servo(1, on=True, timeout_s=2.0)
+    assert axes.calls == [("servo", 1, True, 2.0)]
+    behind = isolated(io, IoDriver, PLUGIN)
+    behind.write_outputs(2, b"\x05")
+    assert behind.read_outputs(2, 1) == b"\x05"
+    assert (behind.input_bytes, behind.output_bytes) == (8, 8)
+    fieldbus = isolated(FakeFieldbus(), FieldbusDriver, PLUGIN)
+    assert fieldbus.masters == 1
+    assert len(fieldbus.network_state(0).slaves) == 2
+
+
+def test_what_the_cycle_calls_takes_no_other_thread() -> None:
+    threads: list[threading.Thread] = []
+
+    class Axes(FakeAxes):
+        def read(self, image: ProcessImage) -> None:
+            threads.append(threading.current_thread())
+
+        def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+            threads.append(threading.current_thread())
+
+    behind = isolated(Axes(2), AxisDriver, PLUGIN)
+    behind.read(ProcessImage(2))
+    behind.stream(np.zeros(2), np.zeros(2))
+    assert threads == [threading.current_thread()] * 2
+
+
+@pytest.mark.parametrize(
+    ("fake", "contract", "method"),
+    [
+        (FakeDevice(), DeviceDriver, "state"),
+        (FakeAxes(1), AxisDriver, "read"),
+        (FakeAxes(1), AxisDriver, "stream"),
+        (FakeIo(), IoDriver, "read_inputs"),
+        (FakeIo(), IoDriver, "read_outputs"),
+    ],
+)
+def test_what_is_not_timed_names_the_plugin_too(fake: Any, contract: Any, method: str) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("no scale")
+
+    setattr(fake, method, fail)
+    with pytest.raises(OperationError) as caught:
+        getattr(isolated(fake, contract, PLUGIN), method)()
+    says = f"plugin {PLUGIN}: {contract.__name__}.{method} failed: ZeroDivisionError: no scale"
+    assert str(caught.value) == says
+
+
+def test_a_property_that_raises_names_the_plugin() -> None:
+    class Odd(FakeFieldbus):
+        @property
+        def masters(self) -> int:
+            raise OSError("no bus")
+
+    with pytest.raises(OperationError) as caught:
+        _ = isolated(Odd(), FieldbusDriver, PLUGIN).masters
+    says = f"plugin {PLUGIN}: FieldbusDriver.masters failed: OSError: no bus"
+    assert str(caught.value) == says
+
+
+def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, answered = threading.Event(), threading.Event()
+
+    class Silent(FakeDevice):
+        def state(self) -> ConnectionState:
+            asked.set()
+            answered.wait(20.0)
+            return super().state()
+
+    monkeypatch.setattr(guard_module, "ANSWER_BUDGET_S", 0.02)
+    behind = isolated(Silent(), DeviceDriver, PLUGIN)
+    first = threading.Thread(target=behind.state)
+    first.start()
+    try:
+        assert asked.wait(5.0)
+        assert behind.state() is ConnectionState.UNKNOWN
+    finally:
+        answered.set()
+        first.join(5.0)
+    assert behind.state() is ConnectionState.IDLE
+
+
+def test_a_device_that_cannot_say_why_is_told_and_asked_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    released, asked = threading.Event(), list[str]()
+
+    class Silent(FakeDevice):
+        def fault(self) -> str:
+            asked.append("why")
+            released.wait(20.0)
+            return "bus off"
+
+    monkeypatch.setattr(guard_module, "ANSWER_BUDGET_S", 0.02)
+    behind = isolated(Silent(), DeviceDriver, PLUGIN)
+    told = [behind.fault() for _ in range(3)]
+    assert told == [f"plugin {PLUGIN}: DeviceDriver.fault does not return"] * 3
+    assert len(asked) == 1
+    released.set()
+    assert wait_until(lambda: behind.fault() == "bus off", 5.0, MonotonicClock())
+
+
+def test_a_fault_that_raises_is_a_text() -> None:
+    device = FakeDevice()
+    device.fault = lambda: {}["bus"]  # type: ignore[method-assign]
+    says = f"plugin {PLUGIN}: DeviceDriver.fault failed: KeyError: 'bus'"
+    assert isolated(device, DeviceDriver, PLUGIN).fault() == says
+
+
+def test_a_foreign_error_becomes_one_of_robotd_with_the_plugins_name() -> None:
+    axes = FakeAxes(1)
+    axes.failures["servo"] = KeyError("bus")
+    with pytest.raises(OperationError) as caught:
+        isolated(axes, AxisDriver, PLUGIN).servo(0, True, 1.0)
+    assert str(caught.value) == f"plugin {PLUGIN}: AxisDriver.servo failed: KeyError: 'bus'"
+    assert isinstance(caught.value.__cause__, KeyError)
+
+
+def test_a_driver_cannot_end_the_process() -> None:
+    axes = FakeAxes(1)
+    axes.read = lambda image: sys.exit(3)  # type: ignore[method-assign]
+    with pytest.raises(OperationError, match=r"AxisDriver\.read failed: SystemExit: 3"):
+        isolated(axes, AxisDriver, PLUGIN).read(ProcessImage(1))
+
+
+def test_an_error_of_robotd_passes_as_it_is() -> None:
+    axes = FakeAxes(1)
+    axes.failures["move"] = NotReady("servo is off")
+    with pytest.raises(NotReady, match=r"^servo is off$"):
+        isolated(axes, AxisDriver, PLUGIN).move(0, 1.0, None)  # type: ignore[arg-type]
+
+
+def test_a_call_that_does_not_return_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    released = threading.Event()
+
+    class Endless(FakeAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            released.wait(20.0)
+
+        def stop(self, axes: object) -> None:
+            released.wait(20.0)
+
+    monkeypatch.setattr(guard_module, "GRACE_S", 0.02)
+    monkeypatch.setattr(guard_module, "COMMAND_BUDGET_S", 0.05)
+    behind = isolated(Endless(1), AxisDriver, PLUGIN)
+    try:
+        with pytest.raises(DeviceTimeout) as caught:
+            behind.servo(0, True, timeout_s=0.03)
+        assert str(caught.value) == (
+            f"plugin {PLUGIN}: AxisDriver.servo did not return within 0.05 s"
+        )
+        with pytest.raises(DeviceTimeout, match="stop did not return"):
+            behind.stop([0])
+    finally:
+        released.set()
+
+
+def test_the_plugin_gets_its_own_driver_back() -> None:
+    device = FakeDevice()
+    assert unguarded(isolated(device, DeviceDriver, PLUGIN)) is device
+    assert unguarded(device) is device

@@ -1,0 +1,146 @@
+"""Messages to commands and results to messages, without ROS running."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+with warnings.catch_warnings():  # rosidl imports an old lark
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import rosidl_generator_py  # noqa: F401
+
+from builtin_interfaces.msg import Duration, Time
+from control_msgs.action import FollowJointTrajectory
+from trajectory_msgs.msg import JointTrajectoryPoint
+from wmx_ros2_message.msg import AxisPose, AxisVelocity
+from wmx_ros2_message.srv import EcatGetNetworkState, SetAxis, SetAxisGearRatio
+
+from robotd.device.drivers import NetworkState, Profile, SlaveInfo
+from robotd.errors import InvalidArgument
+from robotd.motion import TrajectoryRejected
+from robotd.motion.rejection import RejectionCode
+from robotd.ros.nodes import axis_conversions
+from robotd.ros.nodes.trajectory_conversions import duration_s, stamp_ns, trajectory_request
+
+AXES = 4
+
+
+@given(st.lists(st.integers(-3, AXES + 3), max_size=6))
+def test_axis_numbers_are_in_range_and_unique_or_refused(index: list[int]) -> None:
+    good = bool(index) and len(set(index)) == len(index) and set(index) <= set(range(AXES))
+    if good:
+        assert axis_conversions.axis_numbers(index, AXES) == index
+    else:
+        with pytest.raises(InvalidArgument, match="axis"):
+            axis_conversions.axis_numbers(index, AXES)
+
+
+def test_moves_keep_axis_and_numbers_together() -> None:
+    message = AxisPose(
+        index=[3, 0], target=[0.5, -0.5], velocity=[1.0, 2.0], acc=[3.0, 4.0], dec=[5.0, 6.0]
+    )
+    first, second = axis_conversions.moves(message)
+    assert (first.axis, first.target, first.profile) == (3, 0.5, Profile(1.0, 3.0, 5.0))
+    assert (second.axis, second.target, second.profile) == (0, -0.5, Profile(2.0, 4.0, 6.0))
+
+
+@pytest.mark.parametrize("short", ["velocity", "acc", "dec"])
+def test_a_short_column_is_named(short: str) -> None:
+    columns = {"velocity": [1.0, 1.0], "acc": [1.0, 1.0], "dec": [1.0, 1.0]} | {short: [1.0]}
+    with pytest.raises(InvalidArgument, match=f"{short} has 1 values for 2 axes"):
+        axis_conversions.jogs(AxisVelocity(index=[0, 1], **columns))
+
+
+@given(st.floats(), st.floats())
+def test_gear_ratios_are_positive_and_finite_or_refused(num: float, den: float) -> None:
+    request = SetAxisGearRatio.Request(index=[1], numerator=[num], denominator=[den])
+    if all(math.isfinite(part) and part > 0 for part in (num, den)):
+        assert axis_conversions.gear_ratios(request, AXES) == {1: (num, den)}
+    else:
+        with pytest.raises(InvalidArgument, match="axis 1: gear ratio"):
+            axis_conversions.gear_ratios(request, AXES)
+
+
+def test_outcome_names_every_axis_once() -> None:
+    results: dict[int, Exception | None] = {
+        2: None,
+        0: InvalidArgument("joint1: mode 9 is unknown"),
+        1: InvalidArgument("joint2 is in use"),
+    }
+    names = ("joint1", "joint2", "joint3")
+    response = axis_conversions.fill_outcome(SetAxis.Response(), names, results)
+    assert not response.success
+    assert response.message == "joint3: ok; joint1: mode 9 is unknown; joint2: is in use"
+    assert axis_conversions.fill_outcome(SetAxis.Response(), names, {1: None}).success
+
+
+def test_network_state_reaches_every_field_of_the_response() -> None:
+    slaves = [
+        SlaveInfo(*range(first, first + 5), True, True, True, True, *range(first, first + 10))
+        for first in (1, 20)
+    ]
+    state = NetworkState(*range(1, 16), slaves=tuple(slaves))
+    response = axis_conversions.fill_network_state(EcatGetNetworkState.Response(), state)
+    for name in response.get_fields_and_field_types():
+        value = getattr(response, name)
+        if name.startswith("slave_"):
+            assert len(value) == 2, name
+            assert all(value), name
+        else:
+            assert value, name
+    assert (response.master_state, response.over_cycle, response.num_of_slaves) == (1, 15, 2)
+    assert list(response.slave_num_of_axes) == [slave.axes for slave in slaves]
+
+
+def test_network_state_says_what_the_backend_cannot_fill() -> None:
+    state = NetworkState(8, note="no statistics")
+    assert axis_conversions.fill_network_state(EcatGetNetworkState.Response(), state).message == (
+        "no statistics"
+    )
+
+
+def goal(**point: Any) -> Any:
+    message = FollowJointTrajectory.Goal()
+    message.trajectory.joint_names = ["a", "b"]
+    message.trajectory.points = [
+        JointTrajectoryPoint(time_from_start=Duration(sec=2, nanosec=500_000_000), **point)
+    ]
+    return message
+
+
+def test_trajectory_request_takes_every_column() -> None:
+    request = trajectory_request(
+        goal(positions=[1.0, 2.0], velocities=[3.0, 4.0], accelerations=[5.0, 6.0])
+    )
+    assert request.joint_names == ("a", "b")
+    assert request.times_s.tolist() == [2.5]
+    assert request.positions.tolist() == [[1.0, 2.0]]
+    assert request.velocities is not None
+    assert request.accelerations is not None
+    assert request.velocities.tolist() == [[3.0, 4.0]]
+    assert request.accelerations.tolist() == [[5.0, 6.0]]
+
+
+def test_a_trajectory_without_joints_has_the_code_of_joints() -> None:
+    message = goal(positions=[1.0, 2.0])
+    message.trajectory.joint_names = []
+    with pytest.raises(TrajectoryRejected) as rejection:
+        trajectory_request(message)
+    assert rejection.value.code is RejectionCode.INVALID_JOINTS
+
+
+def test_effort_is_refused_rather_than_ignored() -> None:
+    with pytest.raises(TrajectoryRejected, match="effort"):
+        trajectory_request(goal(positions=[1.0, 2.0], effort=[1.0, 1.0]))
+
+
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 999_999_999))
+def test_times(sec: int, nanosec: int) -> None:
+    assert stamp_ns(Time(sec=sec, nanosec=nanosec)) == sec * 10**9 + nanosec
+    expected = pytest.approx(sec + nanosec / 1e9)
+    assert duration_s(Duration(sec=sec, nanosec=nanosec)) == expected

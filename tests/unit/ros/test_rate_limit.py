@@ -1,0 +1,81 @@
+"""A budget gives a share of the time, and no more."""
+
+from __future__ import annotations
+
+import pytest
+
+from robotd.ros import rate_limit
+from robotd.ros.middleware.rate_limit import BURST_S, MOST_S, QUIET_S, RateLimit
+
+STEP_S = 1e-4
+
+
+@pytest.fixture
+def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time in seconds, as a list of one that a test may change."""
+    time_s = [100.0]
+    monkeypatch.setattr(rate_limit.time, "monotonic", lambda: time_s[0])
+    return time_s
+
+
+def work(of: RateLimit, now: list[float], seconds: float) -> None:
+    with of.spent():
+        now[0] += seconds
+
+
+def test_what_is_in_hand_goes_at_once_and_then_nothing(now: list[float]) -> None:
+    some, done = RateLimit(0.2), 0
+    while some.is_left():
+        with some.spent():
+            now[0] += 1e-3
+        done += 1
+    assert done == pytest.approx(BURST_S / 1e-3 / 0.8, abs=2)  # 0.2 was earned meanwhile
+    assert some.is_news
+
+
+def test_a_flood_gets_its_share(now: list[float]) -> None:
+    some, worked_s, began_s = RateLimit(0.2), 0.0, now[0]
+    while now[0] - began_s < 10.0:
+        if some.is_left():
+            work(some, now, 1e-3)
+            worked_s += 1e-3
+        else:
+            now[0] += STEP_S
+    assert worked_s == pytest.approx(0.2 * 10.0 + BURST_S, abs=0.01)
+    assert not some.is_news
+
+
+def test_nothing_is_refused_below_the_share(now: list[float]) -> None:
+    some = RateLimit(0.2)
+    for _ in range(1000):
+        assert some.is_left()
+        work(some, now, 1e-4)
+        now[0] += 9e-4
+
+
+def test_no_more_is_saved_than_is_in_hand(now: list[float]) -> None:
+    some, done = RateLimit(0.2), 0
+    now[0] += 3600.0
+    while some.is_left():
+        work(some, now, MOST_S)
+        done += 1
+    assert done == pytest.approx(BURST_S / MOST_S / 0.8, abs=1)
+
+
+def test_one_that_takes_long_does_not_cost_those_that_follow(now: list[float]) -> None:
+    some = RateLimit(0.2)
+    work(some, now, 10.0)
+    assert some.is_left()
+
+
+def test_a_refusal_is_news_after_a_quiet_time(now: list[float]) -> None:
+    some = RateLimit(0.001)
+    while some.is_left():
+        work(some, now, MOST_S)
+    assert some.is_news
+    assert not some.is_left()
+    assert not some.is_news
+    now[0] += QUIET_S  # earns half of what one costs
+    work(some, now, MOST_S)
+    assert not some.is_left()
+    assert some.is_news

@@ -1,0 +1,56 @@
+"""The report of the conformance checks: counts, share, reasons, and what failed."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import pytest
+
+from robotd.testing.conformance.kit_report import Report
+from robotd.testing.conformance.kit_target import Stand
+
+Phase = Literal["setup", "call", "teardown"]
+Outcome = Literal["passed", "failed", "skipped"]
+
+
+def told(name: str, when: Phase, outcome: Outcome) -> Any:
+    nodeid, place = f"some/where/test_units.py::{name}", ("file", 1, name)
+    reason = ("file", 1, "Skipped: no bench") if outcome == "skipped" else None
+    report = pytest.TestReport(nodeid, place, {}, outcome, reason, when)
+    report.user_properties = [("capability", "axes")]
+    return report
+
+
+def lines(*reports: Any) -> list[str]:
+    report = Report(Stand("sim", None))
+    for each in reports:
+        report.pytest_runtest_logreport(each)
+    return list(report.lines())
+
+
+def test_a_check_counts_once_and_failures_are_named() -> None:
+    found = lines(
+        told("test_a", "setup", "passed"),
+        told("test_a", "call", "passed"),
+        told("test_b", "call", "failed"),
+        told("test_c", "setup", "skipped"),
+    )
+    assert found[1].split() == ["axes", "1", "1", "1"]
+    assert found[3:] == [
+        "tested on 67% of the checks: 2 of 3",
+        "  1 skipped: no bench",
+        "FAILED test_units.py::test_b",
+        "verdict: FAILED, 1 of 2",
+    ]
+
+
+def test_a_failure_while_cleaning_up_is_a_failure() -> None:
+    found = lines(told("test_a", "call", "passed"), told("test_a", "teardown", "failed"))
+    assert found[-2:] == ["FAILED test_units.py::test_a", "verdict: FAILED, 1 of 1"]
+
+
+@pytest.mark.parametrize(
+    ("outcome", "verdict"), [("passed", "passed"), ("skipped", "nothing was tested")]
+)
+def test_who_declares_nothing_has_not_passed(outcome: Outcome, verdict: str) -> None:
+    assert lines(told("test_a", "call", outcome))[-1] == f"verdict: {verdict}"

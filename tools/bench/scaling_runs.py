@@ -1,0 +1,122 @@
+"""Robots of any size, on their own or several at a time, and what running them costs."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tools.bench.figures import percentiles
+from tools.bench.process import Program, fresh_environment
+
+from robotd.testing.domain import own_domain
+
+SETTLE_S = 1.5
+HELD_PERCENT = 99.0  # of the deadlines: a rate that is held
+
+AXES = (2, 6, 12, 32, 64, 128)
+RATES_HZ = (100, 250, 500, 1000, 2000)
+ROBOTS = (1, 2, 4, 8)
+
+
+@dataclass(frozen=True)
+class Run:
+    """``robots`` equal robots at a time, each in a process and a ROS domain of its own."""
+
+    axes: int = 6
+    rate_hz: int = 500
+    robots: int = 1
+
+
+def runs() -> Iterator[Run]:
+    """Each of the three grows, the others stay: six axes, 500 Hz, one robot."""
+    yield from dict.fromkeys(
+        [
+            *(Run(axes=axes) for axes in AXES),
+            *(Run(rate_hz=rate_hz) for rate_hz in RATES_HZ),
+            *(Run(robots=robots) for robots in ROBOTS),
+        ]
+    )
+
+
+def measure(run: Run, seconds: float, folder: Path) -> dict[str, Any]:
+    """The figures of a run; of several robots the mean, of their lateness the worst.
+
+    CPU is user and system time of all threads of one robot, in percent of one core.
+    """
+    reports = [folder / f"report{number}.json" for number in range(run.robots)]
+    with ExitStack() as stack:
+        programs = []
+        for report in reports:
+            programs.append(stack.enter_context(_robot(run, report, stack)))
+            programs[-1].wait_output("ready after")  # one after the other: all at once take long
+        time.sleep(SETTLE_S)
+        begin_ns, used_s = time.monotonic_ns(), -np.array([each.cpu_s() for each in programs])
+        time.sleep(seconds)
+        end_ns = time.monotonic_ns()
+        used_s += [each.cpu_s() for each in programs]
+        memory = [program.memory_mib() for program in programs]
+    timing = [_timing(report, (begin_ns, end_ns), run.rate_hz) for report in reports]
+    return {
+        **asdict(run),
+        "cpu_percent": float(np.mean(used_s)) / ((end_ns - begin_ns) * 1e-9) * 100.0,
+        **{key: float(np.mean([each[key] for each in memory])) for key in memory[0]},
+        **{key: max(each[key] for each in timing) for key in timing[0] if key != "met_percent"},
+        "met_percent": min(each["met_percent"] for each in timing),
+    }
+
+
+def holds(figures: dict[str, Any]) -> bool:
+    """Whether the rate was held: the share of deadlines that were kept."""
+    return bool(figures["met_percent"] >= HELD_PERCENT)
+
+
+def _robot(run: Run, report: Path, stack: ExitStack) -> Program:
+    file = report.with_suffix(".yaml")
+    file.write_text(json.dumps(_descriptor(run)), encoding="utf-8")  # JSON is YAML
+    command = [
+        *(sys.executable, "-m", "robotd", "--robot", str(file), "--backend", "sim"),
+        *("--report", str(report), "--log-level", "warning"),
+    ]
+    return Program(command, fresh_environment(stack.enter_context(own_domain())))
+
+
+def _descriptor(run: Run) -> dict[str, Any]:
+    limits = {"lower_rad": -3, "upper_rad": 3, "velocity_rad_s": 3, "acceleration_rad_s2": 12}
+    names = [f"joint{axis + 1}" for axis in range(run.axes)]
+    services = ["engine", "core_motion", "io", "ethercat"]
+    return {
+        "schema": 1,
+        "name": "scaling",
+        "cycle": {"rate_hz": run.rate_hz},
+        "joints": [{"name": name, "axis": axis, **limits} for axis, name in enumerate(names)],
+        "nodes": [*(f"wmx_{name}_node" for name in services), "manipulator_state"],
+        "ros_parameters": {
+            "manipulator_state": {
+                "joint_number": run.axes,
+                "joint_feedback_rate": run.rate_hz,
+                "joint_name": names,
+                "encoder_joint_topic": "joint_states",
+            }
+        },
+    }
+
+
+def _timing(report: Path, window: tuple[int, int], rate_hz: int) -> dict[str, float]:
+    """What the robot itself recorded of its periods in the window, the last 8192 at most."""
+    samples = json.loads(report.read_text(encoding="utf-8"))["samples"]
+    start = np.array(samples["start_ns"])
+    lateness_us = np.array(samples["lateness_ns"])[(start >= window[0]) & (start < window[1])] / 1e3
+    missed = float((lateness_us * rate_hz // 1e6).sum())
+    kept = len(lateness_us)
+    return {
+        **percentiles("lateness", lateness_us),
+        "met_percent": 100.0 * kept / (kept + missed) if kept else 0.0,
+        "missed": missed,
+    }

@@ -1,0 +1,145 @@
+"""Every reader of text that comes from outside, with real files to begin from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from random import Random
+
+import click
+from tools.fuzz import grammars
+from tools.fuzz.mutations import Mutator, mutate_lines, mutate_xml, mutate_yaml
+
+from robotd.cli.sim import _value
+from robotd.cli.urdf import check_urdf
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor, read_wmx_parameters
+from robotd.errors import DescriptorError, RobotdError
+from robotd.plugin.manager import load_backend
+from robotd.scenario import load_scenario, nested, validate_fault
+from robotd_canopen.dictionary import read_eds
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One kind of text.
+
+    Attributes:
+        file: name of the file that is read; some readers go by its ending.
+        seeds: real files, relative to the repository.
+        read: reads it; anything but its rejections is a finding.
+        mutate: changes its structure.
+        generate: a text from nothing, of words that mean something there.
+        in_file: whether a rejection has to name the file.
+    """
+
+    name: str
+    file: str
+    seeds: tuple[str, ...]
+    read: Callable[[Path], object]
+    mutate: Mutator
+    generate: Callable[[Random], str]
+    in_file: bool = True
+
+    def finding(self, path: Path) -> str | None:
+        """What is wrong with how ``path`` is read; None: it is read, or refused as it should be."""
+        try:
+            self.read(path)
+        except DescriptorError as error:
+            if self.in_file and error.path is None:
+                return f"a rejection without a file: {str(error)[:200]}"
+            if len(str(error)) > MAX_TEXT:
+                return f"a rejection of {len(str(error))} characters: {str(error)[:200]}"
+        except (RobotdError, click.BadParameter) as error:
+            if self.in_file:
+                return f"{type(error).__name__} instead of DescriptorError: {str(error)[:200]}"
+        return None
+
+
+MAX_TEXT = 100_000
+"""Characters of the longest rejection that a person, or a service's response, has to take."""
+
+
+def _robot(path: Path) -> object:
+    descriptor = load_robot_descriptor(path)
+    return load_backend("canopen" if "canopen" in descriptor.backends else "sim").options(
+        descriptor
+    )
+
+
+def _eds(path: Path) -> object:
+    return read_eds.__wrapped__(path, 5)
+
+
+def _urdf(path: Path) -> None:
+    check_urdf(path, _cr3a())
+
+
+def _words(path: Path) -> object:
+    """What ``robotd sim inject`` makes of its words."""
+    lines = path.read_bytes().decode(errors="surrogateescape").split("\n")
+    return validate_fault(nested(dict(_value(line) for line in lines)))
+
+
+@cache
+def _cr3a() -> RobotDescriptor:
+    return load_robot_descriptor("cr3a")
+
+
+READERS = (
+    Reader(
+        "parameters",
+        "parameters.xml",
+        ("robots/cr3a/wmx_parameters.xml",),
+        read_wmx_parameters,
+        mutate_xml,
+        grammars.parameters,
+    ),
+    Reader(
+        "robot",
+        "robot.yaml",
+        ("robots/cr3a/robot.yaml", "robots/baymax/robot.yaml", "robots/standalone/robot.yaml"),
+        _robot,
+        mutate_yaml,
+        grammars.robot,
+    ),
+    Reader(
+        "scenario",
+        "scenario.yaml",
+        ("examples/scenarios/alarm.yaml", "examples/scenarios/pick_and_place.yaml"),
+        load_scenario,
+        mutate_yaml,
+        grammars.scenario,
+    ),
+    Reader(
+        "eds",
+        "drive.eds",
+        (
+            "plugins/canopen/robotd_canopen/eds/generic_401.eds",
+            "plugins/canopen/robotd_canopen/eds/generic_402.eds",
+        ),
+        _eds,
+        mutate_lines,
+        grammars.eds,
+    ),
+    Reader(
+        "urdf",
+        "robot.urdf",
+        ("robots/cr3a/cr3a.urdf", "robots/baymax/baymax.urdf"),
+        _urdf,
+        mutate_xml,
+        grammars.urdf,
+    ),
+    Reader(
+        "words",
+        "words.txt",
+        ("tools/fuzz/words.txt",),
+        _words,
+        mutate_lines,
+        grammars.words,
+        in_file=False,
+    ),
+)
