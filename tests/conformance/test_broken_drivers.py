@@ -22,7 +22,7 @@ from robotd.clock import MonotonicClock, wait_until
 from robotd.descriptor import RobotDescriptor
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, OperationError
-from robotd.plugin import guard
+from robotd.plugin import fault_isolation
 from robotd.plugin.manager import Backend, PluginOrigin
 from robotd.robot import Robot
 
@@ -31,7 +31,7 @@ from robotd.robot import Robot
 def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Budgets of tenths of a second, and nothing broken or hanging before and after a test."""
     for name in ("CALL_BUDGET_S", "COMMAND_BUDGET_S", "GRACE_S", "ANSWER_BUDGET_S"):
-        monkeypatch.setattr(guard, name, 0.1)
+        monkeypatch.setattr(fault_isolation, name, 0.1)
     monkeypatch.setattr("robotd.control.control_loop.STOP_S", 0.2)
     monkeypatch.setattr("robotd.control.watchdog.HANG_S", 0.1)
     monkeypatch.setattr("robotd.device.connection.ANSWER_S", 0.2)

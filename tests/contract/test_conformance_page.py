@@ -10,7 +10,7 @@ import pytest
 from tests.conformance.kit import CHECKS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "conformance.md"
-NEEDS = {"bench": "a bench", "jointed": "joints"}
+NEEDS = {"injector": "an injector", "jointed": "joints"}
 
 
 def rows(theme: Path) -> list[tuple[str, str]]:
@@ -23,8 +23,8 @@ def rows(theme: Path) -> list[tuple[str, str]]:
             needs = [capability(mark) for mark in node.decorator_list if is_needs(mark)] or [*whole]
             source = ast.unparse(node)
             needs += [NEEDS[each.arg] for each in node.args.args if each.arg in NEEDS]
-            if "BenchOrSkip" in source:
-                needs.append("a bench")
+            if "FaultInjectorOrSkip" in source:
+                needs.append("an injector")
             words = node.name.removeprefix("test_").replace("_", " ").replace("robotds", "robotd's")
             found.append((words, ", ".join(needs)))
     return found

@@ -15,8 +15,8 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import WAIT_S, wait_for, wait_until
 
-from robotd.ros import replies
 from robotd.ros.host import RosHost
+from robotd.ros.middleware import service_responses
 from robotd.ros.services import add_service
 
 pytestmark = pytest.mark.ros
@@ -96,13 +96,13 @@ def test_clients_that_have_gone_hold_up_nobody(
 def test_a_client_that_is_not_known_yet_gets_its_answer(
     hosts: tuple[RosHost, RosHost], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    look, seen = replies.rclpy_get_subscriptions_info_by_topic, []
+    look, seen = service_responses.rclpy_get_subscriptions_info_by_topic, []
 
     def late(*arguments: Any) -> Any:
         seen.append(look(*arguments))
         return seen[-1] if len(seen) > 3 else []
 
-    monkeypatch.setattr(replies, "rclpy_get_subscriptions_info_by_topic", late)
+    monkeypatch.setattr(service_responses, "rclpy_get_subscriptions_info_by_topic", late)
     add_service(node_of(hosts[0], "server"), hosts[0], Trigger, "asked", greet)
     client = node_of(hosts[1], "client").create_client(Trigger, "asked")
     assert wait_for(ask(client)).message == "hello"
@@ -119,7 +119,9 @@ def test_a_response_that_waits_for_a_client_that_has_gone_leaves_the_interpreter
         return response
 
     add_service(busy.server, hosts[0], Trigger, "last", last, blocking=False)
-    monkeypatch.setattr(replies._Waiting, "may_go", lambda *_: True)  # the graph is behind
+    monkeypatch.setattr(
+        service_responses._Waiting, "may_go", lambda *_: True
+    )  # the graph is behind
     ask(busy.node.create_client(Trigger, "last"))
     busy.release()
     turns = 0

@@ -3,8 +3,6 @@
 On the virtual bus of python-can. What the simulated drives of the process take is subtracted.
 """
 
-# ruff: noqa: T201 - it prints its report
-
 from __future__ import annotations
 
 import os

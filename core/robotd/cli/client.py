@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # they need rclpy
 def status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> ExitCode:
     """Print the state; OK when the robot takes commands, else FAILED."""
     with _robot(ros_args, timeout_s) as client:
-        report = import_ros("client_status").read_report(client)
+        report = import_ros("client.status_client").read_report(client)
     if as_json:
         click.echo(json.dumps(asdict(report), indent=2))
     else:
@@ -40,14 +40,14 @@ def status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> ExitC
 def gripper(ros_args: Sequence[str], timeout_s: float, *, closed: bool) -> ExitCode:
     """Open or close it, and print the answer."""
     with _robot(ros_args, timeout_s) as client:
-        click.echo(import_ros("client_status").set_gripper(client, closed))
+        click.echo(import_ros("client.status_client").set_gripper(client, closed))
     return ExitCode.OK
 
 
 def servo(ros_args: Sequence[str], timeout_s: float, axes: Sequence[int], *, on: bool) -> ExitCode:
     """Switch servos, and print what each axis answers."""
     with _robot(ros_args, timeout_s) as client:
-        click.echo(import_ros("client_status").set_servos(client, axes, on))
+        click.echo(import_ros("client.status_client").set_servos(client, axes, on))
     return ExitCode.OK
 
 
@@ -66,7 +66,7 @@ def move(
     """
     radians = {joint: math.radians(value) if deg else value for joint, value in targets.items()}
     with _robot(ros_args, timeout_s) as client:
-        motion = import_ros("client_motion")
+        motion = import_ros("client.motion_client")
         arm = motion.find_arm(client, action)
         progress = Progress(tuple(targets), time_s, degrees=deg)
         with Interrupt() as interrupt:
@@ -83,7 +83,7 @@ def move(
 @contextmanager
 def _robot(ros_args: Sequence[str], timeout_s: float) -> Iterator[RosClient]:
     """A client. Raises RosUnavailable without ROS, Refused for what the robot refuses."""
-    client = import_ros("client").RosClient(ros_args, timeout_s)
+    client = import_ros("client.ros_client").RosClient(ros_args, timeout_s)
     try:
         client.start()
     except OperationError as error:

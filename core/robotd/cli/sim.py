@@ -45,18 +45,18 @@ def inject_fault(
     # What belongs to every fault, and what to this kind.
     common = {key: values.pop(key) for key in list(values) if key.split(".")[0] in ("at_s", "when")}
     fields = {f"{fault}.{key}": value for key, value in values.items()} or {fault: True}
-    client = import_ros("client_simulation")
+    client = import_ros("client.simulation_client")
     click.echo(client.inject(ros_args, timeout_s, {**fields, **common}))
 
 
 def step_time(ros_args: Sequence[str], timeout_s: float, periods: int) -> None:
     """Let periods pass; returns when they are over."""
-    click.echo(import_ros("client_simulation").step(ros_args, timeout_s, periods))
+    click.echo(import_ros("client.simulation_client").step(ros_args, timeout_s, periods))
 
 
 def pause_time(ros_args: Sequence[str], timeout_s: float, *, paused: bool) -> None:
     """Let time stand, or pass again."""
-    click.echo(import_ros("client_simulation").pause(ros_args, timeout_s, paused=paused))
+    click.echo(import_ros("client.simulation_client").pause(ros_args, timeout_s, paused=paused))
 
 
 def _value(word: str) -> tuple[str, Any]:

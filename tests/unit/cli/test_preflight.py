@@ -68,4 +68,7 @@ def test_the_prefix_of_the_wheels_is_no_second_ros(
 def test_a_sourced_ros_alone_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preflight, "WHEELS", False)
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
-    assert preflight.import_ros("message_fields").__name__ == "robotd.ros.middleware.message_fields"
+    assert (
+        preflight.import_ros("middleware.message_fields").__name__
+        == "robotd.ros.middleware.message_fields"
+    )

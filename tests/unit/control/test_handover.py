@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robotd.control_loop import follower
 from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness
 
+from robotd.control import trajectory_follower
 from robotd.control.setpoint_mixer import ABANDONED, NOT_RUNNING
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import NotReady
@@ -29,7 +29,7 @@ def harness() -> Harness:
 @pytest.fixture
 def while_planning(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[float]]:
     """``while_planning(first, second, ...)``: what happens during the next plannings."""
-    plan = follower.plan
+    plan = trajectory_follower.plan
 
     def install(*events: Meanwhile) -> list[float]:
         coming, starts = list(events), list[float]()
@@ -41,7 +41,7 @@ def while_planning(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[float]
                 coming.pop(0)()
             return trajectory
 
-        monkeypatch.setattr(follower, "plan", planned)
+        monkeypatch.setattr(trajectory_follower, "plan", planned)
         return starts
 
     return install
@@ -146,7 +146,7 @@ def test_planning_that_is_always_too_late_is_given_up(
 ) -> None:
     with harness.goal(FAR, seconds=30.0) as first:
         harness.run(0.2)
-        delays_s = [follower.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
+        delays_s = [trajectory_follower.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
         starts = while_planning(*[partial(harness.run, delay_s) for delay_s in delays_s])
         with pytest.raises(NotReady, match="did not go on as planned for, 8 times"):
             harness.goal(HOME).__enter__()
@@ -158,7 +158,7 @@ def test_planning_that_is_always_too_late_is_given_up(
 def test_a_stop_that_takes_too_long_is_not_waited_for(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(follower, "STOP_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(trajectory_follower, "STOP_TIMEOUT_S", 0.05)
     with harness.goal(FAR) as execution:
         harness.run(0.5)
         execution.cancel()

@@ -6,10 +6,10 @@ import threading
 from collections.abc import Iterator
 
 import pytest
-from robotd.control_loop import watchdog
 
 from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.clock.simulated import PacedClock
+from robotd.control import watchdog
 from robotd.control.control_loop import ControlLoop
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.watchdog import Watchdog, place_of

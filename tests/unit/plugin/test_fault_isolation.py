@@ -15,7 +15,7 @@ from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDr
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import DeviceTimeout, NotReady, OperationError
-from robotd.plugin import guard as guard_module
+from robotd.plugin import fault_isolation
 from robotd.plugin.fault_isolation import isolated, unguarded
 from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 
@@ -95,7 +95,7 @@ def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.M
             answered.wait(20.0)
             return super().state()
 
-    monkeypatch.setattr(guard_module, "ANSWER_BUDGET_S", 0.02)
+    monkeypatch.setattr(fault_isolation, "ANSWER_BUDGET_S", 0.02)
     behind = isolated(Silent(), DeviceDriver, PLUGIN)
     first = threading.Thread(target=behind.state)
     first.start()
@@ -119,7 +119,7 @@ def test_a_device_that_cannot_say_why_is_told_and_asked_no_more(
             released.wait(20.0)
             return "bus off"
 
-    monkeypatch.setattr(guard_module, "ANSWER_BUDGET_S", 0.02)
+    monkeypatch.setattr(fault_isolation, "ANSWER_BUDGET_S", 0.02)
     behind = isolated(Silent(), DeviceDriver, PLUGIN)
     told = [behind.fault() for _ in range(3)]
     assert told == [f"plugin {PLUGIN}: DeviceDriver.fault does not return"] * 3
@@ -168,8 +168,8 @@ def test_a_call_that_does_not_return_is_given_up(monkeypatch: pytest.MonkeyPatch
         def stop(self, axes: object) -> None:
             released.wait(20.0)
 
-    monkeypatch.setattr(guard_module, "GRACE_S", 0.02)
-    monkeypatch.setattr(guard_module, "COMMAND_BUDGET_S", 0.05)
+    monkeypatch.setattr(fault_isolation, "GRACE_S", 0.02)
+    monkeypatch.setattr(fault_isolation, "COMMAND_BUDGET_S", 0.05)
     behind = isolated(Endless(1), AxisDriver, PLUGIN)
     try:
         with pytest.raises(DeviceTimeout) as caught:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import pytest
 
 from robotd.testing.conformance.kit_report import Report
-from robotd.testing.conformance.kit_target import Stand
+from robotd.testing.conformance.kit_target import KitTarget
 
 Phase = Literal["setup", "call", "teardown"]
 Outcome = Literal["passed", "failed", "skipped"]
@@ -22,7 +22,7 @@ def told(name: str, when: Phase, outcome: Outcome) -> Any:
 
 
 def lines(*reports: Any) -> list[str]:
-    report = Report(Stand("sim", None))
+    report = Report(KitTarget("sim", None))
     for each in reports:
         report.pytest_runtest_logreport(each)
     return list(report.lines())

@@ -3,5 +3,5 @@
 ``robotd conform --backend NAME`` runs them, or
 ``pytest --pyargs robotd.testing.conformance --robotd-backend NAME``. Every check goes through
 the driver contracts and ``Robot`` alone. What a backend declares as capabilities, and what its
-``Bench`` can do, decides which checks are skipped; the report shows what share was left.
+``FaultInjector`` can do, decides which checks are skipped; the report shows what share was left.
 """

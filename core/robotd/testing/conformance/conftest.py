@@ -14,7 +14,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.errors import RobotdError
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.kit_report import Report
-from robotd.testing.conformance.kit_target import BenchOrSkip, KitTarget
+from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, KitTarget
 
 CHECK_LIMIT_S = 60.0
 
@@ -101,7 +101,7 @@ def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
 @pytest.fixture
 def injector(harness: Harness) -> FaultInjector:
     """The bench of the shared rig; the check is skipped where it cannot do what is needed."""
-    return BenchOrSkip.of(harness)
+    return FaultInjectorOrSkip.of(harness)
 
 
 @pytest.fixture

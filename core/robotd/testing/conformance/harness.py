@@ -226,7 +226,7 @@ class Harness:
 
 
 MakeHarness = Callable[..., Harness]
-"""The fixture ``make_harness``: its keywords are those of ``Stand.build``."""
+"""The fixture ``make_harness``: its keywords are those of ``KitTarget.build``."""
 
 
 def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:

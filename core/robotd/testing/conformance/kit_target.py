@@ -79,7 +79,7 @@ def _find(robot: str) -> RobotDescriptor:
     return load_robot_descriptor(robot, search_path=(*default_search_path(), *robots.folders))
 
 
-class BenchOrSkip:
+class FaultInjectorOrSkip:
     """A bench on which "cannot do that" skips the check."""
 
     def __init__(self, injector: FaultInjector) -> None:

@@ -11,7 +11,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.state import Operation
 from robotd.errors import NotReady
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import BenchOrSkip
+from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 ALARM = 0x32
 
@@ -62,7 +62,7 @@ def test_an_axis_in_alarm_refuses_to_move(harness: Harness, injector: FaultInjec
 
 
 def test_an_alarm_ends_a_trajectory_with_its_reason(jointed: Harness) -> None:
-    harness, injector = jointed, BenchOrSkip.of(jointed)
+    harness, injector = jointed, FaultInjectorOrSkip.of(jointed)
     way = harness.travel()[list(harness.robot.joint_axes)]
     with harness.following([1.5], [way]) as execution:
         harness.let(0.4)
@@ -113,7 +113,7 @@ def test_clearing_without_an_alarm_has_no_effect(harness: Harness) -> None:
 def test_a_drive_that_is_lost_is_offline(make_harness: MakeHarness) -> None:
     harness = make_harness()
     harness.up()
-    BenchOrSkip.of(harness).disconnect(0)
+    FaultInjectorOrSkip.of(harness).disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
     assert not harness.image.offline[1:].any()
     assert not any(harness.image.reason[1:])
@@ -125,7 +125,7 @@ def test_a_drive_that_is_lost_is_offline(make_harness: MakeHarness) -> None:
 def test_a_drive_that_is_back_stays_off(make_harness: MakeHarness) -> None:
     harness = make_harness()
     harness.up()
-    injector = BenchOrSkip.of(harness)
+    injector = FaultInjectorOrSkip.of(harness)
     injector.disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
     injector.reconnect(0)

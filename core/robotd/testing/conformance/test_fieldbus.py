@@ -10,7 +10,7 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import FieldbusDriver, NetworkState
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import BenchOrSkip
+from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)
 
@@ -72,7 +72,7 @@ def test_a_lost_slave_is_shown(make_harness: MakeHarness) -> None:
     harness = make_harness()
     harness.up()
     driver = fieldbus_of(harness)
-    BenchOrSkip.of(harness).disconnect(0)
+    FaultInjectorOrSkip.of(harness).disconnect(0)
 
     def lost() -> bool:
         slaves = [s for m in range(driver.masters) for s in driver.network_state(m).slaves]
