@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from structlog.testing import capture_logs
 from tests.canopen.drives_process import GROUP, PORT, DrivesProcess, write_robot
 from tests.canopen.harness import Harness, broken
 
@@ -15,6 +16,7 @@ from robotd.cli import main
 from robotd.clock import MonotonicClock
 from robotd.control.trajectory_execution import Outcome
 from robotd.descriptor import load_robot_descriptor
+from robotd.errors import NotReady
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 
@@ -84,6 +86,24 @@ def test_power_off_and_on_of_all_drives(drives: DrivesProcess, tmp_path: Path) -
         harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
         harness.robot.enable_joints()
         assert harness.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
+
+
+def test_loss_and_return_are_one_log_line_each(drives: DrivesProcess, tmp_path: Path) -> None:
+    with served(tmp_path) as harness, capture_logs() as lines:
+        broken(harness, drives.stop, healthy=())
+        harness.until(lambda: len(harness.master.supervision.lost) == len(harness.master.nodes))
+        drives.start()
+        harness.until(lambda: not harness.master.supervision.silent)
+        with pytest.raises(NotReady, match=r"joint1 \(node 1\).*start communication again"):
+            harness.robot.connection.require_ready()
+        harness.robot.connection.start_communication()
+    found = [line for line in lines if line["log_level"] in ("warning", "error")]
+    lost, returned = found
+    assert lost["event"] == "nodes lost, all axes stop"
+    assert lost["reason"].startswith("joint1 (node 1): TPDO")
+    assert "start communication" in returned["event"]
+    assert returned["nodes"].endswith("joint6 (node 6), I/O module (node 16)")
+    assert not [line for line in found if "exc_info" in line]
 
 
 def test_scan_and_sdo(drives: DrivesProcess) -> None:

@@ -242,7 +242,8 @@ class ControlLoop:
             self._read_failure = None
         except Exception as error:
             if self._read_failure is None:
-                log.exception("reading the process image failed")
+                log.error("reading the process image failed", reason=str(error))
+                log.debug("traceback of the failed read", exc_info=error)
             self._read_failure = f"{type(error).__name__}: {error}"
         finally:
             image.end_write()

@@ -10,7 +10,6 @@ from robotd.api import (
     Clock,
     ConnectError,
     ConnectionState,
-    OperationError,
     ProcessImage,
     RobotDescriptor,
     wait_until,
@@ -103,8 +102,7 @@ class Master:
     def read(self, image: ProcessImage) -> None:
         """Cycle: SYNC, then the watch over the drives, then what they said.
 
-        Raises OperationError, with the image filled all the same, when every node is lost: so
-        the reason, not the age of the values, ends what runs.
+        A lost node is no error here: its axes are offline in ``image``, with the reason.
         """
         now_ns = self.clock.now_ns()
         if self._state is not ConnectionState.COMMUNICATING:
@@ -123,8 +121,6 @@ class Master:
         self._date(image)
         if not any(axis.following for axis in self.axes):
             self._transmit()
-        if self.supervision.lost and image.offline.all():
-            raise OperationError(self.supervision.fault())
 
     def stream(self, position: Sequence[float], velocity: Sequence[float]) -> None:
         """Cycle: setpoints for the axes that follow."""
@@ -171,10 +167,10 @@ class Master:
         self._read_ns = now_ns
         self.supervision.watch(elapsed_ns)
         if now_ns - self._stream_ns > self._stream_timeout_ns:
-            for axis in self.axes:
-                if axis.following:
-                    limit_s = self.options.stream_timeout_s
-                    self.supervision.fail(f"{axis.node.name}: no setpoint for {limit_s} s")
+            names = [axis.node.name for axis in self.axes if axis.following]
+            if names:
+                limit_s = self.options.stream_timeout_s
+                self.supervision.fail(f"{', '.join(names)}: no setpoint for {limit_s:g} s")
 
     def _leave_all(self) -> None:
         for node in self.nodes.values():

@@ -21,6 +21,8 @@ _EMCY, _HEARTBEAT = 0x080, 0x700
 _START_S = 2.0  # for the first heartbeat that says OPERATIONAL
 _TWICE = "more answers than questions: two nodes have this id"
 _UNKNOWN_OBJECT = 0x06020000
+RESET = "it was reset and has lost its configuration; start communication again"
+"""Cause of the loss of a node that has booted by itself."""
 
 
 class Node:
@@ -139,7 +141,7 @@ class Node:
         if self._heartbeats != self._seen_heartbeats:
             self._seen_heartbeats, self._silence_ns = self._heartbeats, 0
         if self._has_booted:
-            return "it was reset and has lost its configuration"
+            return RESET
         if self.state is not NmtState.OPERATIONAL:
             return f"it went to {self.state.name.lower().replace('_', '-')} by itself"
         if self._silence_ns > limit_ns:

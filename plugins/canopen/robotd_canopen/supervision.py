@@ -8,13 +8,13 @@ from robotd.api import get_logger
 from robotd_canopen.axis import Axis
 from robotd_canopen.bus import Bus
 from robotd_canopen.feedback import Feedback
-from robotd_canopen.node import Node
+from robotd_canopen.node import RESET, Node
+from robotd_canopen.outage import OutageLog, Return, causes
 from robotd_canopen.sync import NANOSECONDS
 
 log = get_logger("canopen")
 
 _KEPT = 100  # latest losses
-_NAMED = 3  # lost nodes that a text names; more at once have one cause
 
 
 class Supervision:
@@ -36,13 +36,22 @@ class Supervision:
     ) -> None:
         self.lost: dict[int, Node] = {}
         self.faults: list[str] = []
+        self._reset: set[int] = set()  # lost nodes that answer again, without configuration
+        self._outage = OutageLog()
         self._bus, self._nodes, self._axes, self._feedback = bus, nodes, axes, feedback
         self._limit_ns = round(heartbeat_timeout_s * NANOSECONDS)
         self._sync_period_s = sync_period_s
 
+    @property
+    def silent(self) -> list[Node]:
+        """Lost nodes that have not answered since. Any thread."""
+        return [node for node in list(self.lost.values()) if node.id not in self._reset]
+
     def begin(self) -> None:
         """Worker: communication has been started (again); nothing is lost."""
         self.lost.clear()
+        self._reset.clear()
+        self._outage.clear()
 
     def fault(self) -> str:
         """Why values are missing: the bus, or the lost nodes with their causes; "" if neither.
@@ -51,41 +60,66 @@ class Supervision:
         """
         if self._bus.fault is not None:
             return self._bus.fault
-        lost = [f"{node.name}: {node.fault}" for node in list(self.lost.values())]
-        more = [f"and {len(lost) - _NAMED} more nodes"] if len(lost) > _NAMED else []
-        return "; ".join(lost[:_NAMED] + more)
+        return causes(list(self.lost.values()))
 
     def watch(self, period_ns: int) -> None:
         """One period, ``period_ns`` after the one before, however long the computer paused."""
-        if self._bus.fault is not None:
-            for node in self._nodes.values():
-                self.lose(node, self._bus.fault)
-            return
-        for node in self._nodes.values():
-            cause = node.missing(period_ns, self._limit_ns)
-            if cause:
-                self.lose(node, cause)
-            elif node.id in self.lost and node.configured:
-                self._take_back(node)
-        for number, pdo, missed in self._feedback.stale():
-            age_ms = missed * self._sync_period_s * 1000
-            self.lose(self._axes[number].node, f"{pdo.name} has not come for {age_ms:.0f} ms")
+        all_were_lost = bool(self._axes) and not any(axis.node.online for axis in self._axes)
+        lost = self._lose_silent(period_ns)
+        if lost:
+            self._outage.lost(lost, reported=all_were_lost or self._bus.fault is not None)
+        self._outage.advance(period_ns, complete=not self.silent)
 
-    def lose(self, node: Node, cause: str) -> None:
-        """``node`` is given up and all axes stop. A node that is not online: no effect."""
-        if node.online:
-            node.online = False
-            node.fault = cause + node.emergency_text()
-            self.lost[node.id] = node
-            self.fail(f"{node.name}: {node.fault}")
-
-    def fail(self, reason: str) -> None:
-        """Stop all axes, each with its own ramp."""
+    def stop(self, reason: str) -> None:
+        """Stop all axes, each with its own ramp, and remember why."""
         self.faults.append(reason)
         del self.faults[:-_KEPT]
-        log.error("motion is stopped", reason=reason)
         for axis in self._axes:
             axis.brake(axis.layout.options.stop_deceleration_rad_s2)
+
+    def fail(self, reason: str) -> None:
+        """Stop all axes for something that is not the loss of a node."""
+        log.error("motion is stopped", reason=reason)
+        self.stop(reason)
+
+    def _lose_silent(self, period_ns: int) -> list[Node]:
+        """Give up the nodes that are missing now, take back those that answer; the former."""
+        nodes, bus_fault = self._nodes.values(), self._bus.fault
+        if bus_fault is not None:
+            return [node for node in nodes if self._lose(node, bus_fault)]
+        lost = []
+        for node in nodes:
+            cause = node.missing(period_ns, self._limit_ns)
+            if cause and self._lose(node, cause):
+                lost.append(node)
+            elif cause == RESET and node.id in self.lost and node.id not in self._reset:
+                self._wait_for_configuration(node)
+            elif not cause and node.id in self.lost and node.configured:
+                self._take_back(node)
+        for number, pdo, missed in self._feedback.stale():
+            age_ms, node = missed * self._sync_period_s * 1000, self._axes[number].node
+            if self._lose(node, f"{pdo.name} has not come for {age_ms:.0f} ms"):
+                lost.append(node)
+        return lost
+
+    def _lose(self, node: Node, cause: str) -> bool:
+        """Give up ``node`` and stop all axes; False for a node that is not online."""
+        if not node.online:
+            return False
+        node.online = False
+        node.fault = cause + node.emergency_text()
+        self.lost[node.id] = node
+        self._reset.discard(node.id)
+        if cause == RESET:
+            self._reset.add(node.id)
+        self.stop(f"{node.name}: {node.fault}")
+        return True
+
+    def _wait_for_configuration(self, node: Node) -> None:
+        """A lost node that has booted since: a worker must configure it."""
+        self._reset.add(node.id)
+        node.fault = RESET
+        self._outage.came_back(node, Return.RESET)
 
     def _take_back(self, node: Node) -> None:
         """A node that was silent and has kept its configuration; its axes stay where they are."""
@@ -96,4 +130,4 @@ class Supervision:
             axis.resume()
         node.online, node.fault = True, ""
         self.lost.pop(node.id, None)  # unless a worker has begun anew meanwhile
-        log.info("a node is back", node=node.name)
+        self._outage.came_back(node, Return.RESUMED)

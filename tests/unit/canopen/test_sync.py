@@ -38,10 +38,12 @@ def producer(wire: Wire | None = None) -> SyncProducer:
 def test_late_syncs_do_not_bend_the_grid(late_ns: list[int]) -> None:
     sync = producer()
     sync.send(START_NS)  # one that is not late at all
+    total_late_ns = 0
     for number, late in enumerate(late_ns, 1):
         nominal_ns = START_NS + number * PERIOD_NS
         sync.send(nominal_ns + late)
-        assert 0 <= sync.time_ns - nominal_ns <= PERIOD_NS / 50
+        total_late_ns += late
+        assert 0 <= sync.time_ns - nominal_ns <= total_late_ns / 256  # by so much each eases it
         assert sync.periods == 1
 
 

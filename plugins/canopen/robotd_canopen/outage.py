@@ -1,0 +1,76 @@
+"""Log of lost nodes: one line for a loss, one line for the return."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import Enum
+
+from robotd.api import get_logger
+from robotd_canopen.node import Node
+
+log = get_logger("canopen")
+
+_SETTLE_NS = 500_000_000  # without a further return: then those that came back are reported
+_MAX_NAMED = 3  # nodes whose causes a text lists; more at once have a common cause
+
+
+class Return(Enum):
+    """How a lost node came back."""
+
+    RESUMED = "nodes are back with their configuration"
+    RESET = "nodes were reset and answer again; start communication to configure them"
+
+
+def causes(nodes: Iterable[Node]) -> str:
+    """The nodes with the cause of each, the first three in full."""
+    texts = [f"{node.name}: {node.fault}" for node in nodes]
+    more = [f"and {len(texts) - _MAX_NAMED} more nodes"] if len(texts) > _MAX_NAMED else []
+    return "; ".join(texts[:_MAX_NAMED] + more)
+
+
+class OutageLog:
+    """Reports nodes that are lost and that come back, many in one line. Cycle thread."""
+
+    def __init__(self) -> None:
+        self._returned: dict[Return, dict[int, Node]] = {how: {} for how in Return}
+        self._quiet_ns = 0
+
+    def lost(self, nodes: list[Node], *, reported: bool) -> None:
+        """Report nodes lost in one period.
+
+        Args:
+            nodes: the nodes, with their cause.
+            reported: the log has the cause already: the bus is lost, or every drive was lost
+                before and this is an I/O module whose heartbeat times out later.
+        """
+        for returned in self._returned.values():
+            for node in nodes:
+                returned.pop(node.id, None)
+        write = log.debug if reported else log.error
+        write("nodes lost, all axes stop", reason=causes(nodes))
+
+    def came_back(self, node: Node, how: Return) -> None:
+        """Note the return of a node; reported with those that follow soon."""
+        self._returned[how][node.id] = node
+        self._quiet_ns = 0
+
+    def advance(self, period_ns: int, *, complete: bool) -> None:
+        """Report the returns that are due, ``period_ns`` later.
+
+        Args:
+            period_ns: time since the last call.
+            complete: no lost node is silent any more, so that none will follow.
+        """
+        self._quiet_ns += period_ns
+        if not complete and self._quiet_ns < _SETTLE_NS:
+            return
+        for how, nodes in self._returned.items():
+            if nodes:
+                write = log.info if how is Return.RESUMED else log.warning
+                write(how.value, nodes=", ".join(node.name for node in nodes.values()))
+                nodes.clear()
+
+    def clear(self) -> None:
+        """Discard what has not been reported. Worker, while no cycle watches."""
+        for nodes in self._returned.values():
+            nodes.clear()
