@@ -116,7 +116,8 @@ class Robot:
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: cycle, device, communication, parameters, then the servos.
 
-        Blocks until done (seconds where the device needs tries). Any one thread.
+        Blocks until done (seconds where the device needs tries). Any one thread. After
+        ``engine.abort_start`` from another one nothing more is begun or switched on.
 
         Args:
             enable: clear alarms and switch the servos of joints and wheels on; False leaves
@@ -130,7 +131,7 @@ class Robot:
         if self.base is not None:
             self.base.start()
         self.connection.start()
-        if enable and self.connection.ready:
+        if enable and self.connection.commandable:
             self.enable_joints()
 
     def step(self, periods: int) -> None:

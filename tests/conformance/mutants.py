@@ -21,6 +21,7 @@ from robotd.api import (
     ConnectionState,
     DeviceContext,
     DeviceDriver,
+    DeviceTimeout,
     FaultInjector,
     FloatArray,
     ProcessImage,
@@ -304,6 +305,23 @@ class ClearingEnables(Mutant):
         def clear_alarm(self, axis: int, timeout_s: float) -> None:
             super().clear_alarm(axis, timeout_s)
             self.servo(axis, True, timeout_s)
+
+
+class StartsLater(Mutant):
+    class Device(SimDevice):
+        def start_communication(self, timeout_s: float) -> None:
+            timed_out = timeout_s
+            try:
+                super().start_communication(timeout_s)
+            except DeviceTimeout:
+                timed_out = 0.0
+                raise
+            finally:
+                self.late = timed_out == 0.0
+
+        def stop_communication(self, timeout_s: float) -> None:
+            if not self.late:
+                super().stop_communication(timeout_s)
 
 
 class StateThatLies(Mutant):

@@ -63,6 +63,11 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
         FAULTS + "an_alarm_stays_until_it_is_cleared_and_then_nothing_moves",
         "enabled the servo",
     ),
+    (
+        mutants.StartsLater,
+        "test_engine.py::test_a_start_that_times_out_is_undone",
+        "after a start that failed",
+    ),
     (mutants.StateThatLies, "test_engine.py::test_the_states_follow_the_calls", "RUNNING"),
     (mutants.BlockingRead, COST + "read_does_not_block", "read takes"),
     (mutants.NowAndThenBlockingRead, COST + "read_does_not_block", "99 of 100"),

@@ -33,7 +33,14 @@ backends:
   wmx: {{lock_timeout_s: {patience_s}}}
 """
 
+SLOW_ARM = """\
+schema: 1
+name: slow
+extends: {cr3a}
+backends: {{sim: {{communication_delay_s: 2.0}}}}
+"""
 
+ROBOTS = Path(__file__).parents[2] / "robots"
 LIBC = ctypes.CDLL(None)
 STANDIN_LOCKED = "WMX_STANDIN_LOCKED"
 
@@ -189,6 +196,18 @@ def test_a_signal_that_wakes_another_thread_stops_the_robot() -> None:
         assert LIBC.tgkill(process.process.pid, max(threads), signal.SIGTERM) == 0
         assert process.exit_status() == 0
         assert "device closed" in process.output
+
+
+def test_nothing_is_switched_on_after_a_signal_during_start_up(tmp_path: Path) -> None:
+    robot = tmp_path / "slow.yaml"
+    robot.write_text(SLOW_ARM.format(cr3a=ROBOTS / "cr3a" / "robot.yaml"))
+    with RobotProcess(robot=str(robot), backend="sim") as process:
+        process.wait_output("fieldbus scanned")  # communication begins two seconds later
+        assert process.end() == 0
+        assert "servos on" not in process.output
+        assert "parameters loaded" not in process.output
+        assert "device closed" in process.output
+        assert "Traceback" not in process.output
 
 
 def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:

@@ -215,6 +215,49 @@ def test_shutdown_during_the_start_of_communication_waits_and_closes() -> None:
     assert not unguarded(device).simulation.states.servo_on.any()
 
 
+def test_nothing_is_switched_on_after_a_request_to_end(harness: Harness) -> None:
+    device: Any = harness.robot.connection._driver
+    start = device.start_communication
+
+    def interrupted(timeout_s: float) -> None:
+        start(timeout_s)
+        harness.robot.connection.abort_start()
+
+    device.start_communication = interrupted
+    with pytest.raises(NotReady, match="being shut down"):
+        harness.robot.start()
+    harness.run(0.1)
+    assert not harness.simulation.states.servo_on.any()
+    assert harness.connection.state is ConnectionState.RUNNING
+
+
+def test_a_request_to_end_between_two_servos_leaves_the_second_off(harness: Harness) -> None:
+    harness.robot.start(enable=False)
+    requested: list[tuple[int, bool]] = []
+    driver: Any = harness.robot.axes._driver
+    servo = driver.servo
+
+    def interrupted(axis: int, on: bool, timeout_s: float) -> None:
+        requested.append((axis, on))
+        servo(axis, on, timeout_s)
+        harness.robot.connection.abort_start()
+
+    driver.servo = interrupted
+    with pytest.raises(ConnectError, match="being shut down"):
+        harness.robot.enable_joints()
+    assert requested == [(0, True), (0, False)]
+    assert not harness.simulation.states.servo_on.any()
+
+
+def test_no_motion_starts_after_a_request_to_end(harness: Harness) -> None:
+    harness.up()
+    harness.robot.connection.abort_start()
+    with pytest.raises(NotReady, match="being shut down"):
+        harness.move(0, 1.0)
+    with pytest.raises(NotReady, match="being shut down"):
+        harness.goal(FAR).__enter__()
+
+
 def test_nobody_is_ready_before_the_parameters_are_in_force() -> None:
     robot = build_robot("cr3a", "sim")
     device: Any = robot.connection._driver

@@ -103,14 +103,19 @@ class Axes:
         """Enable (at the measured position, without a jump) or disable one servo; waits for it.
 
         Disabling is never refused because of an owner: who streams to the axis is stopped.
-        Enabling is, because setpoints from before would be far away.
+        Enabling is, because setpoints from before would be far away, and after a request to end.
         """
         self._check_axes([axis])
+        if on:
+            self._connection.require_alive()
         if on and self.image.amp_alarm[axis]:
             raise NotReady(f"{self.names[axis]}: {self.image.fault(axis)}; clear it first")
         if on and not self.image.servo_on[axis]:
             self._check_axis(axis)
         self._driver.servo(axis, on, self._connection.settings.servo_timeout_s)
+        if on and self._connection.ending:  # while the drive was enabling
+            self._driver.servo(axis, False, self._connection.settings.servo_timeout_s)
+            self._connection.require_alive()
         self._see(lambda: bool(self.image.servo_on[axis]) is on)
 
     def clear_alarm(self, axis: int) -> None:
@@ -248,7 +253,7 @@ class Axes:
     def rejection(self, axis: int, mode: CommandMode, by: str = "") -> str | None:
         """Why a motion command ``by`` somebody would be refused now; None when it would not."""
         image, name = self.image, self.names[axis]
-        if not self._connection.ready:
+        if not self._connection.commandable:
             return self._connection.rejection
         if fault := image.fault(axis):
             return f"{name}: {fault}"

@@ -24,6 +24,7 @@ log = get_logger("engine")
 
 ReadyListener = Callable[[bool], None]
 
+ENDING = "the robot is being shut down: nothing is started or switched on any more"
 ANSWER_S = 1.0  # longest wait for a device that another thread is asking for its state
 
 
@@ -65,7 +66,8 @@ class Connection:
         self._closed = False
         self._stale = False
         self._hang = ""
-        self._preparing = False
+        self._start_failure = ""
+        self._prepared = False  # communication was started here, and the parameters are in force
         self._ready = False
         self._ready_lock = threading.RLock()
         self._listeners: list[ReadyListener] = []
@@ -85,12 +87,27 @@ class Connection:
 
     @property
     def ready(self) -> bool:
-        """True while axes can be commanded: communicating, parameters in force, values fresh."""
+        """True while axes can be commanded: communicating, parameters in force, values fresh.
+
+        Communication that ``start_communication`` has not brought about does not count.
+        """
         return self._ready
 
     @property
+    def ending(self) -> bool:
+        """True once ``abort_start`` or ``shutdown`` was called."""
+        return self._ending.is_set()
+
+    @property
+    def commandable(self) -> bool:
+        """True while motion may start: ready, and no request to end has come."""
+        return self._ready and not self._ending.is_set()
+
+    @property
     def rejection(self) -> str:
-        """Why axes cannot be commanded, for whoever tried while ``ready`` is False."""
+        """Why axes cannot be commanded, for whoever tried while ``commandable`` is False."""
+        if self._ending.is_set():
+            return ENDING
         text, fault = f"engine is not ready (state {self.state.value})", self.fault
         return f"{text}: {fault}" if fault else text
 
@@ -100,7 +117,9 @@ class Connection:
         if self._hang:
             return self._hang
         try:
-            return "" if self.state is ConnectionState.COMMUNICATING else self._driver.fault()
+            if self.state is ConnectionState.COMMUNICATING:
+                return "" if self._prepared or self._ready else self._unprepared()
+            return self._driver.fault()
         except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
             return f"{type(error).__name__}: {error}"
 
@@ -108,6 +127,11 @@ class Connection:
         """Raise NotReady, with the reason, unless axes can be commanded."""
         if not self._ready:
             raise NotReady(self.rejection)
+
+    def require_alive(self) -> None:
+        """Raise NotReady once the robot is asked to end: nothing is started or switched on."""
+        if self._ending.is_set():
+            raise NotReady(ENDING)
 
     def on_ready(self, listener: ReadyListener) -> None:
         """Call ``listener(ready)`` now and on every change, from the thread that causes it."""
@@ -118,7 +142,7 @@ class Connection:
     def start(self) -> None:
         """The whole start-up: open with retries, scan, start communication.
 
-        Raises the last error when every try has failed; returns early after ``shutdown``.
+        Raises the last error when every try has failed; returns early when it is asked to end.
         """
         tries = self.settings.open_tries
         for attempt in range(1, tries + 1):
@@ -132,12 +156,13 @@ class Connection:
             if self._ending.wait(self.settings.open_retry_s):
                 return
         log.info("fieldbus scanned", network=self.scan_network())
-        self.start_communication()
+        if not self._ending.is_set():
+            self.start_communication()
 
     def open(self, path: str = "", name: str = "") -> None:
         """Connect to the device. An open device with no other path asked for: no effect."""
         with self._lock:
-            self._require_alive()
+            self.require_alive()
             if self._driver.state() is not ConnectionState.IDLE:
                 if path:
                     raise NotReady(f"device is open already; close it before opening {path!r}")
@@ -159,17 +184,23 @@ class Connection:
                     self.update_ready()
 
     def start_communication(self) -> None:
-        """Begin the cyclic exchange and apply the parameter file. Nothing moves."""
+        """Begin the cyclic exchange and apply the parameter file. Nothing moves.
+
+        Already communicating: no effect. A start that fails is undone: communication is stopped
+        where it was not running before, and what begins to communicate later is not ready.
+        """
         with self._lock:
-            self._require_alive()
+            self.require_alive()
             if self._driver.state() is ConnectionState.IDLE:
                 raise NotReady("device is not open")
             self._check_parameters_file()
-            self._preparing = not self._ready
             try:
                 self._begin_communication()
+                self._start_failure = ""
+            except Exception as error:
+                self._start_failure = str(error)
+                raise
             finally:
-                self._preparing = False
                 self.update_ready()
             log.info("communication started")
 
@@ -184,6 +215,7 @@ class Connection:
                     self._end_communication()
                     log.info("communication stopped")
             finally:
+                self._prepared = False
                 self.update_ready()
 
     def scan_network(self) -> str:
@@ -211,7 +243,10 @@ class Connection:
         return self._driver.dump_parameters(axis)
 
     def abort_start(self) -> None:
-        """End a start-up that is waiting for its next try, and allow no further command."""
+        """The robot is asked to end: no try, start, motion or servo-on begins any more.
+
+        Any thread; stops are accepted as before.
+        """
         self._ending.set()
 
     def shutdown(self) -> None:
@@ -252,7 +287,7 @@ class Connection:
             return ConnectionState.UNKNOWN  # whoever asks does not get an answer either
         try:
             state = self.state
-            ready = state is ConnectionState.COMMUNICATING and not self._preparing
+            ready = state is ConnectionState.COMMUNICATING and self._prepared
             if ready is not self._ready:
                 self._ready = ready
                 for listener in self._listeners:
@@ -262,23 +297,40 @@ class Connection:
             self._ready_lock.release()
 
     def _begin_communication(self) -> None:
-        if self._driver.state() is not ConnectionState.COMMUNICATING:
-            self._driver.start_communication(self.settings.communication_timeout_s)
+        before = self._driver.state()
+        if self._prepared and before is ConnectionState.COMMUNICATING:
+            return
+        self._prepared = False
         try:
+            if before is not ConnectionState.COMMUNICATING:
+                self._driver.start_communication(self.settings.communication_timeout_s)
+            self.require_alive()
             self._apply_parameters_file()
-        except RobotdError:
-            self._driver.stop_communication(self.settings.communication_timeout_s)
+        except Exception:
+            # A device that partly communicated, or for other programs, goes on as before.
+            if before is ConnectionState.RUNNING:
+                self._undo_start()
             raise
+        self._prepared = True
+
+    def _undo_start(self) -> None:
+        try:
+            self._driver.stop_communication(self.settings.communication_timeout_s)
+        except RobotdError as error:
+            log.error("the failed start could not be undone", reason=str(error))
 
     def _end_communication(self) -> None:
         try:
             self.before_stop()
         finally:
+            self._prepared = False
             self._driver.stop_communication(self.settings.communication_timeout_s)
 
-    def _require_alive(self) -> None:
-        if self._ending.is_set():
-            raise NotReady("engine is shut down")
+    def _unprepared(self) -> str:
+        """Why a device that communicates is not ready."""
+        if self._start_failure:
+            return f"it communicates although its start failed: {self._start_failure}"
+        return "communication was not started by robotd, so its parameters are not in force"
 
     def _check_parameters_file(self) -> None:
         path = self.parameters_file

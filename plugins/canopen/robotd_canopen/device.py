@@ -68,8 +68,9 @@ class CanopenDevice(DeviceDriver):
             self.master.start()
 
     def stop_communication(self, timeout_s: float) -> None:
+        """Also of nodes that a start which failed for others has started."""
         master = self.master
-        if master.state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
+        if master.state is ConnectionState.IDLE:
             return
         live = [axis for axis in master.axes if axis.node.online and axis.powered]
         for axis in live:

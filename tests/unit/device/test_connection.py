@@ -248,3 +248,66 @@ def test_whoever_commands_a_device_that_does_not_communicate_is_told_why(
     connection.update_ready()
     with pytest.raises(NotReady, match=r"state Running\): the licence has run out$"):
         connection.require_ready()
+
+
+class SlowDevice(FakeDevice):
+    """A device that begins to communicate by itself, after its start has timed out."""
+
+    def start_communication(self, timeout_s: float) -> None:
+        self.record("start_communication", timeout_s)
+        raise DeviceTimeout("the link is not up")
+
+
+def test_a_start_that_timed_out_is_undone_and_never_becomes_ready(parameters: Path) -> None:
+    device = SlowDevice()
+    connection = make(device, parameters)
+    with pytest.raises(DeviceTimeout, match="the link is not up"):
+        connection.start()
+    assert names(device)[-1] == "stop_communication"
+    device.current = ConnectionState.COMMUNICATING  # the link came up after all
+    connection.update_ready()
+    assert not connection.ready
+    with pytest.raises(NotReady, match="although its start failed: the link is not up"):
+        connection.require_ready()
+    connection.start_communication()
+    assert names(device)[-1] == "load_parameters"
+    assert connection.ready
+
+
+def test_communication_that_somebody_else_started_is_not_ready(device: FakeDevice) -> None:
+    connection = make(device)
+    connection.open()
+    device.current = ConnectionState.COMMUNICATING
+    connection.update_ready()
+    assert not connection.ready
+    assert "communication was not started by robotd" in connection.rejection
+
+
+def test_a_failed_restart_leaves_what_still_communicates_alone(device: FakeDevice) -> None:
+    connection = make(device)
+    connection.start()
+    device.current = ConnectionState.UNKNOWN  # some nodes are lost, the others go on
+    device.failures["start_communication"] = ConnectError("node 3 does not answer")
+    with pytest.raises(ConnectError):
+        connection.start_communication()
+    assert "stop_communication" not in names(device)
+    device.current = ConnectionState.COMMUNICATING
+    connection.update_ready()
+    assert not connection.ready
+
+
+def test_a_request_to_end_during_the_start_of_communication_undoes_it(
+    device: FakeDevice, parameters: Path
+) -> None:
+    connection = make(device, parameters)
+    start = device.start_communication
+
+    def interrupted(timeout_s: float) -> None:
+        start(timeout_s)
+        connection.abort_start()
+
+    device.start_communication = interrupted  # type: ignore[method-assign]
+    with pytest.raises(NotReady, match="shut down"):
+        connection.start()
+    assert names(device)[-2:] == ["start_communication", "stop_communication"]
+    assert not connection.ready

@@ -100,6 +100,24 @@ def test_starting_enables_and_moves_nothing(make_harness: MakeHarness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
+def test_a_start_that_times_out_is_undone(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.begin()
+    connection = harness.robot.connection
+    settings = connection.settings
+    connection.settings = settings.model_copy(update={"communication_timeout_s": 0.001})
+    connection.open()
+    try:
+        connection.start_communication()
+    except RobotdError:
+        harness.let(1.0)
+        late = harness.parts.device.state()
+        assert late is ConnectionState.RUNNING, f"{late.value} after a start that failed"
+    connection.settings = settings
+    connection.start_communication()
+    harness.until(lambda: connection.ready, "the engine is ready")
+
+
 def test_servos_are_off_after_communication_stopped(make_harness: MakeHarness) -> None:
     harness = make_harness()
     harness.up()
