@@ -9,6 +9,7 @@ from robotd.descriptor import (
     default_wmx_parameters,
     load_robot_descriptor,
     read_wmx_parameters,
+    require_same_scaling,
     validate_section,
     write_wmx_parameters,
 )
@@ -88,6 +89,7 @@ __all__ = [
     "load_robot_descriptor",
     "read_limited",
     "read_wmx_parameters",
+    "require_same_scaling",
     "validate_section",
     "wait_until",
     "write_wmx_parameters",

@@ -32,11 +32,11 @@ def check_robot(robot: str, variant: str | None, backend: str | None) -> int:
 
 
 def _check_files(report: Findings, descriptor: RobotDescriptor) -> None:
-    parameters, urdf = descriptor.parameters_file, descriptor.urdf
+    parameters, urdf, axes = descriptor.parameters_file, descriptor.urdf, descriptor.axes
     if parameters is not None:
         report.run(
             f"parameters {parameters.name}",
-            lambda: read_wmx_parameters(parameters).missing_summary() or None,
+            lambda: read_wmx_parameters(parameters, axes).missing_summary(axes) or None,
         )
     if urdf is not None:
         report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))

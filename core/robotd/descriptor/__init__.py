@@ -16,7 +16,11 @@ from robotd.descriptor.model import (
     RobotDescriptor,
     TrajectorySettings,
 )
-from robotd.descriptor.wmx_parameters import WmxParameters, default_wmx_parameters
+from robotd.descriptor.wmx_parameters import (
+    WmxParameters,
+    default_wmx_parameters,
+    require_same_scaling,
+)
 from robotd.descriptor.wmx_xml import axis_text, read_wmx_parameters, write_wmx_parameters
 
 __all__ = [
@@ -35,6 +39,7 @@ __all__ = [
     "list_robots",
     "load_robot_descriptor",
     "read_wmx_parameters",
+    "require_same_scaling",
     "validate_section",
     "write_wmx_parameters",
 ]

@@ -6,7 +6,7 @@ and the engine hold; a backend converts. Nothing here touches a file: see ``wmx_
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
@@ -23,11 +23,26 @@ from robotd.descriptor.wmx_parameter_table import (
     Parameter,
     Sections,
 )
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, NotReady
 
 N_AXES = 128
 MIN_GEAR_RATIO, MAX_GEAR_RATIO = 1e-6, 2**31 - 1
 """Limits of numerator / denominator, pulses per user unit, set by the engine."""
+
+GEAR_RATIO_TOLERANCE = 1e-6
+"""Relative; files of the engine have six decimals, so 2π comes back as 6.283185."""
+SCALING_PARAMETERS = (
+    "AxisPolarity",
+    "AxisCommandMode",
+    "SingleTurnMode",
+    "SingleTurnEncoderCount",
+    "AbsoluteEncoderMode",
+    "AbsoluteEncoderHomeOffset",
+    "EncoderRangeMode",
+    "EncoderRangeLow",
+    "EncoderRangeHigh",
+)
+"""With the gear ratio: parameters that decide what the position of a drive means."""
 
 Column = NDArray[Any]
 Scalar = float | int | bool
@@ -92,14 +107,28 @@ class WmxParameters:
             raise DescriptorError.join(DescriptorError(text) for _, text in problems)
         return WmxParameters(columns, self.global_values, self.missing, self.path)
 
-    def missing_summary(self) -> str:
-        """One line for a log: what the file leaves out; empty when it leaves out nothing."""
-        whole = sum(len(axes) in (0, N_AXES) for axes in self.missing.values())
-        shown = [f"{name} ({_axes_text(axes)})" for name, axes in self.missing.items()]
-        rest = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
+    def missing_summary(self, axes: int = N_AXES) -> str:
+        """One line for a log: what the file leaves out; empty when it leaves out nothing.
+
+        Args:
+            axes: number of axes of the robot, from axis 0; the others' elements do not count.
+        """
+        by_axes: dict[tuple[int, ...], list[str]] = {}
+        for name, where in self.missing.items():
+            used = tuple(axis for axis in where if axis < axes)
+            if used or not where:
+                by_axes.setdefault(used, []).append(name)
+        shown = [f"{axes_text(where)}: {', '.join(names)}" for where, names in by_axes.items()]
         if not shown:
             return ""
-        return f"{len(shown)} elements missing ({whole} everywhere): {', '.join(shown[:10])}{rest}"
+        return f"missing elements, which get their defaults: {'; '.join(shown)}"
+
+    def absent_axes(self, axes: int) -> tuple[int, ...]:
+        """Those of the first ``axes`` axes of which the file states nothing at all."""
+        stated = set(range(axes))
+        for name in AXIS_PARAMETERS:
+            stated &= set(self.missing.get(name, ()))
+        return tuple(sorted(stated))
 
 
 def default_wmx_parameters() -> WmxParameters:
@@ -110,6 +139,49 @@ def default_wmx_parameters() -> WmxParameters:
     }
     values = {name: global_value(item, item.default) for name, item in GLOBAL_PARAMETERS.items()}
     return WmxParameters(MappingProxyType(columns), MappingProxyType(values))
+
+
+def require_same_scaling(
+    before: Mapping[str, Column], after: Mapping[str, Column], axes: Iterable[int]
+) -> None:
+    """Check a set of parameters that is about to be loaded while servos are on.
+
+    A live axis whose scale changes is suddenly somewhere else: it would jump there with the next
+    command, and its limits would mean another place.
+
+    Args:
+        before: columns in force; those of ``SCALING_PARAMETERS``.
+        after: columns to load.
+        axes: whose servo is on.
+
+    Raises NotReady naming each axis and parameter with both values.
+    """
+    changes = [change for axis in axes for change in _scaling_changes(before, after, axis)]
+    if changes:
+        raise NotReady(
+            f"parameters cannot be loaded while servos are on: {'; '.join(changes)};"
+            " switch these servos off first"
+        )
+
+
+def _scaling_changes(
+    before: Mapping[str, Column], after: Mapping[str, Column], axis: int
+) -> Iterator[str]:
+    for name in SCALING_PARAMETERS:
+        was, becomes = (float(columns[name][axis]) for columns in (before, after))
+        if was != becomes:
+            yield f"axis {axis} would change {name} from {was:.15g} to {becomes:.15g}"
+    was, becomes = (_pulses_per_unit(columns, axis) for columns in (before, after))
+    if abs(becomes - was) > GEAR_RATIO_TOLERANCE * was:
+        yield (
+            f"axis {axis} would change AxisGearRatioNumerator / AxisGearRatioDenominator"
+            f" from {was:.9g} to {becomes:.9g} pulses per unit"
+        )
+
+
+def _pulses_per_unit(columns: Mapping[str, Column], axis: int) -> float:
+    numerator, denominator = columns["AxisGearRatioNumerator"], columns["AxisGearRatioDenominator"]
+    return float(numerator[axis]) / float(denominator[axis])
 
 
 def column_problems(item: Parameter, column: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
@@ -164,7 +236,8 @@ def _rejection(item: Parameter, value: float) -> str:
     )
 
 
-def _axes_text(axes: tuple[int, ...]) -> str:
+def axes_text(axes: tuple[int, ...]) -> str:
+    """``axis 3``, ``axes 3..5``, ``axes 0, 2``, or ``global`` for none."""
     if not axes:
         return "global"
     if axes == tuple(range(axes[0], axes[-1] + 1)):

@@ -25,6 +25,7 @@ from robotd.descriptor.wmx_parameters import (
     Column,
     Scalar,
     WmxParameters,
+    axes_text,
     checked_column,
     column_problems,
     gear_problems,
@@ -66,17 +67,30 @@ class _Cells:
         self.lines = [[0] * self.count for _ in self.items]
 
 
-def read_wmx_parameters(path: Path) -> WmxParameters:
+def read_wmx_parameters(path: Path, axes: int = 0) -> WmxParameters:
     """Read a parameter file of either generation of the engine.
 
     Elements that the file does not state get the vendor's default and are listed in
     ``missing``. About 30 ms for a complete file of 128 axes.
 
+    Args:
+        path: the file.
+        axes: number of axes of the robot; the file must state each of them, from axis 0. An axis
+            with nothing but defaults would have the gear ratio 1/1: a radian would be a count.
+
     Raises:
         DescriptorError: not such a file, or anything in it is unknown, doubled, not a number
-            or out of range; every problem with its line, element, value and limit.
+            or out of range; every problem with its line, element, value and limit. Or axes of
+            the robot are not in it; all are named.
     """
-    return _Reader(path).read()
+    parameters = _Reader(path).read()
+    if absent := parameters.absent_axes(axes):
+        raise DescriptorError(
+            f"nothing is stated for {axes_text(absent)} of a robot with {axes} axes: without"
+            " gear ratio and polarity their positions mean nothing; add the AxisParameters blocks",
+            path=path,
+        )
+    return parameters
 
 
 class _Reader:

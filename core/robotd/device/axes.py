@@ -106,16 +106,11 @@ class Axes:
         Enabling is, because setpoints from before would be far away, and after a request to end.
         """
         self._check_axes([axis])
-        if on:
-            self._connection.require_alive()
-        if on and self.image.amp_alarm[axis]:
-            raise NotReady(f"{self.names[axis]}: {self.image.fault(axis)}; clear it first")
-        if on and not self.image.servo_on[axis]:
-            self._check_axis(axis)
-        self._driver.servo(axis, on, self._connection.settings.servo_timeout_s)
-        if on and self._connection.ending:  # while the drive was enabling
+        if not on:
             self._driver.servo(axis, False, self._connection.settings.servo_timeout_s)
-            self._connection.require_alive()
+        else:
+            with self._connection.scaling_lock:
+                self._enable(axis)
         self._see(lambda: bool(self.image.servo_on[axis]) is on)
 
     def clear_alarm(self, axis: int) -> None:
@@ -144,8 +139,9 @@ class Axes:
         if polarity not in (1, -1):
             raise InvalidArgument(f"{self.names[axis]}: polarity {polarity} is not 1 or -1")
         self._require(Capability.SCALING, "polarity")
-        self._check_servo_off(axis, "polarity")
-        self._driver.set_polarity(axis, polarity)
+        with self._connection.scaling_lock:
+            self._check_servo_off(axis, "polarity")
+            self._driver.set_polarity(axis, polarity)
         self._see_newer(self._clock.now_ns())
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
@@ -157,8 +153,9 @@ class Axes:
                     f"{self.names[axis]}: gear ratio {part} {value} is outside 1e-06..2147483647"
                 )
         self._require(Capability.SCALING, "gear ratio")
-        self._check_servo_off(axis, "the gear ratio")
-        self._driver.set_gear_ratio(axis, numerator, denominator)
+        with self._connection.scaling_lock:
+            self._check_servo_off(axis, "the gear ratio")
+            self._driver.set_gear_ratio(axis, numerator, denominator)
         self._see_newer(self._clock.now_ns())
 
     def home(self, axis: int) -> None:
@@ -264,6 +261,19 @@ class Axes:
             return f"{name} is in {have} mode, not in {mode.name.lower()} mode"
         owner = self._owners.get(axis)
         return f"{name} is in use by {owner}" if owner and owner != by else None
+
+    def _enable(self, axis: int) -> None:
+        connection, timeout_s = self._connection, self._connection.settings.servo_timeout_s
+        connection.require_ready()
+        connection.require_alive()
+        if self.image.amp_alarm[axis]:
+            raise NotReady(f"{self.names[axis]}: {self.image.fault(axis)}; clear it first")
+        if not self.image.servo_on[axis]:
+            self._check_axis(axis)
+        self._driver.servo(axis, True, timeout_s)
+        if connection.ending:  # the request came while the drive was enabling
+            self._driver.servo(axis, False, timeout_s)
+            connection.require_alive()
 
     def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
         self._check_axes(axes)

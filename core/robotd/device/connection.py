@@ -37,6 +37,7 @@ class Connection:
 
     Attributes:
         before_stop: called before communication is stopped on purpose: brings motion to rest.
+        scaling_lock: held while the scale of axes may change, and while a servo is switched on.
 
     Args:
         driver: the backend's device, not connected yet.
@@ -70,6 +71,7 @@ class Connection:
         self._prepared = False  # communication was started here, and the parameters are in force
         self._ready = False
         self._ready_lock = threading.RLock()
+        self.scaling_lock = threading.Lock()
         self._listeners: list[ReadyListener] = []
         self.before_stop: Callable[[], None] = _nothing
 
@@ -225,16 +227,19 @@ class Connection:
                 raise NotReady("device is not open")
             return self._driver.scan_network()
 
-    def load_parameters(self, path: Path) -> None:
-        """Apply a parameter file now, all of it or nothing. The file must exist."""
+    def load_parameters(self, path: Path) -> str:
+        """Apply a parameter file now, all of it or nothing. The file must exist.
+
+        Returns the driver's note: what the file leaves out, "" where that is nothing. Raises
+        what ``DeviceDriver.load_parameters`` does.
+        """
         if not self._has_parameters:
             raise Unsupported("parameter files", self._backend)
         if not is_file(path):
             raise OperationError(f"parameter file {path} does not exist, or is no file")
         with self._lock:
             self.require_ready()
-            self._driver.load_parameters(path)
-            log.info("parameters loaded", file=str(path))
+            return self._load_parameters(path)
 
     def dump_parameters(self, axis: int) -> str:
         """The parameters of one axis in force, as text for people."""
@@ -340,9 +345,17 @@ class Connection:
     def _apply_parameters_file(self) -> None:
         if self.parameters_file is None or self._parameters_loaded or not self._has_parameters:
             return
-        self._driver.load_parameters(self.parameters_file)
+        self._load_parameters(self.parameters_file)
         self._parameters_loaded = True
-        log.info("parameters loaded", file=str(self.parameters_file))
+
+    def _load_parameters(self, path: Path) -> str:
+        with self.scaling_lock:
+            note = self._driver.load_parameters(path) or ""  # None of a driver that has none
+        if note:
+            log.warning("parameters loaded", file=str(path), note=note)
+        else:
+            log.info("parameters loaded", file=str(path))
+        return note
 
 
 def _tell(listener: ReadyListener, ready: bool) -> None:

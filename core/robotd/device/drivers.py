@@ -59,7 +59,11 @@ class DeviceDriver(ABC):
 
     @abstractmethod
     def stop_communication(self, timeout_s: float) -> None:
-        """End the cyclic exchange; → Running. Axes are stopped and servos go off."""
+        """End the cyclic exchange; → Running. Axes are stopped and servos go off.
+
+        Also called to undo a ``start_communication`` that failed or timed out: what it has asked
+        for must not happen later.
+        """
 
     @abstractmethod
     def state(self) -> ConnectionState:
@@ -76,8 +80,17 @@ class DeviceDriver(ABC):
     def scan_network(self) -> str:
         """Look for devices on the fieldbus; a one-line summary for people."""
 
-    def load_parameters(self, path: Path) -> None:
-        """Apply a parameter file, all of it or (on an error) nothing of it."""
+    def load_parameters(self, path: Path) -> str:
+        """Apply a parameter file, all of it or (on an error) nothing of it.
+
+        Returns a note for the user, such as what the file leaves out; "" for none.
+
+        Raises:
+            DescriptorError: the file is wrong, or lacks axes of the robot; all are named.
+            NotReady: it would change what a position means (polarity, gear ratio, encoder,
+                command mode) of an axis whose servo is on; axis and parameter are named. The
+                core switches no servo on meanwhile.
+        """
         raise Unsupported("parameter files", type(self).__name__)
 
     def dump_parameters(self, axis: int) -> str:

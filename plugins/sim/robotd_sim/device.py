@@ -98,14 +98,16 @@ class SimDevice(DeviceDriver):
         missing = f"; no answer from {', '.join(silent)}" if silent else ""
         return f"master 0: {drives} drives, {len(slaves) - drives} I/O modules{missing}"
 
-    def load_parameters(self, path: Path) -> None:
-        """Raises DescriptorError for a bad file, NotReady while an axis moves."""
-        parameters = read_wmx_parameters(path)
+    def load_parameters(self, path: Path) -> str:
+        """Raises NotReady while an axis moves, too."""
+        axes = self.simulation.axes
+        parameters = read_wmx_parameters(path, axes)
         with self.simulation.world.lock:
             self.simulation.world.advance()
             if self.simulation.engine is ConnectionState.IDLE:
                 raise NotReady("parameters cannot be loaded: no device is open")
-            self.simulation.apply(parameters)
+            self.simulation.load(parameters)
+        return parameters.missing_summary(axes)
 
     def dump_parameters(self, axis: int) -> str:
         with self.simulation.world.lock:

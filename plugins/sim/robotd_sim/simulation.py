@@ -23,6 +23,7 @@ from robotd.api import (
     WmxParameters,
     default_wmx_parameters,
     read_wmx_parameters,
+    require_same_scaling,
 )
 from robotd_sim.guards import Guards
 from robotd_sim.io import IoImage
@@ -84,10 +85,28 @@ class Simulation:
     def communicating(self) -> bool:
         return self.engine is ConnectionState.COMMUNICATING
 
+    def load(self, parameters: WmxParameters) -> None:
+        """``apply``, unless that would change the scale of an axis whose servo is on: NotReady."""
+        self._require_rest()
+        states = self.states
+        in_force = (
+            dict(self.parameters.columns)
+            | {
+                "AxisCommandMode": states.mode,
+                "AbsoluteEncoderHomeOffset": np.where(  # homing has changed it since
+                    self._absolute(self.parameters),
+                    self.scaling.home,
+                    self.parameters["AbsoluteEncoderHomeOffset"][: self.axes],
+                ),
+            }
+        )
+        enabled = np.flatnonzero(states.servo_on | states.servo_wanted)
+        require_same_scaling(in_force, parameters.columns, enabled.tolist())
+        self.apply(parameters)
+
     def apply(self, parameters: WmxParameters) -> None:
         """Take a whole set of parameters. Raises NotReady, naming the axis, while one moves."""
-        for axis in range(self.axes):
-            self.require_rest(axis, "parameters cannot be loaded")
+        self._require_rest()
         was, now = self._absolute(self.parameters), self._absolute(parameters)
         origin, home = self.scaling.origin.copy(), self.scaling.home.copy()
         counts = self.scaling.counts(self.servo.position)
@@ -100,6 +119,10 @@ class Simulation:
             : self.axes
         ]
         self._configure()
+
+    def _require_rest(self) -> None:
+        for axis in range(self.axes):
+            self.require_rest(axis, "parameters cannot be loaded")
 
     def require_rest(self, axis: int, what: str) -> None:
         """Raises NotReady unless ``axis`` executes nothing and stands."""

@@ -11,9 +11,11 @@ from robotd.api import (
     DeviceTimeout,
     NotReady,
     OperationError,
+    WmxParameters,
     axis_text,
     get_logger,
     read_wmx_parameters,
+    require_same_scaling,
     wait_until,
     write_wmx_parameters,
 )
@@ -103,30 +105,39 @@ class WmxDevice(DeviceDriver):
             )
         return "; ".join(lines)
 
-    def load_parameters(self, path: Path) -> None:
+    def load_parameters(self, path: Path) -> str:
         """Check the file with our own reader, fill in what it leaves out, give it to the engine.
 
-        The engine would take a missing element for 0. Raises DescriptorError for a bad file.
-        A shared engine has parameters of its own: they stay.
+        The engine would take a missing element for 0. A shared engine has parameters of its own:
+        they stay.
         """
         if self.connection.options.shared:
-            log.info("parameters of the shared engine are left alone", file=str(path))
-            return
-        parameters = read_wmx_parameters(path)
-        if missing := parameters.missing_summary():
-            log.warning("defaults used for missing parameters", file=str(path), missing=missing)
+            return "not loaded: the parameters of a shared engine are left alone"
+        axes = self.connection.robot.axes
+        parameters = read_wmx_parameters(path, axes)
+        self._require_same_scaling(parameters)
         with tempfile.TemporaryDirectory(prefix="robotd-wmx-") as folder:
             complete = Path(folder) / "parameters.xml"
             write_wmx_parameters(parameters, complete)
             with translated(f"parameter file {path}"):
                 self.connection.command.import_parameters(str(complete))
+        return parameters.missing_summary(axes)
 
     def dump_parameters(self, axis: int) -> str:
+        return axis_text(self._parameters_in_force(), axis)
+
+    def _parameters_in_force(self) -> WmxParameters:
         with tempfile.TemporaryDirectory(prefix="robotd-wmx-") as folder:
             exported = Path(folder) / "parameters.xml"
-            with translated(f"parameters of axis {axis}"):
+            with translated("parameters of the engine"):
                 self.connection.command.export_parameters(str(exported))
-            return axis_text(read_wmx_parameters(exported), axis)
+            return read_wmx_parameters(exported)
+
+    def _require_same_scaling(self, parameters: WmxParameters) -> None:
+        status = Snapshot(self.connection.status)
+        enabled = [axis for axis in range(self.connection.robot.axes) if status.servo_on(axis)]
+        if enabled:
+            require_same_scaling(self._parameters_in_force().columns, parameters.columns, enabled)
 
     def _engine_lives(self) -> bool:
         return self.connection.state() in (ConnectionState.RUNNING, ConnectionState.COMMUNICATING)

@@ -17,7 +17,7 @@ from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.axes import Move
 from robotd.device.drivers import Profile
 from robotd.device.state import ConnectionState, Operation
-from robotd.errors import ConnectError, NotReady, OperationError
+from robotd.errors import ConnectError, DeviceTimeout, NotReady, OperationError
 from robotd.robot import Robot, build_robot
 from robotd_wmx import _native
 from robots import descriptor, eventually, goal, running
@@ -224,3 +224,20 @@ def test_the_engine_stops_the_axes_when_the_daemon_dies(tmp_path: Path) -> None:
     rest = position()
     time.sleep(0.05)
     assert position() == rest
+
+
+def test_a_link_that_comes_up_after_the_start_timed_out_is_not_ready(tmp_path: Path) -> None:
+    port("communication_ms", 1500)
+    robot = build_robot(descriptor(tmp_path), "wmx")
+    settings = robot.engine.settings
+    robot.engine.settings = settings.model_copy(update={"communication_timeout_s": 0.3})
+    with pytest.raises((DeviceTimeout, OperationError)):
+        robot.start()
+    time.sleep(2.0)  # the engine has ended its attempt by then, one way or the other
+    assert not robot.engine.ready
+    assert not any(f"axis {axis} servo 1" in port("show") for axis in range(6))
+    robot.engine.settings = settings
+    robot.engine.start_communication()
+    assert robot.engine.ready
+    assert "52953088" in robot.engine.dump_parameters(0)
+    robot.shutdown()

@@ -123,7 +123,8 @@ def test_a_file_of_the_older_engine(tmp_path: Path, full_text: str) -> None:
     assert same(parameters, DEFAULTS)
     assert {name.rpartition("/")[2] for name in parameters.missing} == set(NEW_IN_3_7)
     assert parameters.missing["pid/rampRate"] == tuple(range(128))
-    assert "KeepMechEndTorqueLimit (axes 0..127)" in parameters.missing_summary()
+    assert "axes 0..127: KeepMechEndTorqueLimit, " in parameters.missing_summary()
+    assert "axes 0..5: KeepMechEndTorqueLimit, " in parameters.missing_summary(6)
 
 
 def test_missing_elements_get_the_default(tmp_path: Path) -> None:

@@ -94,9 +94,9 @@ class WmxCoreMotionNode(Node):
         length = len(request.file_path)
         if not 1 <= length <= MAX_PATH:
             raise InvalidArgument(f"file_path has {length} characters, not 1 to {MAX_PATH}")
-        self._connection.load_parameters(Path(request.file_path))
+        note = self._connection.load_parameters(Path(request.file_path))
         response.success = True
-        response.message = f"{request.file_path} loaded"
+        response.message = f"{request.file_path} loaded{f'; {note}' if note else ''}"
         return response
 
     def _get_parameters(self, request: Any, response: Any) -> Any:
