@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import ClassVar, cast
 
 import numpy as np
@@ -28,6 +29,7 @@ from robotd.api import (
     Profile,
     Unsupported,
     hookimpl,
+    read_wmx_parameters,
 )
 from robotd_sim import SimAxes, SimBench, SimDevice, SimFieldbus, SimIo, SimOptions, Simulation
 
@@ -322,6 +324,24 @@ class StartsLater(Mutant):
         def stop_communication(self, timeout_s: float) -> None:
             if not self.late:
                 super().stop_communication(timeout_s)
+
+
+class RescalesLiveAxes(Mutant):
+    class Device(SimDevice):
+        def load_parameters(self, path: Path) -> str:
+            parameters = read_wmx_parameters(path, self.simulation.axes)
+            with self.simulation.world.lock:
+                self.simulation.apply(parameters)
+            return ""
+
+
+class DefaultsForAbsentAxes(Mutant):
+    class Device(SimDevice):
+        def load_parameters(self, path: Path) -> str:
+            parameters = read_wmx_parameters(path)
+            with self.simulation.world.lock:
+                self.simulation.load(parameters)
+            return ""
 
 
 class StateThatLies(Mutant):

@@ -68,6 +68,16 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
         "test_engine.py::test_a_start_that_times_out_is_undone",
         "after a start that failed",
     ),
+    (
+        mutants.RescalesLiveAxes,
+        "test_connection.py::test_a_load_changes_no_scale_of_a_live_axis",
+        "DID NOT RAISE",
+    ),
+    (
+        mutants.DefaultsForAbsentAxes,
+        "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_refused",
+        "DID NOT RAISE",
+    ),
     (mutants.StateThatLies, "test_engine.py::test_the_states_follow_the_calls", "RUNNING"),
     (mutants.BlockingRead, COST + "read_does_not_block", "read takes"),
     (mutants.NowAndThenBlockingRead, COST + "read_does_not_block", "99 of 100"),

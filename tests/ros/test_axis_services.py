@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +11,9 @@ from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
 pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
+
+
+ROBOTS = Path(__file__).parents[2] / "robots"
 
 
 @pytest.fixture(scope="module")
@@ -148,3 +152,33 @@ def test_state_carries_stamp_frame_and_all_axes(client: Client, states: list[Any
     for field in ("amp_alarm", "servo_on", "motion_complete", "pos_cmd", "actual_torque"):
         assert len(getattr(state, field)) == 6
     wait_until(lambda: len(states) > 50, "a stream of states", 5.0)
+
+
+def test_a_load_never_changes_the_scale_of_a_live_axis(
+    client: Client, states: list[Any], tmp_path: Path
+) -> None:
+    original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text(encoding="utf-8")
+    path = tmp_path / "parameters.xml"
+    path.write_text(original.replace("52953088.000000", "1.0"), encoding="utf-8")
+    before = client.next(states, lambda each: all(each.servo_on))
+    response = client.call(LoadWmxParams, "/wmx/params/load", file_path=str(path))
+    assert not response.success
+    assert "axis 0 would change AxisGearRatioNumerator" in response.message
+    after = client.next(states)
+    assert list(after.actual_pos) == pytest.approx(list(before.actual_pos), abs=1e-3)
+
+
+def test_a_load_tells_what_the_file_lacks(client: Client, tmp_path: Path) -> None:
+    original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text(encoding="utf-8")
+    path = tmp_path / "parameters.xml"
+    lines = [line for line in original.splitlines() if "<QuickStopDec>" not in line]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    response = client.call(LoadWmxParams, "/wmx/params/load", file_path=str(path))
+    assert response.success, response.message
+    missing = "missing elements, which get their defaults: axes 0..5: QuickStopDec"
+    assert response.message == f"{path} loaded; {missing}"
+    start, end = original.index('<AxisParameters Axis="4"'), original.index("</Parameters>")
+    path.write_text(original[:start] + original[end:], encoding="utf-8")
+    response = client.call(LoadWmxParams, "/wmx/params/load", file_path=str(path))
+    assert not response.success
+    assert "nothing is stated for axes 4..5 of a robot with 6 axes" in response.message

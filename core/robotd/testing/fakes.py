@@ -47,12 +47,16 @@ class FakeDevice(Recorder, DeviceDriver):
     Args:
         failing_opens: how many times ``open`` raises ``failures["open"]`` before it works; None
             for ever.
+
+    Attributes:
+        note: what ``load_parameters`` returns.
     """
 
     def __init__(self, failing_opens: int | None = None) -> None:
         super().__init__()
         self.current = ConnectionState.IDLE
         self.failing_opens = failing_opens
+        self.note = ""
 
     def open(self, path: str = "", name: str = "") -> None:
         opened = sum(call[0] == "open" for call in self.calls)
@@ -80,8 +84,9 @@ class FakeDevice(Recorder, DeviceDriver):
         self.record("scan_network")
         return "a fake network"
 
-    def load_parameters(self, path: Path) -> None:
+    def load_parameters(self, path: Path) -> str:
         self.record("load_parameters", path)
+        return self.note
 
     def dump_parameters(self, axis: int) -> str:
         self.record("dump_parameters", axis)

@@ -11,7 +11,13 @@ import yaml
 from robotd.device.axes import Move
 from robotd.device.drivers import Profile
 from robotd.device.state import ConnectionState
-from robotd.errors import ConnectError, DescriptorError, OperationError, RobotdError
+from robotd.errors import (
+    ConnectError,
+    DescriptorError,
+    NotReady,
+    OperationError,
+    RobotdError,
+)
 from robotd.robot import Robot, build_robot, open_robot
 from robotd_wmx import _native
 from robots import ROBOTS, descriptor, eventually, running
@@ -90,6 +96,35 @@ def test_a_bad_parameter_file_changes_nothing(tmp_path: Path) -> None:
         with pytest.raises(DescriptorError, match="AxisGearRatioNumerator"):
             robot.engine.load_parameters(bad)
         assert robot.engine.dump_parameters(0) == before
+
+
+def test_a_load_changes_no_scale_of_a_live_axis(tmp_path: Path) -> None:
+    original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text("utf-8")
+    same, other = tmp_path / "same.xml", tmp_path / "other.xml"
+    same.write_text(original.replace("100000.000000</QuickStopDec>", "50.0</QuickStopDec>"))
+    other.write_text(original.replace("52953088.000000", "1.0"))
+    with running(tmp_path) as robot:
+        where, before = robot.image.position.copy(), robot.connection.dump_parameters(0)
+        with pytest.raises(NotReady, match=r"axis 0 would change AxisGearRatioNumerator /"):
+            robot.connection.load_parameters(other)
+        assert robot.connection.dump_parameters(0) == before
+        np.testing.assert_allclose(robot.image.position, where, atol=1e-4)
+        robot.connection.load_parameters(same)
+        assert "50.0" in robot.connection.dump_parameters(0)
+        robot.axes.set_command_mode(2, 1)
+        with pytest.raises(NotReady, match="axis 2 would change AxisCommandMode from 1 to 0"):
+            robot.connection.load_parameters(same)
+
+
+def test_a_file_without_axes_of_the_robot_is_refused(tmp_path: Path) -> None:
+    original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text("utf-8")
+    start, end = original.index('<AxisParameters Axis="4"'), original.index("</Parameters>")
+    partial = tmp_path / "partial.xml"
+    partial.write_text(original[:start] + original[end:])
+    with running(tmp_path, enable=False) as robot:
+        with pytest.raises(DescriptorError, match=r"axes 4\.\.5 of a robot with 6 axes"):
+            robot.connection.load_parameters(partial)
+        assert "52953088" in robot.connection.dump_parameters(4)
 
 
 def test_polarity_and_gear_ratio_change_the_measured_position(tmp_path: Path) -> None:

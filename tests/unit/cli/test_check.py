@@ -113,6 +113,18 @@ def test_the_parameter_file_is_checked(robotd: Robotd, edit: Edit) -> None:
     assert "-3" in result.stdout
 
 
+def test_axes_that_the_parameter_file_lacks_are_named(robotd: Robotd, edit: Edit) -> None:
+    path = edit("wmx_parameters.xml", '<AxisParameters Axis="4">', '<AxisParameters Axis="44">')
+    xml = path.with_name("wmx_parameters.xml")
+    text = xml.read_text(encoding="utf-8")
+    start = text.index('<AxisParameters Axis="44">')
+    end = text.index("</AxisParameters>", start) + len("</AxisParameters>")
+    xml.write_text(text[:start] + text[end:], encoding="utf-8")
+    result = robotd("check", "--robot", str(path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "nothing is stated for axis 4 of a robot with 6 axes" in result.stdout
+
+
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [

@@ -13,12 +13,13 @@ from robotd.descriptor import (
     axis_text,
     default_wmx_parameters,
     read_wmx_parameters,
+    require_same_scaling,
     write_wmx_parameters,
 )
 from robotd.descriptor.wmx_parameter_table import Kind
 from robotd.descriptor.wmx_parameters import AXIS_PARAMETERS
 from robotd.descriptor.wmx_xml import MAX_BYTES, MAX_MARKUP
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, NotReady
 
 DEFAULTS = default_wmx_parameters()
 NEW_IN_3_7 = (
@@ -249,3 +250,46 @@ DOCUMENTS = st.recursive(
 def test_no_document_crashes_the_reader(tmp_path: Path, document: bytes | str) -> None:
     with contextlib.suppress(DescriptorError):
         assert read(tmp_path, document).columns
+
+
+def test_axes_of_the_robot_that_are_not_in_the_file_are_named(
+    tmp_path: Path, full_text: str
+) -> None:
+    path = tmp_path / "partial.xml"
+    start, end = full_text.index('\t<AxisParameters Axis="3"'), full_text.index("</Parameters>")
+    empty = '\t<AxisParameters Axis="4"><AxisParam></AxisParam></AxisParameters>\n'
+    path.write_text(full_text[:start] + empty + full_text[end:])
+    assert read_wmx_parameters(path, 3).missing_summary(3) == ""
+    with pytest.raises(DescriptorError, match=r"axes 3\.\.5 of a robot with 6 axes"):
+        read_wmx_parameters(path, 6)
+    with pytest.raises(DescriptorError, match="axis 3 of a robot with 4 axes"):
+        read_wmx_parameters(path, 4)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("AxisPolarity", -1, "axis 2 would change AxisPolarity from 1 to -1"),
+        ("AxisGearRatioNumerator", 2.0, "from 1 to 2 pulses per unit"),
+        ("AxisGearRatioDenominator", 2.0, "from 1 to 0.5 pulses per unit"),
+        ("AxisCommandMode", 1, "AxisCommandMode from 0 to 1"),
+        ("AbsoluteEncoderMode", 1, "AbsoluteEncoderMode from 0 to 1"),
+        ("AbsoluteEncoderHomeOffset", 5.0, "AbsoluteEncoderHomeOffset from 0 to 5"),
+        ("SingleTurnMode", 1, "SingleTurnMode from 0 to 1"),
+        ("EncoderRangeHigh", 9, "EncoderRangeHigh from 0 to 9"),
+    ],
+)
+def test_scaling_of_a_live_axis_must_stay(name: str, value: float, told: str) -> None:
+    other = DEFAULTS.with_values({name: {2: value}})
+    require_same_scaling(DEFAULTS.columns, other.columns, [0, 1, 3])
+    with pytest.raises(NotReady, match=re.escape(told)):
+        require_same_scaling(DEFAULTS.columns, other.columns, [1, 2])
+
+
+def test_what_does_not_change_the_scale_of_a_live_axis_may_be_loaded() -> None:
+    other = DEFAULTS.with_values({
+        "AxisGearRatioNumerator": {0: 5.0},
+        "AxisGearRatioDenominator": {0: 5.0000001},
+        "QuickStopDec": {0: 3.0},
+    })  # fmt: skip
+    require_same_scaling(DEFAULTS.columns, other.columns, [0])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from structlog.testing import capture_logs
 
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
@@ -311,3 +312,28 @@ def test_a_request_to_end_during_the_start_of_communication_undoes_it(
         connection.start()
     assert names(device)[-2:] == ["start_communication", "stop_communication"]
     assert not connection.ready
+
+
+def test_a_note_about_the_parameters_is_returned_and_logged(
+    device: FakeDevice, parameters: Path
+) -> None:
+    engine = make(device)
+    engine.start()
+    device.note = "missing elements, which get their defaults: axis 0: QuickStopDec"
+    with capture_logs() as lines:
+        assert engine.load_parameters(parameters) == device.note
+    assert [(line["log_level"], line["note"]) for line in lines] == [("warning", device.note)]
+
+
+def test_parameters_wait_for_a_servo_that_is_being_switched_on(
+    device: FakeDevice, parameters: Path
+) -> None:
+    engine = make(device)
+    engine.start()
+    loading = threading.Thread(target=engine.load_parameters, args=(parameters,))
+    with engine.scaling_lock:
+        loading.start()
+        loading.join(0.1)
+        assert loading.is_alive()
+    loading.join(5.0)
+    assert names(device)[-1] == "load_parameters"

@@ -9,6 +9,7 @@ from tests.unit.sim.harness import PROFILE, closed_rig, harness
 import robotd_sim
 from robotd.api import (
     Capability,
+    CommandMode,
     ConnectError,
     ConnectionState,
     DescriptorError,
@@ -128,6 +129,40 @@ def test_parameters_are_refused_while_an_axis_moves(tmp_path: Path) -> None:
     made.axes.move(1, 1.0, PROFILE)
     with pytest.raises(NotReady, match="axis 1: parameters cannot be loaded while it is moving"):
         made.device.load_parameters(tmp_path / "parameters.xml")
+
+
+def test_a_load_never_changes_the_scale_of_a_live_axis(tmp_path: Path) -> None:
+    made = harness()
+    path = tmp_path / "parameters.xml"
+    in_force = made.device.simulation.parameters
+    write_wmx_parameters(in_force.with_values({"AxisPolarity": {1: -1}}), path)
+    before = made.device.dump_parameters(1)
+    with pytest.raises(NotReady, match="axis 1 would change AxisPolarity from 1 to -1"):
+        made.device.load_parameters(path)
+    assert made.device.dump_parameters(1) == before
+    made.axes.set_command_mode(0, CommandMode.VELOCITY)
+    write_wmx_parameters(in_force, path)
+    with pytest.raises(NotReady, match="axis 0 would change AxisCommandMode from 1 to 0"):
+        made.device.load_parameters(path)
+    made.axes.set_command_mode(0, CommandMode.POSITION)
+    write_wmx_parameters(in_force.with_values({"QuickStopDec": {1: 7.0}}), path)
+    made.device.load_parameters(path)
+    assert "QuickStopDec = 7" in made.device.dump_parameters(1)
+
+
+def test_a_load_never_undoes_the_homing_of_a_live_axis(tmp_path: Path) -> None:
+    made = harness(on=False)
+    path = tmp_path / "parameters.xml"
+    in_force = made.device.simulation.parameters
+    write_wmx_parameters(in_force.with_values({"AbsoluteEncoderMode": {0: 1}}), path)
+    made.device.load_parameters(path)
+    made.axes.servo(0, True, 1.0)
+    made.axes.move(0, 0.5, PROFILE)
+    made.look(2.0)
+    made.axes.home(0, 1.0)
+    with pytest.raises(NotReady, match="axis 0 would change AbsoluteEncoderHomeOffset"):
+        made.device.load_parameters(path)
+    assert made.look().position[0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_options_that_do_not_fit_the_robot_are_refused() -> None:

@@ -8,6 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotd.descriptor import (
+    WmxParameters,
+    default_wmx_parameters,
+    read_wmx_parameters,
+    write_wmx_parameters,
+)
 from robotd.device.capabilities import Capability
 from robotd.device.state import ConnectionState
 from robotd.errors import NotReady, RobotdError
@@ -159,3 +165,43 @@ def test_a_bad_parameter_file_changes_nothing(harness: Harness, tmp_path: Path) 
     with pytest.raises(RobotdError):
         harness.robot.connection.load_parameters(bad)
     assert [harness.robot.connection.dump_parameters(axis) for axis in harness.all] == before
+
+
+@pytest.mark.needs(Capability.PARAMETERS_FILE)
+def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path) -> None:
+    parameters = _parameters(harness)
+    polarity = -int(parameters["AxisPolarity"][0])
+    path = tmp_path / "parameters.xml"
+    write_wmx_parameters(parameters.with_values({"AxisPolarity": {0: polarity}}), path)
+    before = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
+    where = harness.image.position.copy()
+    assert harness.image.servo_on.all()
+    with pytest.raises(RobotdError):
+        harness.robot.connection.load_parameters(path)
+    assert [harness.robot.connection.dump_parameters(axis) for axis in harness.all] == before
+    harness.let(0.2)
+    assert np.abs(harness.image.position - where).max() <= SETTLED_RAD
+    assert harness.image.servo_on.all()
+
+
+@pytest.mark.needs(Capability.PARAMETERS_FILE)
+def test_a_parameter_file_without_axes_of_the_robot_is_refused(
+    make_harness: MakeHarness, tmp_path: Path
+) -> None:
+    harness = make_harness()
+    harness.up(enable=False)
+    path = tmp_path / "parameters.xml"
+    write_wmx_parameters(_parameters(harness), path)
+    text, last = path.read_text(encoding="utf-8"), harness.count - 1
+    start, end = text.index(f'<AxisParameters Axis="{last}"'), text.index("</Parameters>")
+    path.write_text(text[:start] + text[end:], encoding="utf-8")
+    before = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
+    with pytest.raises(RobotdError, match=f"axis {last}"):
+        harness.robot.connection.load_parameters(path)
+    assert [harness.robot.connection.dump_parameters(axis) for axis in harness.all] == before
+
+
+def _parameters(harness: Harness) -> WmxParameters:
+    """The robot's own, or the vendor's defaults for one that has none."""
+    path = harness.robot.descriptor.parameters_file
+    return default_wmx_parameters() if path is None else read_wmx_parameters(path)
