@@ -32,7 +32,7 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
     (mutants.StopsEverything, STOPPING + "a_stop_leaves_other_axes_alone", "targets"),
     (mutants.JumpAtEnable, ENABLE + "enabling_after_a_move_by_hand_does_not_jump", "start"),
     (mutants.ServoThatLies, ENABLE + "servo_returns_when_the_drive_says_so", "servo_on"),
-    (mutants.EnablesByItself, "test_engine.py::test_starting_enables_and_moves_nothing", "servo"),
+    (mutants.EnablesByItself, "test_connection.py::test_starting_enables_and_moves_nothing", "servo"),
     (
         mutants.SaysItStands,
         PATHS + "no_joint_leaps_after_the_cycle_has_stood",
@@ -65,7 +65,7 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
     ),
     (
         mutants.StartsLater,
-        "test_engine.py::test_a_start_that_times_out_is_undone",
+        "test_connection.py::test_a_start_that_times_out_is_undone",
         "after a start that failed",
     ),
     (
@@ -78,7 +78,7 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
         "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_refused",
         "DID NOT RAISE",
     ),
-    (mutants.StateThatLies, "test_engine.py::test_the_states_follow_the_calls", "RUNNING"),
+    (mutants.StateThatLies, "test_connection.py::test_the_states_follow_the_calls", "RUNNING"),
     (mutants.BlockingRead, COST + "read_does_not_block", "read takes"),
     (mutants.NowAndThenBlockingRead, COST + "read_does_not_block", "99 of 100"),
     (mutants.NewArrays, COST + "read_fills_the_arrays_that_it_is_given", "arrays"),

@@ -17,12 +17,12 @@ using namespace wmx3Api;
 // Numbers of our own, so that nothing in Python depends on the SDK's.
 enum class State { Idle, Running, Communicating, Shutdown, Unknown };
 
-State state_of(ConnectionState::T state) {
+State state_of(EngineState::T state) {
     switch (state) {
-        case ConnectionState::Idle: return State::Idle;
-        case ConnectionState::Running: return State::Running;
-        case ConnectionState::Communicating: return State::Communicating;
-        case ConnectionState::Shutdown: return State::Shutdown;
+        case EngineState::Idle: return State::Idle;
+        case EngineState::Running: return State::Running;
+        case EngineState::Communicating: return State::Communicating;
+        case EngineState::Shutdown: return State::Shutdown;
         default: return State::Unknown;
     }
 }

@@ -73,7 +73,7 @@ public:
         return status_->cycleCounter[0];
     }
 
-    bool communicating() const { return status_->engineState == ConnectionState::Communicating; }
+    bool communicating() const { return status_->engineState == EngineState::Communicating; }
     double cycle_ms() const { return status_->cycleTimeMilliseconds[0]; }
 
 private:

@@ -48,7 +48,7 @@ def works_again(robot: Robot) -> None:
 
 def reason(robot: Robot) -> str:
     """What the backend says of an engine that gives no values."""
-    return robot.engine._driver.fault()
+    return robot.connection._driver.fault()
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_the_other_joints_brake_along_the_path(
 ) -> None:
     with running(tmp_path) as robot:
         rows: list[tuple[float, float]] = []
-        robot.cycle.every(
+        robot.control_loop.every(
             500,
             "test",
             lambda image: rows.append((image.fresh_ns * 1e-9, image.position_command[0])),
@@ -128,11 +128,11 @@ def test_an_engine_stopped_by_somebody_else_is_opened_again(tmp_path: Path) -> N
         with broken_motion(robot, "stop_engine") as execution:
             assert "Shutdown" in execution.message
         assert reason(robot) == "the engine was stopped by somebody else"
-        assert not robot.engine.ready
+        assert not robot.connection.ready
         with pytest.raises(NotReady, match="not ready"):
             robot.axes.move([Move(0, 0.1, Profile(1.0, 10.0, 10.0))])
-        robot.engine.close()
-        robot.engine.start()
+        robot.connection.close()
+        robot.connection.start()
         works_again(robot)
 
 
@@ -140,10 +140,10 @@ def test_a_killed_engine_is_noticed_and_opened_again(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with broken_motion(robot, "kill_engine"):
             eventually(lambda: reason(robot).startswith("the engine is gone: wmx 271 ("))
-        assert robot.engine.state is ConnectionState.UNKNOWN
-        assert robot.engine.fault == reason(robot)
-        robot.engine.close()
-        robot.engine.start()
+        assert robot.connection.state is ConnectionState.UNKNOWN
+        assert robot.connection.fault == reason(robot)
+        robot.connection.close()
+        robot.connection.start()
         works_again(robot)
 
 
@@ -151,14 +151,14 @@ def test_an_expired_licence_ends_motion_and_is_named(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with broken_motion(robot, "licence_expired", 1):
             assert reason(robot) == "the licence is invalid or has expired"
-        assert robot.engine.state is ConnectionState.RUNNING
-        robot.engine.settings = robot.engine.settings.model_copy(
+        assert robot.connection.state is ConnectionState.RUNNING
+        robot.connection.settings = robot.connection.settings.model_copy(
             update={"communication_timeout_s": 0.5}
         )
         with pytest.raises(NotReady, match="licence"):
-            robot.engine.start_communication()
+            robot.connection.start_communication()
         port("licence_expired", 0)
-        robot.engine.start_communication()
+        robot.connection.start_communication()
         works_again(robot)
 
 
@@ -173,7 +173,7 @@ def test_communication_that_another_program_stopped_is_started_again(tmp_path: P
         assert execution.outcome is Outcome.FAULT
         assert reason(robot).startswith("communication was stopped by somebody else")
         other.close(False)
-        robot.engine.start_communication()
+        robot.connection.start_communication()
         assert reason(robot) == ""
         works_again(robot)
 
@@ -185,7 +185,7 @@ def test_what_a_start_up_cannot_do_is_said(tmp_path: Path) -> None:
         robot.start()
     port("device_locked", 0)
     robot.start()
-    assert robot.engine.ready
+    assert robot.connection.ready
     robot.shutdown()
 
 
@@ -229,15 +229,15 @@ def test_the_engine_stops_the_axes_when_the_daemon_dies(tmp_path: Path) -> None:
 def test_a_link_that_comes_up_after_the_start_timed_out_is_not_ready(tmp_path: Path) -> None:
     port("communication_ms", 1500)
     robot = build_robot(descriptor(tmp_path), "wmx")
-    settings = robot.engine.settings
-    robot.engine.settings = settings.model_copy(update={"communication_timeout_s": 0.3})
+    settings = robot.connection.settings
+    robot.connection.settings = settings.model_copy(update={"communication_timeout_s": 0.3})
     with pytest.raises((DeviceTimeout, OperationError)):
         robot.start()
     time.sleep(2.0)  # the engine has ended its attempt by then, one way or the other
-    assert not robot.engine.ready
+    assert not robot.connection.ready
     assert not any(f"axis {axis} servo 1" in port("show") for axis in range(6))
-    robot.engine.settings = settings
-    robot.engine.start_communication()
-    assert robot.engine.ready
-    assert "52953088" in robot.engine.dump_parameters(0)
+    robot.connection.settings = settings
+    robot.connection.start_communication()
+    assert robot.connection.ready
+    assert "52953088" in robot.connection.dump_parameters(0)
     robot.shutdown()

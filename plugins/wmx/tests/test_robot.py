@@ -26,12 +26,12 @@ def settled(robot: Robot) -> bool:
 
 def test_cr3a_comes_up_moves_and_goes_down(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
-        assert robot.engine.state is ConnectionState.COMMUNICATING
+        assert robot.connection.state is ConnectionState.COMMUNICATING
         assert robot.image.copy().servo_on.all()
         robot.axes.move([Move(0, 0.3, PROFILE), Move(5, -0.2, PROFILE)])
         eventually(lambda: robot.image.motion_complete[0] and robot.image.motion_complete[5])
         eventually(lambda: np.allclose(robot.image.position[[0, 5]], [0.3, -0.2], atol=1e-6))
-    assert robot.engine.state is ConnectionState.SHUTDOWN
+    assert robot.connection.state is ConnectionState.SHUTDOWN
     assert "engine 0" in port("show")
 
 

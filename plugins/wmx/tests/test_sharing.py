@@ -95,7 +95,7 @@ def test_a_program_on_the_same_engine_moves_our_axis_and_we_see_it(tmp_path: Pat
         assert where == pytest.approx(0.25)
         eventually(lambda: abs(robot.image.position[4] - 0.25) < 1e-5)
         assert robot.io.output_bit(3, 2)
-        assert robot.engine.ready
+        assert robot.connection.ready
 
 
 def test_two_robots_share_an_engine(tmp_path: Path) -> None:
@@ -108,6 +108,6 @@ def test_two_robots_share_an_engine(tmp_path: Path) -> None:
             assert execution.outcome is Outcome.SUCCEEDED, execution.message
             np.testing.assert_allclose(owner.image.position, 0.3, atol=1e-5)
         # The guest has switched the axes off at its end, and left the engine alone.
-        assert owner.engine.ready
+        assert owner.connection.ready
         owner.enable_joints()
         owner.axes.move([Move(0, 0.1, PROFILE)])

@@ -29,7 +29,7 @@ class Parts:
         self.made_bench = self._backend.fault_injector(self.device, context)
         return self.device
 
-    def injector(self, device: DeviceDriver, context: DeviceContext) -> FaultInjector | None:
+    def fault_injector(self, device: DeviceDriver, context: DeviceContext) -> FaultInjector | None:
         return self.made_bench
 
     def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:

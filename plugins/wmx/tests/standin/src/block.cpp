@@ -94,7 +94,7 @@ bool engine_alive(const Block &block) {
            now_ns() - block.heartbeat_ns < DEAD_AFTER_NS && kill(block.engine_pid, 0) == 0;
 }
 
-bool communicating(const Block &block) { return block.state == ConnectionState::Communicating; }
+bool communicating(const Block &block) { return block.state == EngineState::Communicating; }
 
 double counts_per_unit(const Block &block, int axis) {
     return block.axis.axisPolarity[axis] * block.axis.gearRatioNumerator[axis] /

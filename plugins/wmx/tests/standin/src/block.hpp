@@ -95,7 +95,7 @@ struct Block {
     pid_t engine_pid;
     bool stopped, auto_quit, quit;
     std::int64_t starting_ns, heartbeat_ns, running_ns, communicate_ns;
-    ConnectionState::T state;
+    EngineState::T state;
     long long cycle;
     double absolute_counts[AXES];  // what absolute encoders remember without the engine
     // From here on everything is lost when the engine stops.

@@ -18,7 +18,7 @@ constexpr std::int64_t CATCH_UP_NS = 200 * TICK_NS;   // beyond it time is lost,
 constexpr std::int64_t ORPHAN_NS = 10'000'000'000;    // invented: nobody alive needs the engine
 
 void start_communication(Block &block) {
-    block.state = block.status.engineState = ConnectionState::Communicating;
+    block.state = block.status.engineState = EngineState::Communicating;
     block.communicate_ns = 0;
     block.cycle = 0;
     block.slave_count = block.faults.drives + block.faults.io_modules;
@@ -45,7 +45,7 @@ void start_communication(Block &block) {
 }
 
 void stop_communication(Block &block) {
-    block.state = block.status.engineState = ConnectionState::Running;
+    block.state = block.status.engineState = EngineState::Running;
     block.communicate_ns = 0;
     for (int axis = 0; axis < AXES; axis++) {
         CoreMotionAxisStatus &status = block.status.axesStatus[axis];
@@ -81,12 +81,12 @@ void hot_connect(Block &block) {
 }
 
 void step(Block &block, std::int64_t now) {
-    if (block.state == ConnectionState::Idle && now >= block.running_ns)
-        block.state = block.status.engineState = ConnectionState::Running;
+    if (block.state == EngineState::Idle && now >= block.running_ns)
+        block.state = block.status.engineState = EngineState::Running;
     block.status.invalidLicenseError = block.faults.licence_expired;
     if (communicating(block) && (block.faults.licence_expired || block.communicate_ns < 0))
         stop_communication(block);
-    if (block.state == ConnectionState::Running && block.communicate_ns > 0 &&
+    if (block.state == EngineState::Running && block.communicate_ns > 0 &&
         now >= block.communicate_ns)
         start_communication(block);
     if (block.hot_connect == ecApi::EcHotconnectState::Running && now >= block.hot_connect_ns)
@@ -110,7 +110,7 @@ int main() {
         block->quit = block->stopped = false;
         block->heartbeat_ns = due;
         block->running_ns = due + block->faults.idle_ms * TICK_NS;
-        block->state = block->status.engineState = ConnectionState::Idle;
+        block->state = block->status.engineState = EngineState::Idle;
         if (block->faults.idle_ms == 0) step(*block, due);
         block->starting_ns = 0;
     }
@@ -133,7 +133,7 @@ int main() {
     }
     Lock block;
     stop_communication(*block);
-    block->state = block->status.engineState = ConnectionState::Shutdown;
+    block->state = block->status.engineState = EngineState::Shutdown;
     block->engine_pid = 0;
     block->stopped = true;
     block->quit = false;

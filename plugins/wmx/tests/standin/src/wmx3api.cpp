@@ -76,7 +76,7 @@ int start_engine(const char *path) {
 
 int wait_engine(unsigned int milliseconds) {
     const auto up = [](Block &block) {
-        return engine_alive(block) && block.state != ConnectionState::Idle;
+        return engine_alive(block) && block.state != EngineState::Idle;
     };
     return wait_for(milliseconds, up) ? ErrorCode::None : ErrorCode::SystemInitializationNotDone;
 }
@@ -181,7 +181,7 @@ WMX3APIFUNC WMX3Api::StopEngine(unsigned int wait) {
 
 WMX3APIFUNC WMX3Api::StartCommunication(unsigned int wait) {
     const int code = with_engine(this, [](Block &block) -> int {
-        if (block.state != ConnectionState::Running) return ErrorCode::None;
+        if (block.state != EngineState::Running) return ErrorCode::None;
         if (block.faults.licence_expired) return ErrorCode::StartCommunicationError;
         if (int code = take(block.faults.communication_refused, ErrorCode::StartCommunicationError))
             return code;
@@ -212,8 +212,8 @@ WMX3APIFUNC WMX3Api::GetEngineStatus(EngineStatus *status) {
     Lock block;
     *status = EngineStatus();
     if (!engine_alive(*block)) {
-        status->state = block->stopped || block->quit ? ConnectionState::Shutdown : ConnectionState::Unknown;
-        return status->state == ConnectionState::Shutdown ? ErrorCode::None
+        status->state = block->stopped || block->quit ? EngineState::Shutdown : EngineState::Unknown;
+        return status->state == EngineState::Shutdown ? ErrorCode::None
                                                       : ErrorCode::StatusChannelError;
     }
     status->state = block->state;
