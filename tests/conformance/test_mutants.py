@@ -13,6 +13,7 @@ from tests.conformance.mutants import Mutant
 UNITS, PROFILES = "test_units.py::test_", "test_profiles.py::test_"
 PATHS = "test_trajectories.py::test_"
 STOPPING, ENABLE = "test_stopping.py::test_", "test_enable.py::test_"
+LIFE = "test_connection.py::test_"
 FAULTS, COST = "test_faults.py::test_", "test_cost.py::test_"
 
 FAULTY: list[tuple[type[Mutant], str, str]] = [
@@ -32,7 +33,7 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
     (mutants.StopsEverything, STOPPING + "a_stop_leaves_other_axes_alone", "targets"),
     (mutants.JumpAtEnable, ENABLE + "enabling_after_a_move_by_hand_does_not_jump", "start"),
     (mutants.ServoThatLies, ENABLE + "servo_returns_when_the_drive_says_so", "servo_on"),
-    (mutants.EnablesByItself, "test_connection.py::test_starting_enables_and_moves_nothing", "servo"),
+    (mutants.EnablesByItself, LIFE + "starting_enables_and_moves_nothing", "servo"),
     (
         mutants.SaysItStands,
         PATHS + "no_joint_leaps_after_the_cycle_has_stood",
@@ -65,20 +66,20 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
     ),
     (
         mutants.StartsLater,
-        "test_connection.py::test_a_start_that_times_out_is_undone",
+        LIFE + "a_start_that_times_out_is_undone",
         "after a start that failed",
     ),
     (
         mutants.RescalesLiveAxes,
-        "test_connection.py::test_a_load_changes_no_scale_of_a_live_axis",
+        LIFE + "a_load_changes_no_scale_of_a_live_axis",
         "DID NOT RAISE",
     ),
     (
         mutants.DefaultsForAbsentAxes,
-        "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_refused",
+        LIFE + "a_parameter_file_without_axes_of_the_robot_is_refused",
         "DID NOT RAISE",
     ),
-    (mutants.StateThatLies, "test_connection.py::test_the_states_follow_the_calls", "RUNNING"),
+    (mutants.StateThatLies, LIFE + "the_states_follow_the_calls", "RUNNING"),
     (mutants.BlockingRead, COST + "read_does_not_block", "read takes"),
     (mutants.NowAndThenBlockingRead, COST + "read_does_not_block", "99 of 100"),
     (mutants.NewArrays, COST + "read_fills_the_arrays_that_it_is_given", "arrays"),

@@ -82,9 +82,8 @@ def test_missing_elements_become_defaults_not_zeros(tmp_path: Path) -> None:
     partial.write_text("\n".join(lines), "utf-8")
     with running(tmp_path, enable=False) as robot:
         robot.connection.load_parameters(partial)
-        assert "100000" in next(
-            line for line in robot.connection.dump_parameters(0).splitlines() if "QuickStopDec" in line
-        )
+        lines = robot.connection.dump_parameters(0).splitlines()
+        assert "100000" in next(line for line in lines if "QuickStopDec" in line)
 
 
 def test_a_bad_parameter_file_changes_nothing(tmp_path: Path) -> None:
