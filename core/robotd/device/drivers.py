@@ -139,7 +139,8 @@ class AxisDriver(ABC):
 
         Returns when the device has taken all points and started. The axes, idle before, are in
         ``Operation.STREAM`` until they have arrived (then ``motion_complete``) or something
-        stops them; ``stop`` slows them down together, along the path. Worker threads only.
+        stops them; ``stop`` slows them down together, along the path, as fast as their limits
+        allow, however gentle the trajectory is. Worker threads only.
 
         Args:
             axes: m axes, in position mode.
@@ -150,6 +151,17 @@ class AxisDriver(ABC):
             OperationError: the device does not take it, with the reason; nothing moved.
         """
         raise Unsupported("trajectories on the device", type(self).__name__)
+
+    def stop_trajectory(self, axes: Sequence[int], duration_s: float) -> None:
+        """Start to stop what ``follow`` started, all its axes together along the path.
+
+        Returns at once. Axes at rest: no effect. The default is ``stop``. Worker threads only.
+
+        Args:
+            axes: those of ``follow``.
+            duration_s: time in which the path's rate falls to 0; the joints' own limits allow it.
+        """
+        self.stop(axes)
 
     @abstractmethod
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:

@@ -18,16 +18,21 @@ from robotd.api import (
     ProcessImage,
     Profile,
     Unsupported,
+    get_logger,
     wait_until,
 )
 from robotd_wmx._native import CallError, Device, Snapshot
 from robotd_wmx.connection import Connection
-from robotd_wmx.errors import translate, translated
+from robotd_wmx.errors import text_of, translate, translated
 from robotd_wmx.readout import Readout
 from robotd_wmx.splines import Splines
 from robotd_wmx.velocity_stream import VelocityStream
 
+log = get_logger("wmx")
+
 MODE_TIMEOUT_S = 1.0
+# A spline may brake or turn by itself during the stop: both together stay near the joints' limits.
+SPLINE_STOP = 1.5
 BUMPLESS_UNITS = 1e-4  # command and measured position this close make no jump
 POLL_S = 0.002
 
@@ -135,10 +140,31 @@ class WmxAxes(AxisDriver):
             start(axis, *self._scaling.profile(axis, profile))
 
     def stop(self, axes: Sequence[int]) -> None:
+        """A spline stops in the time that its joints need, a move with its own deceleration."""
         streamed = self._stream.end(axes)
         self._slow_down(streamed)
         others = [axis for axis in axes if axis not in streamed]
+        status = self._status()
+        if splined := [axis for axis in others if status.interpolating(axis)]:
+            self.stop_trajectory(splined, SPLINE_STOP * self._stop_s(status, splined))
+        others = [axis for axis in others if axis not in splined]
         self._each_mode(others, self._device.stop_motion, self._device.stop_velocity)
+
+    def stop_trajectory(self, axes: Sequence[int], duration_s: float) -> None:
+        """``Motion::Stop`` would use the spline's own acceleration, however gentle that is.
+
+        An axis whose drive has failed may refuse; the others stop all the same, and along the
+        path. Where the engine refuses a timed stop for all of them, its own stop is the next best.
+        """
+        status = self._status()
+        moving = [axis for axis in axes if not status.idle(axis)]
+        if not moving:
+            return
+        try:
+            self._device.timed_stop_motion(moving, max(1.0, duration_s * 1000.0))
+        except CallError as error:
+            log.warning("timed stop refused", axes=moving, reason=text_of(*error.args[1:3]))
+            self._each_mode(moving, self._device.stop_motion, self._device.stop_velocity)
 
     def quick_stop(self, axes: Sequence[int]) -> None:
         self._stream.end(axes)
@@ -175,10 +201,17 @@ class WmxAxes(AxisDriver):
         """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""
         status = self._status()
         for axis in axes:
-            speed = abs(status.velocity_command(axis))
-            seconds = speed * float(self._scaling.si[axis] / self._scaling.stop_deceleration[axis])
             with translated(f"axis {axis}: stop"):
-                self._device.timed_stop_velocity(axis, max(1.0, seconds * 1000.0))
+                milliseconds = self._stop_s(status, [axis]) * 1000.0
+                self._device.timed_stop_velocity(axis, max(1.0, milliseconds))
+
+    def _stop_s(self, status: Snapshot, axes: Sequence[int]) -> float:
+        """The longest |v| / deceleration of ``axes``, s."""
+        scaling = self._scaling
+        return max(
+            abs(status.velocity_command(axis)) * scaling.si[axis] / scaling.stop_deceleration[axis]
+            for axis in axes
+        )
 
     def _each_mode(
         self,

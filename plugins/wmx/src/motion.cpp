@@ -153,6 +153,11 @@ void bind_motion(nb::class_<Device> &device) {
             check("Velocity::ExecTimedStop", Api::CoreMotion,
                   self.core.velocity->ExecTimedStop(axis, milliseconds));
         }, Unlocked())
+        .def("timed_stop_motion", [](Device &self, const AxisList &axes, double milliseconds) {
+            AxisSelection chosen = selection(axes);
+            check("Motion::ExecTimedStop", Api::CoreMotion,
+                  self.core.motion->ExecTimedStop(&chosen, milliseconds));
+        }, Unlocked())
         .def("stop_motion", [](Device &self, const AxisList &axes) {
             AxisSelection chosen = selection(axes);
             check("Motion::Stop", Api::CoreMotion, self.core.motion->Stop(&chosen));

@@ -149,6 +149,9 @@ void bind_status(nb::module_ &module) {
         .def("idle", [](const Snapshot &self, int axis) {
             return self.axis(axis).opState == OperationState::Idle;
         })
+        .def("interpolating", [](const Snapshot &self, int axis) {
+            return self.axis(axis).opState == OperationState::Intpl;
+        })
         .def("mode", [](const Snapshot &self, int axis) { return mode_of(self.axis(axis).axisCommandMode); })
         .def("mode_feedback", [](const Snapshot &self, int axis) {
             return mode_of(command_mode(self.axis(axis)));

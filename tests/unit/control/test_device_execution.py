@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.device_execution import DeviceExecution, device_points
+from robotd.control.device_execution import STOP_STEP, DeviceExecution, device_points, stop_time
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_execution import Outcome
 from robotd.descriptor.model import TrajectorySettings
@@ -47,13 +49,13 @@ class Harness:
         )
         self.trajectory = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(2)))
 
-    def start(self) -> DeviceExecution:
+    def start(self, limits: JointLimits = LIMITS) -> DeviceExecution:
         execution = DeviceExecution(
             self.axes,
             SETTINGS.max_points,
             self.trajectory,
             np.array([0, 1]),
-            LIMITS,
+            limits,
             Tolerances.of_goal(NAMES, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
             self.time_ns,
             SETTINGS.stopped_velocity_rad_s,
@@ -75,9 +77,9 @@ class Harness:
     def called(self, name: str) -> bool:
         return any(call[0] == name for call in self.axes.calls)
 
-    def run(self) -> DeviceExecution:
+    def run(self, limits: JointLimits = LIMITS) -> DeviceExecution:
         """Started, seen to move."""
-        execution = self.start()
+        execution = self.start(limits)
         self.until(lambda: self.called("follow"))
         self.step(0.1)
         return execution
@@ -148,6 +150,87 @@ def test_a_device_that_stops_by_itself_is_a_fault() -> None:
     harness.until(lambda: execution.done)
     assert execution.outcome is Outcome.FAULT
     assert "the device stopped at 0." in execution.message
+
+
+def test_an_end_elsewhere_is_a_fault_that_names_joint_and_points() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.step(0.9)
+    harness.axes.image.position[:] = harness.axes.image.position_command[:] = [0.5, 0.25]
+    harness.axes.image.operation[:] = Operation.IDLE
+    harness.axes.image.motion_complete[:] = True
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.FAULT
+    assert "b: the device ended the trajectory at 0.2500 rad" in execution.message
+    assert "its last point is 0.5000 rad at 1.000 s" in execution.message
+
+
+def test_an_arrival_before_its_time_is_a_fault() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.step(0.5)
+    harness.arrive(0.5)
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.FAULT
+    assert "the device ended a trajectory of 1.000 s after 0.6" in execution.message
+
+
+def test_completion_may_come_some_periods_after_the_end() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.step(0.9)
+    harness.axes.image.operation[:] = Operation.IDLE
+    harness.step(0.004)
+    harness.arrive(0.5)
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+
+
+def test_the_measured_position_has_to_arrive_too() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.step(0.9)
+    harness.arrive(0.5)
+    harness.axes.image.position[1] = 0.4
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.GOAL_TOLERANCE
+    assert "b" in execution.message
+
+
+def test_a_slow_stop_is_waited_for() -> None:
+    slow = JointLimits(NAMES, np.full(2, -3.0), np.full(2, 3.0), np.full(2, 3.0), np.full(2, 0.1))
+    harness = Harness()
+    execution = harness.run(slow)
+    execution.cancel()
+    harness.until(lambda: harness.called("stop"))
+    harness.axes.image.operation[:] = Operation.STOPPING
+    harness.step(3.0)
+    assert not execution.done
+    harness.axes.image.operation[:] = Operation.IDLE
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.CANCELED
+
+
+@given(st.floats(0.0, 1.0), st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=6))
+def test_a_stop_takes_as_long_as_the_limits_need_and_no_longer(
+    share: float, targets: list[float]
+) -> None:
+    times_s = np.arange(1.0, len(targets) + 1.0) * 2.0
+    request = TrajectoryRequest.from_rows(NAMES, list(times_s), [[x, -x] for x in targets])
+    trajectory = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(2)))
+    from_s = share * trajectory.duration_s
+    took_s = stop_time(trajectory, from_s, LIMITS)
+    since_s = np.linspace(0.0, took_s, 500)
+    path_s = np.minimum(from_s + since_s - since_s**2 / (2 * took_s), trajectory.duration_s)
+    _, speeds, accelerations = trajectory.evaluate(path_s)
+    rates = (1.0 - since_s / took_s)[:, None]
+    asked = np.abs(accelerations * rates**2 - speeds / took_s).max(0)
+    planned = np.abs(accelerations).max(0)
+    assert (asked <= 1.25 * np.maximum(LIMITS.acceleration, planned)).all()
+    speed = np.abs(trajectory.state_at(from_s).velocity).max()
+    braking = float(np.abs(accelerations).max())
+    if braking < 0.5 * LIMITS.acceleration[0]:
+        assert took_s <= max(2.0 * speed / LIMITS.acceleration[0] * STOP_STEP, 2e-3)
 
 
 def test_an_alarm_stops_all_axes_and_names_the_joint() -> None:

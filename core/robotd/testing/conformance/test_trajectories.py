@@ -18,6 +18,8 @@ LAG_S = 0.03  # granted between the path and the measured position
 MORE = 1.15  # what a value may be above its limit
 STANDS_AFTER_S, STANDS_S = 0.5, 0.05
 LEAP = 3.0  # times the fastest of the path; what is made good within a period is faster
+GENTLE_S = 4.0
+STOP_MORE, STOP_REACTION_S = 2.0, 0.15  # a stop may brake more gently where its path turns
 MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 
 
@@ -137,6 +139,24 @@ def test_a_canceled_trajectory_stops_within_the_limits(jointed: Harness) -> None
         return recording
 
     check_smooth(harness, motion)
+
+
+def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(jointed: Harness) -> None:
+    """The joints' limits say how long a stop takes, not the goal's own acceleration."""
+    harness, joints = jointed, list(jointed.robot.joint_axes)
+    with harness.following([GENTLE_S], [joint_travel(harness)]) as execution:
+        harness.let(0.4 * GENTLE_S)
+        speed = np.abs(harness.image.velocity_command[joints])
+        ramp_s = float((speed / harness.robot.follower.limits.acceleration).max())
+        execution.cancel()
+        with harness.recording() as recording:
+            harness.until(lambda: execution.done, "the trajectory is stopped")
+    assert execution.outcome is Outcome.CANCELED
+    harness.rest()
+    moving = np.abs(recording.velocity_command[:, joints]) > 0.02 * speed
+    rest_s = recording.time_s[np.flatnonzero(moving.any(1))[-1:]].sum()
+    assert speed.min() > 0.0
+    assert rest_s <= STOP_MORE * ramp_s + STOP_REACTION_S
 
 
 def test_a_new_goal_takes_over_without_a_jump(jointed: Harness) -> None:

@@ -54,8 +54,7 @@ inline int stop_quickly(Block &block, int axis) { return stop_axis(block, axis, 
 // A stop that takes so long.
 inline auto timed_stop(double milliseconds) {
     return [milliseconds](Block &block, int axis) {
-        const double speed = std::max(std::abs(block.axes[axis].velocity), 1e-9);
-        return stop_axis(block, axis, speed / std::max(milliseconds / 1000, CYCLE_S));
+        return stop_within(block, axis, std::max(milliseconds / 1000, CYCLE_S));
     };
 }
 

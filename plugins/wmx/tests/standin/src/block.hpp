@@ -56,7 +56,7 @@ struct Axis {
 
 struct Channel {
     unsigned int points;  // of the buffer; 0: none
-    bool running, stopping;
+    bool running, stopping, timed;  // timed: the rate's fall was given by a timed stop
     int dimensions, axes[DIMENSIONS], knots;
     double time_s, rate, rate_slope;  // path time, its speed, and how that falls while stopping
     double acceleration;              // largest composite acceleration of the path
@@ -84,6 +84,7 @@ struct Faults {  // survive a restart of the engine, so that they can be set bef
     int device_locked, process_locked, communication_refused, name_refused;
     int idle_ms, communication_ms, hot_connect_ms, hot_connect_abort, drives, io_modules;
     bool licence_expired, loop_back, frozen;
+    bool half_spline, fast_spline, swapped_spline;  // a spline is run in another way than asked
     Faults();  // none
 };
 

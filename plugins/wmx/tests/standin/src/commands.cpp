@@ -249,6 +249,19 @@ int stop_axis(Block &block, int axis, double dec, bool quick) {
     return ErrorCode::None;
 }
 
+// Interpolated axes: the rate of their path falls evenly, also when it was falling already.
+int stop_within(Block &block, int axis, double seconds) {
+    if (int code = check_axis(block, axis)) return code;
+    const Axis &mine = block.axes[axis];
+    if (mine.channel < 0)
+        return stop_axis(block, axis, std::max(std::fabs(mine.velocity), 1e-9) / seconds);
+    Channel &channel = block.channels[mine.channel];
+    block.status.axesStatus[axis].motionComplete = false;
+    channel.stopping = channel.timed = true;
+    channel.rate_slope = channel.rate / seconds;
+    return ErrorCode::None;
+}
+
 void interrupt(Block &block, int axis) {
     Axis &mine = block.axes[axis];
     CoreMotionAxisStatus &status = block.status.axesStatus[axis];

@@ -42,6 +42,7 @@ const Entry COMMANDS[] = {
          for (Axis &axis : b.axes) axis.stuck = false;
          for (CoreMotionAxisStatus &axis : b.status.axesStatus) axis.ampAlarm = false;
          b.faults.frozen = b.faults.licence_expired = false;
+         b.faults.half_spline = b.faults.fast_spline = b.faults.swapped_spline = false;
      }},
     {"hot_connect_ms", "MS", 1, [](Block &b, const long *a) { b.faults.hot_connect_ms = a[0]; }},
     {"hot_connect_abort", "CODE", 1,
@@ -60,6 +61,9 @@ const Entry COMMANDS[] = {
          b.axes[a[0]].counts += delta, b.axes[a[0]].sent_counts += delta;
      }},
     {"freeze", "0|1", 1, [](Block &b, const long *a) { b.faults.frozen = a[0]; }},
+    {"half_spline", "0|1", 1, [](Block &b, const long *a) { b.faults.half_spline = a[0]; }},
+    {"fast_spline", "0|1", 1, [](Block &b, const long *a) { b.faults.fast_spline = a[0]; }},
+    {"swapped_spline", "0|1", 1, [](Block &b, const long *a) { b.faults.swapped_spline = a[0]; }},
     {"input_bit", "BYTE BIT", 2,
      [](Block &b, const long *a) { b.inputs[a[0]] |= 1 << a[1]; }},
     {"no_input_bit", "BYTE BIT", 2,

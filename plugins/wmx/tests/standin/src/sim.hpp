@@ -26,6 +26,7 @@ int start_torque(Block &block, int axis, double percent);
 int start_line(Block &block, const Motion::LinearIntplCommand &command, bool relative);
 int start_home(Block &block, int axis);
 int stop_axis(Block &block, int axis, double dec = 0, bool quick = false);
+int stop_within(Block &block, int axis, double seconds);
 int create_buffer(Block &block, int channel, unsigned int points);
 int start_spline(Block &block, int channel, int dimensions, const int *axes, unsigned int points,
                  const AdvMotion::SplinePoint *point, const double *times_ms);

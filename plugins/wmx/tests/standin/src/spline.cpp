@@ -81,6 +81,11 @@ int start_spline(Block &block, int channel, int dimensions, const int *axes, uns
         if (std::sqrt(square) < 1e-6) continue;  // dropped, as documented
         add(times_ms[k] / 1000, [&](int index) { return point[k].pos[index]; });
     }
+    if (block.faults.half_spline) knots = std::max(3, (knots + 1) / 2);
+    if (block.faults.fast_spline)
+        for (int k = 0; k < knots; k++) mine.times_s[k] *= 0.6;
+    if (block.faults.swapped_spline && dimensions > 1)
+        for (int k = 1; k < knots; k++) std::swap(mine.position[0][k], mine.position[1][k]);
     if (knots < 3) return Advanced::PointCountBelowMinimum;  // two besides the start
     mine.knots = knots;
     mine.dimensions = dimensions;
@@ -96,7 +101,7 @@ int start_spline(Block &block, int channel, int dimensions, const int *axes, uns
         mine.acceleration = std::max(mine.acceleration, std::sqrt(square));
     }
     mine.running = true;
-    mine.stopping = false;
+    mine.stopping = mine.timed = false;
     mine.time_s = 0;
     mine.rate = 1;
     for (int index = 0; index < dimensions; index++) {
@@ -117,7 +122,7 @@ void move_channel(Block &block, Channel &channel) {
         for (int index = 0; index < channel.dimensions; index++)
             square += std::pow(block.axes[channel.axes[index]].velocity, 2);
         // The path's own speed falls with its largest composite acceleration.
-        if (channel.rate == 1) {
+        if (channel.rate == 1 && !channel.timed) {
             const double speed = std::sqrt(square);
             channel.rate_slope =
                 speed > 1e-9 ? std::max(channel.acceleration, 1e-3) / speed : INSTANT;

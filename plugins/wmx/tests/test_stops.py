@@ -1,0 +1,99 @@
+"""A trajectory is stopped as fast as the joints' limits allow, and ends only at its last point."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.device.state import Operation
+from robotd.motion import TrajectoryRequest
+from robotd.robot import Robot
+from robots import JOINTS, eventually, goal, running
+from standin_port import port
+
+GENTLE_S, GENTLE_RAD = 20.0, 6.0 * 0.3
+LIMIT_RAD_S2 = 12.57  # of every joint of CR3A
+REACTION_S = 0.3  # for a cancel to reach the engine on a busy computer
+
+
+@contextmanager
+def gentle_motion(robot: Robot) -> Iterator[TrajectoryExecution]:
+    """A two-point goal that accelerates with 0.03 rad/s², at some speed."""
+    with robot.follower.follow(goal([GENTLE_S], GENTLE_RAD)) as execution:
+        eventually(lambda: robot.image.velocity_command[0] > 0.08)
+        yield execution
+
+
+def at_rest(robot: Robot) -> Callable[[], bool]:
+    return lambda: bool((robot.image.operation == Operation.IDLE).all())
+
+
+def stop_time_s(robot: Robot, stop: Callable[[], object]) -> float:
+    begin_s = time.monotonic()
+    stop()
+    eventually(at_rest(robot))
+    return time.monotonic() - begin_s
+
+
+@pytest.mark.parametrize("how", ["cancel", "stop", "alarm"])
+def test_a_gentle_goal_does_not_stop_gently(tmp_path: Path, how: str) -> None:
+    with running(tmp_path) as robot, gentle_motion(robot) as execution:
+        stops = {
+            "cancel": execution.cancel,
+            "stop": lambda: robot.axes.stop(range(6)),
+            "alarm": lambda: port("amp_alarm", 2, 0x7500),
+        }
+        speed = robot.image.velocity_command[0]
+        assert stop_time_s(robot, stops[how]) < speed / LIMIT_RAD_S2 * 2.0 + REACTION_S
+        assert execution.wait(3.0)
+
+
+def test_a_new_goal_waits_for_the_stop_and_arrives(tmp_path: Path) -> None:
+    with running(tmp_path) as robot, gentle_motion(robot) as first:
+        begin_s = time.monotonic()
+        with robot.follower.follow(goal([0.5], 0.1)) as second:
+            assert second.wait(5.0)
+        assert second.outcome is Outcome.SUCCEEDED, second.message
+        assert first.outcome is Outcome.PREEMPTED
+        assert time.monotonic() - begin_s < 0.5 + 1.0
+        np.testing.assert_allclose(robot.image.position, 0.1, atol=1e-3)
+
+
+def ran_otherwise(robot: Robot, change: str) -> TrajectoryExecution:
+    """A trajectory of which the engine runs something else."""
+    port(change, 1)
+    with robot.follower.follow(goal([0.5, 1.0, 1.5, 2.0], 0.3, 0.6, 0.9, 1.2)) as execution:
+        assert execution.wait(6.0)
+    port("mend")
+    return execution
+
+
+def test_half_of_the_points_are_no_success(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        execution = ran_otherwise(robot, "half_spline")
+    assert execution.outcome is Outcome.FAULT
+    assert "ended the trajectory at 0.6000 rad" in execution.message
+    assert "its last point is 1.2000 rad at 2.000 s" in execution.message
+
+
+def test_swapped_axes_are_no_success(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        port("swapped_spline", 1)
+        rows = np.array([[0.1 * joint] * 6 for joint in (1.0, 2.0)]) * np.arange(1.0, 7.0)
+        with robot.follower.follow(TrajectoryRequest(JOINTS, np.array([0.5, 1.0]), rows)) as run:
+            assert run.wait(6.0)
+    assert run.outcome is Outcome.FAULT
+    assert "its last point is" in run.message
+
+
+def test_an_early_arrival_is_no_success(tmp_path: Path) -> None:
+    with running(tmp_path) as robot:
+        execution = ran_otherwise(robot, "fast_spline")
+    assert execution.outcome is Outcome.FAULT
+    assert "the device ended a trajectory of 2.000 s after 1." in execution.message
