@@ -207,11 +207,8 @@ class WmxAxes(AxisDriver):
 
     def _stop_s(self, status: Snapshot, axes: Sequence[int]) -> float:
         """The longest |v| / deceleration of ``axes``, s."""
-        scaling = self._scaling
-        return max(
-            abs(status.velocity_command(axis)) * scaling.si[axis] / scaling.stop_deceleration[axis]
-            for axis in axes
-        )
+        per_unit: list[float] = (self._scaling.si / self._scaling.stop_deceleration).tolist()
+        return max(abs(status.velocity_command(axis)) * per_unit[axis] for axis in axes)
 
     def _each_mode(
         self,
