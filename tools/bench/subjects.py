@@ -91,7 +91,7 @@ def _daemon(rate_hz: int, load: Load, folder: Path) -> Subject:
 
 
 def _c(program: CProgram, rate_hz: int) -> Subject:
-    priority = load_robot_descriptor(ROBOT).control_loop.realtime_priority
+    priority = load_robot_descriptor(ROBOT).cycle.realtime_priority
     return Subject(
         f"c-{rate_hz}",
         rate_hz,

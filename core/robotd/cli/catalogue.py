@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from robotd.cli.layout import warn
-from robotd.descriptor import RobotDescriptor, default_search_path
+from robotd.descriptor import Override, RobotDescriptor, default_search_path
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
@@ -51,6 +51,18 @@ def load_catalogue() -> Catalogue:
     plugins, failures = load_plugins()
     robots, nodes = register_all(plugins)
     return Catalogue((*default_search_path(), *robots.folders), nodes, failures)
+
+
+def check_backend_overrides(overrides: Iterable[Override], backend: str) -> None:
+    """Raise DescriptorError for an override of a backend that is not the one in use.
+
+    It would have no effect, and nothing else would notice.
+    """
+    for override in overrides:
+        if override.keys[0] == "backends" and override.keys[1:2] != (backend,):
+            raise DescriptorError(
+                f"the backend in use is {backend!r}", path=override.node.path, key=override.key
+            )
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:

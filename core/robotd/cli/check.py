@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
-from robotd.cli.catalogue import load_catalogue
+from collections.abc import Sequence
+
+from robotd.cli.catalogue import check_backend_overrides, load_catalogue
 from robotd.cli.findings import Findings
 from robotd.cli.urdf import check_urdf
-from robotd.descriptor import RobotDescriptor, load_robot_descriptor, read_wmx_parameters
+from robotd.descriptor import (
+    Override,
+    RobotDescriptor,
+    load_robot_descriptor,
+    read_wmx_parameters,
+)
 from robotd.device.capabilities import Capability
 from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.manager import Backend, load_backend
 
 
-def check_robot(robot: str, variant: str | None, backend: str | None) -> int:
+def check_robot(
+    robot: str, variant: str | None, overrides: Sequence[Override], backend: str | None
+) -> int:
     """Check everything, print it line by line, and return the exit status."""
     report = Findings()
     catalogue = load_catalogue()
     for origin, reason in catalogue.failures.items():
         report.fail(f"plugin {origin.name}", PluginError(reason))
     descriptor = report.run(
-        f"robot {robot}", lambda: load_robot_descriptor(robot, variant, catalogue.search_path)
+        f"robot {robot}",
+        lambda: load_robot_descriptor(robot, variant, catalogue.search_path, overrides),
     )
     if descriptor is not None:
         _check_files(report, descriptor)
@@ -27,7 +37,7 @@ def check_robot(robot: str, variant: str | None, backend: str | None) -> int:
     name = backend or (descriptor and descriptor.backend)
     plugin = report.run(f"backend {name}", lambda: load_backend(name)) if name else None
     if descriptor is not None and plugin is not None:
-        _check_backend(report, descriptor, plugin)
+        _check_backend(report, descriptor, plugin, overrides)
     return report.end()
 
 
@@ -42,8 +52,17 @@ def _check_files(report: Findings, descriptor: RobotDescriptor) -> None:
         report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
 
 
-def _check_backend(report: Findings, descriptor: RobotDescriptor, backend: Backend) -> None:
+def _check_backend(
+    report: Findings,
+    descriptor: RobotDescriptor,
+    backend: Backend,
+    overrides: Sequence[Override],
+) -> None:
     name, capabilities = backend.info.name, backend.info.capabilities
+
+    def options() -> None:
+        check_backend_overrides(overrides, name)
+        backend.options(descriptor)
 
     def features() -> str | None:
         if descriptor.gripper and Capability.IO not in capabilities:
@@ -56,5 +75,5 @@ def _check_backend(report: Findings, descriptor: RobotDescriptor, backend: Backe
             return "parameters_file is not used by this backend"
         return None
 
-    report.run(f"options of {name}", lambda: backend.options(descriptor))
+    report.run(f"options of {name}", options)
     report.run(f"features of {name}", features)

@@ -49,7 +49,7 @@ def main() -> None:
     metavar="HZ",
     type=RATE_HZ,
     callback=not_nan,
-    help="Cycle rate, 10 to 2000; by default the robot's own.",
+    help="Short for --set cycle.rate_hz=HZ, 10 to 2000; by default the robot's own.",
 )
 @click.option(
     "--report",

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import re
-from typing import TextIO
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TextIO
 
 import click
+
+if TYPE_CHECKING:
+    from robotd.descriptor import Override
 
 # The keys of robotd.export.EXPORTS, which is not imported for `robotd --help`.
 TARGETS = ("moveit", "nav2", "isaac", "urdf")
@@ -21,7 +25,12 @@ def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:
 
 
 def export_robot(
-    target: str, robot: str, variant: str | None, namespace: str, output: TextIO
+    target: str,
+    robot: str,
+    variant: str | None,
+    overrides: Sequence[Override],
+    namespace: str,
+    output: TextIO,
 ) -> None:
     """Write one export of a robot. Raises DescriptorError where it does not apply."""
     from robotd.cli.catalogue import load_catalogue
@@ -30,6 +39,6 @@ def export_robot(
 
     catalogue = load_catalogue()
     catalogue.warn()
-    descriptor = load_robot_descriptor(robot, variant, catalogue.search_path)
+    descriptor = load_robot_descriptor(robot, variant, catalogue.search_path, overrides)
     text = EXPORTS[target](ExportInput(descriptor, namespace))
     output.write(text)  # the file is opened here, so that a rejection leaves it alone

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from robotd.descriptor import Override
 
 LOG_LEVELS = ("debug", "info", "warning", "error")
 LOG_FORMATS = ("console", "json")
@@ -31,6 +34,15 @@ def not_nan(ctx: click.Context, option: click.Parameter, value: float | None) ->
     return value
 
 
+def overrides(
+    ctx: click.Context, option: click.Parameter, values: Sequence[str]
+) -> tuple[Override, ...]:
+    """``KEY=VALUE`` texts, parsed as values of a descriptor. Raises DescriptorError."""
+    from robotd.descriptor import parse_override
+
+    return tuple(parse_override(value) for value in values)
+
+
 def configure_logging(ctx: click.Context) -> None:
     """As ``log_options`` say."""
     from robotd import log
@@ -39,8 +51,16 @@ def configure_logging(ctx: click.Context) -> None:
 
 
 def which_robot(command: Command) -> Command:
-    """Which robot: name or file, and variant."""
+    """Options that choose a robot: name or file, variant, and changed values."""
     for option in (
+        click.option(
+            "--set",
+            "overrides",
+            metavar="KEY=VALUE",
+            multiple=True,
+            callback=overrides,
+            help="Replace a value of the robot's file, e.g. backends.sim.seed=7. May be repeated.",
+        ),
         click.option("--variant", metavar="NAME", help="Variant of the robot; see 'robots'."),
         click.option("--robot", metavar="NAME|FILE", required=True, help="The robot."),
     ):

@@ -10,14 +10,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.catalogue import Catalogue, load_catalogue, unknown_name
+from robotd.cli.catalogue import Catalogue, check_backend_overrides, load_catalogue, unknown_name
 from robotd.cli.exit_codes import RosUnavailable
 from robotd.cli.preflight import import_ros, process_age_s
 from robotd.cli.report import reserve_report, write_report
 from robotd.cli.summary import SIMULATED, start_summary
 from robotd.clock import MonotonicClock
 from robotd.clock.simulated import PacedClock
-from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.descriptor import (
+    Override,
+    RobotDescriptor,
+    load_robot_descriptor,
+    parse_override,
+)
 from robotd.errors import InvalidArgument, OperationError
 from robotd.log import lossy
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
@@ -36,6 +41,7 @@ class RunOptions:
     Attributes:
         robot: a name of the search path, or a file.
         variant, backend, nodes, rate_hz: None leaves the descriptor's own.
+        overrides: values that replace those of the robot's file.
         report: where the cycle's timing is written after an orderly stop; None: nowhere.
         time_scale: simulated seconds per second, infinity for as fast as it goes; None: real time.
         scenario: whose options and faults are used; None: no faults but those asked for later.
@@ -46,6 +52,7 @@ class RunOptions:
     variant: str | None
     backend: str | None
     nodes: Sequence[str] | None
+    overrides: Sequence[Override]
     rate_hz: float | None
     report: Path | None
     time_scale: float | None
@@ -60,6 +67,7 @@ def run_robot(options: RunOptions) -> int:
     descriptor = _descriptor(options, catalogue)
     nodes = _chosen_nodes(descriptor, options.nodes)
     backend = load_backend(options.backend or descriptor.backend)
+    check_backend_overrides(options.overrides, backend.info.name)
     robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
@@ -135,12 +143,14 @@ def _made(
 
 
 def _descriptor(options: RunOptions, catalogue: Catalogue) -> RobotDescriptor:
-    descriptor = load_robot_descriptor(options.robot, options.variant, catalogue.search_path)
+    overrides = [*options.overrides]
+    if options.rate_hz is not None:
+        overrides.append(parse_override(f"cycle.rate_hz={options.rate_hz}"))
+    descriptor = load_robot_descriptor(
+        options.robot, options.variant, catalogue.search_path, overrides
+    )
     catalogue.check_nodes(descriptor)
-    if options.rate_hz is None:
-        return descriptor
-    cycle = descriptor.cycle.model_copy(update={"rate_hz": options.rate_hz})
-    return descriptor.model_copy(update={"cycle": cycle})
+    return descriptor
 
 
 def _chosen_nodes(descriptor: RobotDescriptor, wanted: Sequence[str] | None) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from robotd.descriptor.model import (
     RobotDescriptor,
     TrajectorySettings,
 )
+from robotd.descriptor.overrides import Override, parse_override
 from robotd.descriptor.wmx_parameters import (
     WmxParameters,
     default_wmx_parameters,
@@ -29,6 +30,7 @@ __all__ = [
     "EngineSettings",
     "GripperSettings",
     "JointSettings",
+    "Override",
     "RobotDescriptor",
     "RobotSummary",
     "TrajectorySettings",
@@ -38,6 +40,7 @@ __all__ = [
     "default_wmx_parameters",
     "list_robots",
     "load_robot_descriptor",
+    "parse_override",
     "read_wmx_parameters",
     "require_same_scaling",
     "validate_section",

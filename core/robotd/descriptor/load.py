@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from robotd.descriptor.files import beside, is_file, is_folder
 from robotd.descriptor.merge import merge
 from robotd.descriptor.model import RobotDescriptor
+from robotd.descriptor.overrides import FIXED_KEYS, Override, overridden
 from robotd.descriptor.problems import Model, did_you_mean, join, problems_of, validate
 from robotd.descriptor.source import Node, read_yaml
 from robotd.errors import DescriptorError
@@ -22,7 +23,6 @@ MAX_EXTENDS = 8
 MAX_VARIANTS = 32  # each is checked, whichever is asked for
 
 _FILE_KEYS = ("parameters_file", "urdf")
-_NOT_IN_A_VARIANT = ("schema", "name", "extends", "variants", "default_variant")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,10 @@ def list_robots(search_path: Sequence[Path] | None = None) -> tuple[RobotSummary
 
 
 def load_robot_descriptor(
-    robot: str | Path, variant: str | None = None, search_path: Sequence[Path] | None = None
+    robot: str | Path,
+    variant: str | None = None,
+    search_path: Sequence[Path] | None = None,
+    overrides: Sequence[Override] = (),
 ) -> RobotDescriptor:
     """Load a robot by name, or by the path of its file or folder.
 
@@ -65,6 +68,7 @@ def load_robot_descriptor(
             ending .yaml).
         variant: name of a variant; None means the file's ``default_variant``.
         search_path: folders that hold ``<name>/robot.yaml``; None: ``default_search_path()``.
+        overrides: values that replace those of the file and its variant, see ``parse_override``.
 
     Raises:
         DescriptorError: the robot or its variant is not known, or the file is wrong. All
@@ -80,7 +84,10 @@ def load_robot_descriptor(
             key="variants",
         )
     problems: list[DescriptorError] = []
-    robots = {name: _check(tree, name, problems) for name in (*names, *([] if default else [None]))}
+    robots = {
+        name: _check(tree, name, overrides, problems)
+        for name in (*names, *([] if default else [None]))
+    }
     robot_or_none = robots[variant or default]
     if problems or robot_or_none is None:
         raise join(problems)
@@ -115,11 +122,15 @@ def _variants(tree: Node) -> tuple[list[str], str | None]:
 
 
 def _check(
-    tree: Node, variant: str | None, problems: list[DescriptorError]
+    tree: Node,
+    variant: str | None,
+    overrides: Sequence[Override],
+    problems: list[DescriptorError],
 ) -> RobotDescriptor | None:
     """The descriptor of one variant; None when there is something to add to ``problems``."""
     before = len(problems)
     tree = _overlaid(tree, variant, problems)
+    tree = overridden(tree, overrides)
     tree = _with_files(tree, problems)
     try:
         descriptor = RobotDescriptor.model_validate(tree.plain()).of(tree, variant)
@@ -133,13 +144,13 @@ def _overlaid(tree: Node, variant: str | None, problems: list[DescriptorError]) 
     overlay = tree.find(["variants", variant]) if variant is not None else None
     if overlay is None or not isinstance(overlay.value, dict):
         return tree  # a variant that is no mapping is found by the model
-    for key in _NOT_IN_A_VARIANT:
+    for key in FIXED_KEYS:
         if key in overlay.value:
             node = overlay.value[key]
             where = f"variants.{variant}.{key}"
             what = "a variant cannot change this"
             problems.append(DescriptorError(what, path=node.path, line=node.line, key=where))
-    allowed = {key: node for key, node in overlay.value.items() if key not in _NOT_IN_A_VARIANT}
+    allowed = {key: node for key, node in overlay.value.items() if key not in FIXED_KEYS}
     merged = merge(tree, replace(overlay, value=allowed))
     return replace(merged, path=tree.path, line=tree.line)
 

@@ -40,13 +40,13 @@ class Node:
 
     Attributes:
         value: a scalar, a dict of nodes or a list of nodes.
-        path: the file that says so.
-        line: 1-based; for the value of a key, the line of the key.
+        path: the file that says so, or ``--set`` for a value of the command line.
+        line: 1-based; for the value of a key, the line of the key; None outside a file.
     """
 
     value: Any
     path: Path
-    line: int
+    line: int | None
 
     def plain(self) -> Any:
         """The value without its origin: scalars, dicts and lists all the way down."""
@@ -75,6 +75,21 @@ def read_yaml(path: Path) -> Node:
         text = read_limited(path, MAX_BYTES).decode("utf-8")
     except UnicodeDecodeError as error:
         raise DescriptorError(f"not UTF-8 text ({error.reason})", path=path) from None
+    root = _build(text, path)
+    if not isinstance(root.value, dict):
+        raise DescriptorError("must be a mapping of keys to values", path=path, line=1)
+    return root
+
+
+def read_value(text: str, origin: Path) -> Node:
+    """Read one value as it would stand in a file: a scalar, a list or a mapping.
+
+    Raises DescriptorError for text that is no YAML, with ``origin`` as the file.
+    """
+    return _build(text, origin)
+
+
+def _build(text: str, path: Path) -> Node:
     builder = _Builder(path)
     try:
         root = builder.document(iter(yaml.parse(text, Loader=_LOADER)))
@@ -105,9 +120,7 @@ class _Builder:
             if root is not None:
                 raise self._error("a second document; one file describes one robot", event)
             root = self._node(event, events, _line(event), depth=0)
-        if root is None or not isinstance(root.value, dict):
-            raise DescriptorError("must be a mapping of keys to values", path=self._path, line=1)
-        return root
+        return root or Node(None, self._path, 1)
 
     def _node(self, event: Any, events: Iterator[Any], line: int, depth: int) -> Node:
         if depth > MAX_DEPTH:

@@ -184,3 +184,15 @@ def test_no_ros_is_needed() -> None:
         [sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=50
     )
     assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_a_value_of_the_command_line_is_checked_like_the_file(robotd: Robotd) -> None:
+    result = robotd("check", "--robot", "cr3a", "--set", "backends.sim.sed=7")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "--set: backends.sim.sed: unknown key; did you mean 'seed'?" in result.output
+
+
+def test_a_value_for_a_backend_that_is_not_in_use_is_rejected(robotd: Robotd) -> None:
+    result = robotd("check", "--robot", "cr3a", "--set", "backends.canopen.sdo_timeout_s=1")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "--set: backends.canopen.sdo_timeout_s: the backend in use is 'sim'" in result.output

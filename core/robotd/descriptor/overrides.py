@@ -1,0 +1,98 @@
+"""Values of the command line that replace those of a descriptor: ``--set backends.sim.seed=7``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from robotd.descriptor.source import Node, read_value
+from robotd.errors import DescriptorError
+
+ORIGIN = Path("--set")
+"""Named in place of a file in the errors about such a value."""
+
+FIXED_KEYS = ("schema", "name", "extends", "variants", "default_variant")
+
+"""Keys that only the file itself can hold: neither a variant nor an override changes them."""
+
+
+@dataclass(frozen=True)
+class Override:
+    """One value of the command line.
+
+    Attributes:
+        keys: path of the key from the top of the file; list items by their index from 0.
+        node: the value, typed as in a file.
+    """
+
+    keys: tuple[str, ...]
+    node: Node
+
+    @property
+    def key(self) -> str:
+        """The dotted path, as errors show it."""
+        return ".".join(self.keys)
+
+
+def parse_override(text: str) -> Override:
+    """Read ``KEY=VALUE``: a dotted key path and a YAML value, for example ``cycle.rate_hz=250``.
+
+    Raises DescriptorError: the text has another form, the value is no YAML, or the key cannot be
+    changed from outside the file.
+    """
+    path, equals, value = text.partition("=")
+    keys = tuple(path.strip().split("."))
+    if not equals or not all(keys):
+        raise _error(f"{text!r} is not KEY=VALUE, for example cycle.rate_hz=250", None)
+    if keys[0] in FIXED_KEYS:
+        raise _error(f"{keys[0]} cannot be set from the command line", path)
+    try:
+        node = read_value(value, ORIGIN)
+    except DescriptorError:
+        raise _error(f"{value!r} is no value of a descriptor", path) from None
+    return Override(keys, _without_lines(node))
+
+
+def overridden(tree: Node, overrides: Sequence[Override]) -> Node:
+    """Return ``tree`` with each override in place; ``tree`` itself is not changed.
+
+    Missing sections are created; the models find unknown keys. Raises DescriptorError where a
+    path leads into a value that is neither a section nor a list, or outside a list.
+    """
+    for override in overrides:
+        changed = _placed(tree, override.keys, override)
+        tree = replace(changed, path=tree.path, line=tree.line)
+    return tree
+
+
+def _placed(tree: Node | None, keys: Sequence[str], override: Override) -> Node:
+    if not keys:
+        return override.node
+    key, *rest = keys
+    children = {} if tree is None or tree.value is None else tree.value
+    if isinstance(children, dict):
+        changed = children | {key: _placed(children.get(key), rest, override)}
+        return Node(changed, override.node.path, None)
+    if not isinstance(children, list):
+        where = override.key.removesuffix("." + ".".join(keys))
+        raise _error(f"{where} is {children!r}, not a section with keys", override.key)
+    if not (key.isdecimal() and int(key) < len(children)):
+        raise _error(f"{key!r} is no index of a list of {len(children)} items", override.key)
+    index = int(key)
+    items = [*children]
+    items[index] = _placed(items[index], rest, override)
+    return Node(items, override.node.path, None)
+
+
+def _without_lines(node: Node) -> Node:
+    value = node.value
+    if isinstance(value, dict):
+        value = {key: _without_lines(child) for key, child in value.items()}
+    elif isinstance(value, list):
+        value = [_without_lines(child) for child in value]
+    return Node(value, node.path, None)
+
+
+def _error(message: str, key: str | None) -> DescriptorError:
+    return DescriptorError(message, path=ORIGIN, key=key)
