@@ -1,7 +1,7 @@
 """All that a backend may import from robotd. Changing it changes ``API_VERSION``."""
 
 from robotd.arrays import FloatArray
-from robotd.clock import Clock, MonotonicClock, wait_until
+from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
 from robotd.descriptor import (
     RobotDescriptor,
     WmxParameters,
@@ -21,7 +21,6 @@ from robotd.device.drivers import (
     FieldbusDriver,
     IoDriver,
     NetworkState,
-    Profile,
     SlaveInfo,
 )
 from robotd.device.fault_injector import FaultInjector
@@ -39,6 +38,13 @@ from robotd.errors import (
     Unsupported,
 )
 from robotd.log import get_logger
+from robotd.motion.profile import (
+    Profile,
+    Segment,
+    profile_to_position,
+    profile_to_rest,
+    profile_to_velocity,
+)
 from robotd.plugin.hookspecs import (
     API_VERSION,
     BackendInfo,
@@ -47,9 +53,11 @@ from robotd.plugin.hookspecs import (
     hookimpl,
 )
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
+from robotd.realtime import request_realtime
 
 __all__ = [
     "API_VERSION",
+    "NANOSECONDS",
     "AxisDriver",
     "BackendInfo",
     "BackendOptions",
@@ -79,6 +87,7 @@ __all__ = [
     "RobotDescriptor",
     "RobotRegistry",
     "RobotdError",
+    "Segment",
     "SlaveInfo",
     "Unsupported",
     "WmxParameters",
@@ -87,8 +96,12 @@ __all__ = [
     "get_logger",
     "hookimpl",
     "load_robot_descriptor",
+    "profile_to_position",
+    "profile_to_rest",
+    "profile_to_velocity",
     "read_limited",
     "read_wmx_parameters",
+    "request_realtime",
     "require_same_scaling",
     "validate_section",
     "wait_until",

@@ -16,9 +16,9 @@ import numpy as np
 
 from robotd.clock import NANOSECONDS, wait_until
 from robotd.device.axes import Jog
-from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode
 from robotd.motion import TrajectoryRequest
+from robotd.motion.profile import Profile
 from robotd.robot import Robot, open_robot
 
 SPEED_RAD_S = 0.5

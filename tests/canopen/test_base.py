@@ -6,8 +6,8 @@ import numpy as np
 from tests.canopen.conftest import OpenRig
 
 from robotd.device.axes import Jog
-from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode
+from robotd.motion.profile import Profile
 
 
 def test_wheels_follow_velocities_and_stop(open_rig: OpenRig) -> None:

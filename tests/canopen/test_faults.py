@@ -9,9 +9,9 @@ from tests.canopen.harness import Harness, broken
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Move
-from robotd.device.drivers import Profile
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
+from robotd.motion.profile import Profile
 
 WINDOW = {"startup": [{"object": "0x6065", "value": 2000}], "counts_per_rad": 1e5}
 

@@ -10,9 +10,9 @@ from tests.canopen.harness import Harness
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog
-from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode
 from robotd.errors import OperationError
+from robotd.motion.profile import Profile
 
 EDGE_RAD = 3e-3  # a period at creeping speed, and the way to rest
 SWITCHES = {"negative_limit_rad": -0.3, "positive_limit_rad": 0.4, "home_rad": 0.2}

@@ -11,10 +11,10 @@ from tests.canopen.conftest import SMALL, OpenRig
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
-from robotd.device.drivers import Profile
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import ConnectError
+from robotd.motion.profile import Profile
 
 PROFILE = Profile(1.0, 5.0, 5.0)
 SLOWLY = Profile(0.3, 5.0, 5.0)  # a stop may come late on a busy computer

@@ -12,8 +12,8 @@ from tests.canopen.two_axis_eds import write_two_axis_eds
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
-from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode
+from robotd.motion.profile import Profile
 
 RPDOS = [["0x6040", "0x6060", "0x607A"], ["0x60FF"]]
 TPDOS = [["0x6041", "0x6061", "0x6064"], ["0x606C", "0x6077", "0x603F"], ["0x6062", "0x60FD"]]

@@ -14,10 +14,10 @@ from tests.unit.control.harness import Harness, arm
 from robotd.clock import MonotonicClock
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog
-from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, NotReady, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
+from robotd.motion.profile import Profile
 from robotd.plugin.fault_isolation import unguarded
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot, open_robot

@@ -25,6 +25,8 @@ from std_srvs.srv import Trigger
 from tools.bench.topics import AXIS_STATE, AXIS_STATE_HZ, COMMANDS, JOINT_STATES, STAMP_OFFSET
 from wmx_ros2_message.msg import AxisState
 
+from robotd.realtime import request_realtime
+
 AXES = 6
 NAMES = [*(f"joint{number}" for number in range(1, 7)), "picker_1_joint", "picker_2_joint"]
 FLAGS = ("amp_alarm", "servo_on", "home_done", "home_switch", "negative_ls", "positive_ls")
@@ -102,10 +104,7 @@ def answer(request: Any, response: Any) -> Any:
 def prepare_thread() -> None:
     """As the daemon's cycle does, so that the two can be compared."""
     ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except PermissionError:
-        return
+    request_realtime(PRIORITY)
 
 
 def main(kind: str, rate_hz: int) -> None:

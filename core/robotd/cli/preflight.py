@@ -13,6 +13,7 @@ from types import ModuleType
 
 from robotd.cli.exit_codes import RosUnavailable
 from robotd.cli.layout import warn
+from robotd.realtime import request_realtime
 
 ROS_DISTRO = "jazzy"
 WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes with every ROS wheel
@@ -68,11 +69,7 @@ def realtime_permitted(priority: int) -> bool:
 
     def attempt() -> None:
         nonlocal permitted
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-            permitted = True
-        except OSError:
-            permitted = False
+        permitted = request_realtime(priority)
 
     thread = threading.Thread(target=attempt)
     thread.start()

@@ -8,7 +8,6 @@ counted and skipped, never made up for in a burst.
 from __future__ import annotations
 
 import ctypes
-import os
 import sys
 import threading
 import time
@@ -26,6 +25,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import RobotdError
 from robotd.log import get_logger
+from robotd.realtime import request_realtime
 
 log = get_logger("cycle")
 
@@ -226,12 +226,7 @@ class ControlLoop:
     def _prepare_thread(self) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
-        if self._priority:
-            try:
-                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self._priority))
-                self.realtime = True
-            except PermissionError:
-                self.realtime = False
+        self.realtime = request_realtime(self._priority)
 
     def _read(self, time_ns: int) -> None:
         image = self._image

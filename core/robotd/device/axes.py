@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from robotd.clock import Clock, wait_until
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
-from robotd.device.drivers import AxisDriver, Profile
+from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
+from robotd.motion.profile import Profile
 
 log = get_logger("axes")
 

@@ -23,18 +23,7 @@ from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import Unsupported
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Speed and ramps of a move or a velocity command (rad/s and rad/s², or m/s and m/s²).
-
-    ``velocity`` is a positive speed for a move and signed for a velocity command.
-    """
-
-    velocity: float
-    acceleration: float
-    deceleration: float
+from robotd.motion.profile import Profile
 
 
 class DeviceDriver(ABC):

@@ -18,11 +18,11 @@ from robotd.device.drivers import (
     FieldbusDriver,
     IoDriver,
     NetworkState,
-    Profile,
     SlaveInfo,
 )
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Operation
+from robotd.motion.profile import Profile
 
 Call = tuple[object, ...]
 

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 
 import can
 
-from robotd.api import ConnectError, get_logger
+from robotd.api import ConnectError, get_logger, request_realtime
 from robotd_canopen.bus_load import wire_bits
 from robotd_canopen.error_frame import error_frame_text
 from robotd_canopen.frame import Frame
 from robotd_canopen.options import BusOptions
-from robotd_canopen.simulated.realtime import request_realtime
 
 log = get_logger("canopen")
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # we report its errors ourselves

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from robotd.api import (
+    NANOSECONDS,
     Clock,
     CommandMode,
     DeviceTimeout,
@@ -22,7 +23,6 @@ from robotd_canopen.states import FAULTY, TOWARDS_ENABLED, Control, DriveState, 
 _HERE = (35, 37)  # homing methods that take the present position
 _STEP_S = 1.0  # for a change of mode or a handshake
 _FRESH_SYNCS = 5  # after which every value is from after the event
-_NANOSECONDS = 1_000_000_000
 
 
 class Commands:
@@ -36,12 +36,12 @@ class Commands:
         axis = self._axis
         with axis.lock:
             self.require_online()
-            deadline_ns = self._clock.now_ns() + round(timeout_s * _NANOSECONDS)
+            deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
             axis.bits, axis.lost = 0, ""
             axis.mode = rest_mode(axis.layout.options, axis.command_mode)
             while axis.state is not DriveState.OPERATION_ENABLED:
                 self._require_no_alarm()
-                left_s = (deadline_ns - self._clock.now_ns()) / _NANOSECONDS
+                left_s = (deadline_ns - self._clock.now_ns()) / NANOSECONDS
                 if left_s <= 0 or not self._next_state(left_s):
                     axis.control = int(Control.DISABLE_VOLTAGE)
                     raise DeviceTimeout(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from itertools import islice
 
+from robotd.api import NANOSECONDS
 from robotd_canopen.master import Master
-from robotd_canopen.sync import NANOSECONDS
 
 _SHOWN = 5  # latest emergencies
 

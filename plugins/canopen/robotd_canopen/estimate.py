@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robotd.api import Profile
-from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
+from robotd.api import Profile, Segment, profile_to_position, profile_to_rest, profile_to_velocity
 
 
 class Estimate:
@@ -27,16 +26,16 @@ class Estimate:
 
     def move(self, target: float, profile: Profile, hardest: float) -> None:
         """To ``target``; a drive that is too fast to stop there brakes with ``hardest``."""
-        self._begin(plan_move(self.position, self.velocity, target, profile, hardest))
+        self._begin(profile_to_position(self.position, self.velocity, target, profile, hardest))
 
     def run(self, velocity: float, acceleration: float, deceleration: float) -> None:
         """To the signed ``velocity``, which is then held."""
         ramps = acceleration, deceleration
-        self._begin(plan_velocity(self.position, self.velocity, velocity, *ramps))
+        self._begin(profile_to_velocity(self.position, self.velocity, velocity, *ramps))
 
     def stop(self, deceleration: float) -> None:
         """To rest."""
-        self._begin(plan_stop(self.position, self.velocity, deceleration))
+        self._begin(profile_to_rest(self.position, self.velocity, deceleration))
 
     def advance(self, period_s: float) -> None:
         """Cycle: one SYNC later."""

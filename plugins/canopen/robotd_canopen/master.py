@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import (
+    NANOSECONDS,
     Clock,
     ConnectError,
     ConnectionState,
@@ -26,7 +27,7 @@ from robotd_canopen.node import Node
 from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.scaling import Scaling
 from robotd_canopen.supervision import Supervision
-from robotd_canopen.sync import NANOSECONDS, SyncProducer
+from robotd_canopen.sync import SyncProducer
 
 _DRIVE, _IO = 402, 401
 _LONGEST_PERIODS = 2  # what counts of a period that took longer

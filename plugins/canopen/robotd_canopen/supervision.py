@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from robotd.api import get_logger
+from robotd.api import NANOSECONDS, get_logger
 from robotd_canopen.axis import Axis
 from robotd_canopen.bus import Bus
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.node import RESET, Node
 from robotd_canopen.outage import OutageLog, Return, causes
-from robotd_canopen.sync import NANOSECONDS
 
 log = get_logger("canopen")
 

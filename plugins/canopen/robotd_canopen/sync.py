@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from robotd.api import NANOSECONDS
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.grid import Grid
 from robotd_canopen.nmt import NmtState
 
-NANOSECONDS = 1_000_000_000
 _SYNC, _HEARTBEAT = 0x080, 0x700
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from robotd.api import (
+    NANOSECONDS,
     ConnectError,
     ConnectionState,
     DeviceDriver,
@@ -14,7 +15,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd_sim.alarms import NO_FRAMES
-from robotd_sim.simulation import NANOSECONDS, Simulation
+from robotd_sim.simulation import Simulation
 
 
 class SimDevice(DeviceDriver):

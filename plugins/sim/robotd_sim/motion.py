@@ -8,11 +8,20 @@ from math import ceil
 
 import numpy as np
 
-from robotd.api import CommandMode, FloatArray, Operation, Profile, WmxParameters
-from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
+from robotd.api import (
+    CommandMode,
+    FloatArray,
+    Operation,
+    Profile,
+    Segment,
+    WmxParameters,
+    profile_to_position,
+    profile_to_rest,
+    profile_to_velocity,
+)
+from robotd_servo_model.world import FOREVER, World
 from robotd_sim.state import AxisStates
 from robotd_sim.stream import Stream
-from robotd_sim.world import FOREVER, World
 
 _STANDS = 1e-3  # a last setpoint slower than this (rad/s) ends a stream at rest
 _ROUNDING = 1e-6  # part of a tick by which computed times may be late
@@ -59,12 +68,12 @@ class Motion:
         hardest = profile.deceleration
         if self._may_brake_harder[axis]:
             hardest = max(hardest, float(self._quick_stop_dec[axis]))
-        plan = plan_move(*self._command(axis), target, profile, hardest)
+        plan = profile_to_position(*self._command(axis), target, profile, hardest)
         self._deceleration[axis] = profile.deceleration
         self._begin(axis, plan, Operation.POSITION, completes=True)
 
     def jog(self, axis: int, profile: Profile) -> None:
-        plan = plan_velocity(
+        plan = profile_to_velocity(
             *self._command(axis), profile.velocity, profile.acceleration, profile.deceleration
         )
         self._deceleration[axis] = profile.deceleration
@@ -83,12 +92,12 @@ class Motion:
 
     def brake(self, axis: int, deceleration: float, then: Callable[[], None] | None = None) -> None:
         """Stop with ``deceleration`` whatever runs, and call ``then`` at rest."""
-        plan = plan_stop(*self._command(axis), deceleration)
+        plan = profile_to_rest(*self._command(axis), deceleration)
         self._begin(axis, plan, Operation.STOPPING, then=then)
 
     def coast(self, axis: int, deceleration: float) -> None:
         """No command any more: the axis itself slows down, nothing is being executed."""
-        self._begin(axis, plan_stop(*self._command(axis), deceleration), Operation.IDLE)
+        self._begin(axis, profile_to_rest(*self._command(axis), deceleration), Operation.IDLE)
 
     def hold(self, axis: int, position: float) -> None:
         """Stand at ``position`` from now on."""

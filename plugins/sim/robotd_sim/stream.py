@@ -8,8 +8,8 @@ from math import floor
 import numpy as np
 
 from robotd.api import FloatArray
+from robotd_servo_model.world import FOREVER, World
 from robotd_sim.state import Flags
-from robotd_sim.world import FOREVER, World
 
 
 class Stream:

@@ -9,7 +9,6 @@ import pytest
 import yaml
 
 from robotd.device.axes import Move
-from robotd.device.drivers import Profile
 from robotd.device.state import ConnectionState
 from robotd.errors import (
     ConnectError,
@@ -18,6 +17,7 @@ from robotd.errors import (
     OperationError,
     RobotdError,
 )
+from robotd.motion.profile import Profile
 from robotd.robot import Robot, build_robot, open_robot
 from robotd_wmx import _native
 from robots import ROBOTS, descriptor, eventually, running

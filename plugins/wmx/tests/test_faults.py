@@ -15,9 +15,9 @@ import pytest
 
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.axes import Move
-from robotd.device.drivers import Profile
 from robotd.device.state import ConnectionState, Operation
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, OperationError
+from robotd.motion.profile import Profile
 from robotd.robot import Robot, build_robot
 from robotd_wmx import _native
 from robots import descriptor, eventually, goal, running
@@ -193,7 +193,7 @@ DAEMON = """\
 import sys
 from robotd.robot import open_robot
 from robotd.device.axes import Jog
-from robotd.device.drivers import Profile
+from robotd.motion.profile import Profile
 with open_robot(sys.argv[1], "wmx") as robot:
     robot.axes.set_command_mode(0, 1)
     robot.axes.jog([Jog(0, Profile(0.5, 5.0, 5.0))])

@@ -9,10 +9,10 @@ import pytest
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
-from robotd.device.drivers import Profile
 from robotd.device.state import ConnectionState, Operation
 from robotd.errors import OperationError
 from robotd.motion import JointTolerance
+from robotd.motion.profile import Profile
 from robotd.robot import Robot
 from robots import eventually, goal, running
 from standin_port import port

@@ -15,7 +15,7 @@ import pytest
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Move
-from robotd.device.drivers import Profile
+from robotd.motion.profile import Profile
 from robotd.testing.domain import own_domain
 from robots import descriptor, eventually, goal, running
 from standin_build import PLUGIN, SDK, build_program, run

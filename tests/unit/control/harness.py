@@ -16,9 +16,9 @@ from robotd.clock.simulated import SteppedClock
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
-from robotd.device.drivers import Profile
 from robotd.device.state import Operation
 from robotd.motion import Tolerances, TrajectoryRequest
+from robotd.motion.profile import Profile
 from robotd.plugin.fault_isolation import unguarded
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot

@@ -16,10 +16,10 @@ from robotd.clock import NANOSECONDS, FakeClock, MonotonicClock
 from robotd.control.mobile_base import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
-from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import InvalidArgument, NotReady
 from robotd.motion.diff_drive import ORIGIN, PlanarTwist, Pose, along_arc
+from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_sim.simulation import Simulation

@@ -11,7 +11,6 @@ from tests.unit.device.harness import ALL, Harness
 
 from robotd.device.axes import Axes, Jog, Move, each
 from robotd.device.capabilities import Capability
-from robotd.device.drivers import Profile
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import (
     DeviceTimeout,
@@ -21,6 +20,7 @@ from robotd.errors import (
     RobotdError,
     Unsupported,
 )
+from robotd.motion.profile import Profile
 
 PROFILE = Profile(1.0, 5.0, 5.0)
 UNLIMITED_AXIS = 2

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from tests.unit.device.harness import Harness
 
 from robotd.device.axes import Jog
-from robotd.device.drivers import Profile
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import InvalidArgument
 from robotd.motion.limits import AxisLimits, room_to_stop
+from robotd.motion.profile import Profile
 
 PERIOD_S = 0.002
 LIMITS = AxisLimits(-1.0, 2.0, 3.0, 10.0)

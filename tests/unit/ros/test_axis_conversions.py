@@ -20,9 +20,10 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
 from wmx_ros2_message.srv import EcatGetNetworkState, SetAxis, SetAxisGearRatio
 
-from robotd.device.drivers import NetworkState, Profile, SlaveInfo
+from robotd.device.drivers import NetworkState, SlaveInfo
 from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRejected
+from robotd.motion.profile import Profile
 from robotd.motion.rejection import RejectionCode
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.trajectory_conversions import duration_s, stamp_ns, trajectory_request

@@ -7,8 +7,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from robotd.device.axes import Jog, Move
-from robotd.device.drivers import NetworkState, Profile
+from robotd.device.drivers import NetworkState
 from robotd.errors import InvalidArgument
+from robotd.motion.profile import Profile
 
 # Response field of EcatGetNetworkState → attribute of NetworkState, and of SlaveInfo.
 _NETWORK = {

@@ -15,11 +15,11 @@ from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.device.capabilities import Capability
-from robotd.device.drivers import Profile
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import TrajectoryRequest
+from robotd.motion.profile import Profile
 from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot

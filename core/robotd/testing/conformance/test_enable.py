@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.device.drivers import Profile
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import NotReady, OperationError
+from robotd.motion.profile import Profile
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
 

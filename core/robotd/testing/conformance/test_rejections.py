@@ -9,9 +9,10 @@ import pytest
 
 from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
-from robotd.device.drivers import AxisDriver, Profile
+from robotd.device.drivers import AxisDriver
 from robotd.device.state import CommandMode
 from robotd.errors import DescriptorError, OperationError, Unsupported
+from robotd.motion.profile import Profile
 from robotd.plugin.hookspecs import BackendInfo
 from robotd.robot import Robot
 from robotd.testing.conformance.harness import Harness, MakeHarness

@@ -7,10 +7,10 @@ import pytest
 
 from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
-from robotd.device.drivers import Profile
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
+from robotd.motion.profile import Profile
 from robotd.testing.conformance.attempts import judge
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.recording import Recording

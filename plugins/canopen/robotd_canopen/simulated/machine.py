@@ -13,10 +13,9 @@ from math import ceil, floor
 
 import numpy as np
 
+from robotd.api import NANOSECONDS, Segment
 from robotd_canopen.grid import Grid
-from robotd_sim.profile import Segment
-from robotd_sim.servo import Mechanics, Servo
-from robotd_sim.world import FOREVER, NANOSECONDS, World
+from robotd_servo_model import FOREVER, Mechanics, Servo, World
 
 TICK_S = 0.001
 _MAX_CATCH_UP_S = 1.0

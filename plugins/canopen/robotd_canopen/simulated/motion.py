@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import IntEnum
 
-from robotd.api import Profile
+from robotd.api import Profile, Segment, profile_to_position, profile_to_rest, profile_to_velocity
 from robotd_canopen.simulated.homing import METHODS, Phase, Search
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.scale import Scale, Switches
-from robotd_sim.profile import Segment, plan_move, plan_stop, plan_velocity
 
 _SET_POINT, _IMMEDIATE, _RELATIVE, _HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
 _HERE = (35, 37)  # homing methods that take the present position
@@ -136,7 +135,7 @@ class Motion:
             self._speed = speed
             position, velocity = self._machine.command(self._motor)
             ramps = self._ramp(0x6083), self._ramp(0x6084)
-            self._machine.plan(self._motor, plan_velocity(position, velocity, speed, *ramps))
+            self._machine.plan(self._motor, profile_to_velocity(position, velocity, speed, *ramps))
         actual = self._machine.command(self._motor)[1]
         self.target_reached = abs(actual - speed) < _AT_REST
         self.mode_bit = abs(actual) < _AT_REST
@@ -171,7 +170,9 @@ class Motion:
         wanted = search.velocity * self._scale.polarity
         if wanted != self._speed:
             self._speed, ramp = wanted, self._ramp(0x609A)
-            self._machine.plan(self._motor, plan_velocity(position, velocity, wanted, ramp, ramp))
+            self._machine.plan(
+                self._motor, profile_to_velocity(position, velocity, wanted, ramp, ramp)
+            )
         elif search.phase in (Phase.FOUND, Phase.FAILED) and self._rests():
             self._search, self._speed = None, None
             self.target_reached, self.error_bit = True, search.phase is Phase.FAILED
@@ -230,7 +231,7 @@ class Motion:
         low, high = self._limits()
         self.limited = not low <= target <= high
         target = min(max(target, low), high)
-        plan = plan_move(position, velocity, target, profile, self._ramp(0x6085))
+        plan = profile_to_position(position, velocity, target, profile, self._ramp(0x6085))
         self._machine.plan(self._motor, plan)
 
     def _brake(self, deceleration: float, then: Callable[[], None] | None = None) -> None:
@@ -240,7 +241,7 @@ class Motion:
             if then is not None:
                 then()
             return
-        self._machine.plan(self._motor, plan_stop(position, velocity, deceleration), then)
+        self._machine.plan(self._motor, profile_to_rest(position, velocity, deceleration), then)
 
     def _rests(self) -> bool:
         return not self._machine.moves(self._motor)

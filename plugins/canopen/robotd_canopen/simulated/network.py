@@ -14,11 +14,11 @@ from typing import Self
 import can
 import canopen
 
+from robotd.api import NANOSECONDS, request_realtime
 from robotd_canopen.frame import Frame
 from robotd_canopen.simulated.machine import Machine
 from robotd_canopen.simulated.modules import DriveNode
-from robotd_canopen.simulated.node import NANOSECONDS, SimulatedNode
-from robotd_canopen.simulated.realtime import request_realtime
+from robotd_canopen.simulated.node import SimulatedNode
 
 log = logging.getLogger(__name__)
 

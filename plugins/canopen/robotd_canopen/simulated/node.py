@@ -20,7 +20,6 @@ from canopen.sdo.exceptions import SdoAbortedError
 from robotd_canopen.simulated.faults import Faults
 from robotd_canopen.simulated.pdo import PdoSet
 
-NANOSECONDS = 1_000_000_000
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
 _COMMANDS = {1: OPERATIONAL, 2: STOPPED, 128: PRE_OPERATIONAL}
 _RESETS = (129, 130)

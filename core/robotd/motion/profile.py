@@ -1,7 +1,8 @@
-"""Trapezoidal profiles as pieces of constant acceleration: pure functions, exact landing.
+"""Trapezoidal velocity profiles: segments of constant acceleration that end exactly at the target.
 
 Units are the axis' own (rad or m) with seconds. A profile starts at any velocity, so that it
-can take over a running motion without a jump in position or velocity.
+can take over a running motion without a jump in position or velocity. Any thread: these are pure
+functions.
 """
 
 from __future__ import annotations
@@ -9,12 +10,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robotd.api import Profile
+
+@dataclass(frozen=True)
+class Profile:
+    """Speed and ramps of a move or a velocity command (rad/s and rad/s², or m/s and m/s²).
+
+    ``velocity`` is a positive speed for a move and signed for a velocity command.
+    """
+
+    velocity: float
+    acceleration: float
+    deceleration: float
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Motion from ``start_s`` after the command on, until the next segment or for ever."""
+    """Constant acceleration from ``start_s`` after the command to the next segment or for ever."""
 
     start_s: float
     position: float
@@ -29,13 +40,13 @@ class Segment:
 
 
 Ramp = tuple[float, float]
-"""Duration and acceleration of one piece."""
+"""Duration (s) and acceleration of one segment."""
 
 
-def plan_move(
+def profile_to_position(
     position: float, velocity: float, target: float, profile: Profile, max_deceleration: float
 ) -> list[Segment]:
-    """From a state to rest at ``target``.
+    """Return the segments from a state to rest at ``target``.
 
     Too fast to stop in time with the profile's deceleration, the motion brakes harder, up to
     ``max_deceleration``; where that is not enough it runs past the target and comes back.
@@ -46,10 +57,10 @@ def plan_move(
     return [*segments[:-1], Segment(segments[-1].start_s, target, 0.0, 0.0)]
 
 
-def plan_velocity(
+def profile_to_velocity(
     position: float, velocity: float, target: float, acceleration: float, deceleration: float
 ) -> list[Segment]:
-    """From a state to the signed velocity ``target``, which is then held.
+    """Return the segments from a state to the signed velocity ``target``, which is then held.
 
     ``acceleration`` rules where the speed grows and ``deceleration`` where it shrinks,
     whatever the direction.
@@ -68,20 +79,13 @@ def plan_velocity(
     return [*segments[:-1], Segment(last.start_s, last.position, target, 0.0)]
 
 
-def plan_stop(position: float, velocity: float, deceleration: float) -> list[Segment]:
-    """From a state to rest, as soon as ``deceleration`` allows."""
-    return plan_velocity(position, velocity, 0.0, deceleration, deceleration)
-
-
-def timed_profile(
-    velocity: float, change: float, acceleration_s: float, deceleration_s: float
-) -> Profile:
-    """The profile whose ramps are given as times: each changes the velocity by ``change``."""
-    return Profile(velocity, abs(change) / acceleration_s, abs(change) / deceleration_s)
+def profile_to_rest(position: float, velocity: float, deceleration: float) -> list[Segment]:
+    """Return the segments from a state to rest with ``deceleration``."""
+    return profile_to_velocity(position, velocity, 0.0, deceleration, deceleration)
 
 
 def _approach(distance: float, speed: float, profile: Profile, limit: float) -> list[Ramp]:
-    """Ramps over ``distance`` ≥ 0 to rest; ``speed`` is positive towards the target."""
+    """Return the ramps over ``distance`` ≥ 0 to rest; ``speed`` is positive towards the target."""
     brake = profile.deceleration
     if speed < 0:
         turned = distance + speed * speed / (2 * brake)
@@ -96,7 +100,7 @@ def _approach(distance: float, speed: float, profile: Profile, limit: float) -> 
 
 
 def _trapezoid(distance: float, speed: float, profile: Profile) -> list[Ramp]:
-    """The plain case: ``distance`` is enough to stop with the profile's deceleration."""
+    """Return the ramps where ``distance`` is enough to stop with the profile's deceleration."""
     gain, brake = profile.acceleration, profile.deceleration
     top = profile.velocity
     if speed > top:
@@ -114,7 +118,7 @@ def _trapezoid(distance: float, speed: float, profile: Profile) -> list[Ramp]:
 
 
 def _integrate(position: float, velocity: float, ramps: list[Ramp]) -> list[Segment]:
-    """Segments of ``ramps``, and one more that starts where they end."""
+    """Return the segments of ``ramps``, and one more that starts at their end."""
     segments, start_s = [], 0.0
     for duration, rate in ramps:
         if duration <= 0:

@@ -10,10 +10,9 @@ import heapq
 import threading
 from collections.abc import Callable
 
-from robotd.api import Clock, get_logger
-from robotd_sim.servo import Servo
+from robotd.api import NANOSECONDS, Clock, get_logger
+from robotd_servo_model.servo import Servo
 
-NANOSECONDS = 1_000_000_000
 FOREVER = 2**62
 
 Action = Callable[[], None]

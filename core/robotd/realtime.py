@@ -1,0 +1,22 @@
+"""Real-time scheduling of a thread, where the system grants it."""
+
+from __future__ import annotations
+
+import os
+
+
+def request_realtime(priority: int) -> bool:
+    """Request SCHED_FIFO for the calling thread; True if the system granted it.
+
+    A refusal is no error: without CAP_SYS_NICE or an rtprio limit the thread keeps its scheduling.
+
+    Args:
+        priority: 1 to 99; 0 requests nothing.
+    """
+    if priority <= 0:
+        return False
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        return False
+    return True
