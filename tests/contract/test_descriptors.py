@@ -20,16 +20,9 @@ from robotd.descriptor.reference import BEGIN, END, key_tables
 
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
 MANIPULATOR_STATE = {
-    "joint_number": 6,
-    "joint_feedback_rate": 500,
-    "gripper_open_value": 0.0,
-    "gripper_close_value": 0.045,
-    "joint_name": [f"joint{n}" for n in range(1, 7)] + ["picker_1_joint", "picker_2_joint"],
     "encoder_joint_topic": "joint_states",
-    "wmx_param_file_path": "",
 }
 TRAJECTORY_SERVER = {
-    "joint_number": 6,
     "wmx_gripper_topic": "wmx/set_gripper",
     "joint_trajectory_action": "movensys_manipulator_arm_controller/follow_joint_trajectory",
 }
@@ -83,40 +76,23 @@ def test_cr3a_parameters_of_both_deployments() -> None:
         assert robot.ros_parameters["follow_joint_trajectory_server"] == TRAJECTORY_SERVER
 
 
-def test_cr3a_says_the_same_thing_twice_only_in_agreement(cr3a: RobotDescriptor) -> None:
-    parameters = cr3a.ros_parameters["manipulator_state"]
-    assert cr3a.gripper is not None
-    assert parameters["joint_name"] == [*cr3a.joint_names, *cr3a.gripper.joints]
-    assert parameters["joint_number"] == len(cr3a.joints) == cr3a.axes
-    assert parameters["joint_feedback_rate"] == cr3a.cycle.rate_hz
-    assert parameters["gripper_open_value"] == cr3a.gripper.open_m
-    assert parameters["gripper_close_value"] == cr3a.gripper.closed_m
-
-
 def test_standalone_moves_nothing_by_itself() -> None:
     robot = load_robot_descriptor("standalone")
     assert (robot.axes, robot.joints, robot.parameters_file) == (2, (), None)
     assert robot.nodes == SERVICE_NODES
 
 
-def test_baymax_says_the_same_thing_twice_only_in_agreement() -> None:
+def test_baymax_has_a_base_and_no_joints() -> None:
     robot = load_robot_descriptor("baymax")
     assert robot.drive is not None
     assert robot.nodes == (*SERVICE_NODES, "diff_drive_controller")
     assert robot.ros_parameters == {
         "diff_drive_controller": {
-            "left_axis": robot.drive.left_axis,
-            "right_axis": robot.drive.right_axis,
             "rate": 100,
-            "acc_time": 1.0,
-            "dec_time": 1.0,
-            "wheel_radius": robot.drive.wheel_radius_m,
-            "wheel_to_wheel": robot.drive.wheel_separation_m,
             "cmd_vel_topic": "cmd_vel",
             "encoder_vel_topic": "cmd_vel_check",
             "encoder_omega_topic": "velocity_controller/commands",
             "encoder_odometry_topic": "odom_enc",
-            "wmx_param_file_path": "",
         }
     }
     assert (robot.axes, robot.drive.axes) == (2, (0, 1))

@@ -121,7 +121,12 @@ PARAMETERS: dict[str, dict[str, Any]] = {
         "wmx_param_file_path": REQUIRED,
     },
 }
-OF_THE_ROBOT = {"gripper_close_value"}  # its default is the robot's, as the page says
+OF_THE_ROBOT = {  # their defaults are the robot's, as the page says
+    "gripper_close_value",
+    "joint_feedback_rate",
+    "joint_name",
+    "joint_number",
+}
 
 
 def rows(section: str) -> dict[str, str]:

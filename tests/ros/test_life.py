@@ -236,7 +236,7 @@ def test_the_echo_of_a_signal_is_not_a_second_one() -> None:
 @pytest.mark.parametrize(
     ("parameter", "key", "reason"),
     [
-        ("joint_number:=9", "manipulator_state.joint_number", "9"),
+        ("joint_number:=9", "manipulator_state.joint_number", "9 contradicts joints: 6 ("),
         ("joint_number:=six", "joint_number", "'six' is not a whole number"),
         (
             "joint_feedback_rate:=0",
@@ -246,7 +246,11 @@ def test_the_echo_of_a_signal_is_not_a_second_one() -> None:
         ("joint_feedback_rate:=100000", "joint_feedback_rate", "100000 is outside 1 to 500"),
         ("encoder_joint_topic:=''", "manipulator_state.encoder_joint_topic", "empty"),
         ("encoder_joint_topic:='/a b'", "manipulator_state.encoder_joint_topic", "'/a b'"),
-        ("joint_name:=[a, b]", "manipulator_state.joint_name", "2 names for 6 joints and 2"),
+        (
+            "joint_name:=[a, b]",
+            "manipulator_state.joint_name",
+            "['a', 'b'] contradicts joints: ['joint1', ",
+        ),
         (
             "wmx_param_file_path:=/nowhere.xml",
             "manipulator_state.wmx_param_file_path",

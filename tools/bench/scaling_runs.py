@@ -99,9 +99,6 @@ def _descriptor(run: Run) -> dict[str, Any]:
         "nodes": [*(f"wmx_{name}_node" for name in services), "manipulator_state"],
         "ros_parameters": {
             "manipulator_state": {
-                "joint_number": run.axes,
-                "joint_feedback_rate": run.rate_hz,
-                "joint_name": names,
                 "encoder_joint_topic": "joint_states",
             }
         },

@@ -38,13 +38,14 @@ def topic_map(source: ExportInput) -> str:
 
 
 def _joints(source: ExportInput, topic: str) -> dict[str, Any]:
+    descriptor, gripper = source.descriptor, source.descriptor.gripper
     return {
         "node": "ROS2 Subscribe Joint State",
         "topic": topic,
         "type": "sensor_msgs/msg/JointState",
-        "rate_hz": source.parameter(STATE, "joint_feedback_rate", 0),
+        "rate_hz": source.parameter(STATE, "joint_feedback_rate", int(descriptor.cycle.rate_hz)),
         "feeds": "Articulation Controller",
-        "joints": list(source.parameter(STATE, "joint_name", [])),
+        "joints": [*descriptor.joint_names, *(gripper.joints if gripper else ())],
     }
 
 

@@ -171,7 +171,7 @@ def test_isaac_gets_the_joints_of_the_arm() -> None:
     joints, clock = yaml.safe_load(EXPORTS["isaac"](ExportInput(descriptor)))["action_graph"]
     assert joints["topic"] == "/isaacsim/joint_command"
     assert joints["type"] == "sensor_msgs/msg/JointState"
-    assert joints["joints"] == descriptor.ros_parameters["manipulator_state"]["joint_name"]
+    assert joints["joints"] == [*descriptor.joint_names, "picker_1_joint", "picker_2_joint"]
     assert clock["topic"] == "/clock"
 
 

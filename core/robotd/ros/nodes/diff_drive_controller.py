@@ -46,7 +46,7 @@ class DiffDriveController(Node):
             raise DescriptorError(f"{NAME} needs a drive, which {robot.descriptor.name} has not")
         self._base = robot.base
         self._refusals = RejectionLog()
-        parameters = Parameters(self, robot.descriptor.ros_parameters.get(NAME, {}))
+        parameters = Parameters(self, robot.descriptor)
         self._base.configure(drive_settings(parameters, drive))
         if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
             robot.connection.parameters_file = path

@@ -12,10 +12,8 @@ def drive_settings(parameters: Parameters, drive: DriveSettings) -> DriveSetting
     ``acc_time`` and ``dec_time`` are the times between rest and the highest speed; a limit of
     acceleration that is lower wins. Raises DescriptorError.
     """
-    for name, axis in (("left_axis", drive.left_axis), ("right_axis", drive.right_axis)):
-        number = parameters.integer(name, axis, (0, 127), "axis of the wheel")
-        if number != axis:
-            raise parameters.error(name, f"{number}, but drive.{name} of the robot is {axis}")
+    parameters.same_as("drive.left_axis", "left_axis", drive.left_axis, "axis of the wheel")
+    parameters.same_as("drive.right_axis", "right_axis", drive.right_axis, "axis of the wheel")
     linear = _limits(parameters, "linear.x", "m", drive.velocity_m_s, drive.acceleration_m_s2,
                      drive.deceleration_m_s2, drive.jerk_m_s3)  # fmt: skip
     angular = _limits(parameters, "angular.z", "rad", drive.angular_velocity_rad_s,

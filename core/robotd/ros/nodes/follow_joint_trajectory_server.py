@@ -17,7 +17,7 @@ from robotd.log import get_logger
 from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_delay
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.nodes.manipulator_state import joint_count
+from robotd.ros.nodes.manipulator_state import declare_joint_number
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.trajectory_conversions import (
     duration_s,
@@ -77,8 +77,8 @@ class FollowJointTrajectoryServer(Node):
         self._host = host
         self._executions: dict[bytes, TrajectoryExecution] = {}
         self._live = 0  # goals that have not ended; executor thread
-        parameters = Parameters(self, robot.descriptor.ros_parameters.get(NAME, {}))
-        joint_count(parameters, robot)
+        parameters = Parameters(self, robot.descriptor)
+        declare_joint_number(parameters, robot)
         action = parameters.topic("joint_trajectory_action", "name of the action", required=True)
         gripper = parameters.topic(
             "wmx_gripper_topic", "service that closes the gripper", required=bool(robot.gripper)

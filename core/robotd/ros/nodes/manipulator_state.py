@@ -25,12 +25,13 @@ class ManipulatorState(Node):
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
         self._robot = robot
-        parameters = Parameters(self, robot.descriptor.ros_parameters.get(NAME, {}))
-        joint_count(parameters, robot)
-        names = self._joint_names(parameters)
+        parameters = Parameters(self, robot.descriptor)
+        declare_joint_number(parameters, robot)
+        names = (*robot.joint_names, *(robot.gripper.joints if robot.gripper else ()))
+        parameters.same_as("joints", "joint_name", names, "names of the joints, then the fingers")
         highest = int(robot.descriptor.cycle.rate_hz)
         rate_hz = parameters.integer(
-            "joint_feedback_rate", 0, (1, highest), "rate of the joint topics in Hz"
+            "joint_feedback_rate", highest, (1, highest), "rate of the joint topics in Hz"
         )
         topics = JointStateTopics(self, robot, names, self._fingers(parameters))
         topics.add_joint_states(
@@ -47,24 +48,6 @@ class ManipulatorState(Node):
         robot.control_loop.every(rate_hz, "joint states", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(rate_hz))
 
-    def _joint_names(self, parameters: Parameters) -> tuple[str, ...]:
-        joints = self._robot.joint_names
-        fingers = self._robot.gripper.joints if self._robot.gripper else ()
-        reference = tuple(f"j{number}" for number in range(1, 7))
-        names = parameters.texts("joint_name", reference, "names of the joints, then the fingers")
-        if len(names) != len(joints) + len(fingers):
-            raise parameters.error(
-                "joint_name",
-                f"{len(names)} names for {len(joints)} joints and {len(fingers)} fingers",
-            )
-        for place, name in enumerate(names):
-            if name in names[:place] or not name:
-                raise parameters.error("joint_name", f"{name!r} is empty or given twice")
-            if name in joints and joints.index(name) != place:
-                what = f"{name!r} is joint {joints.index(name) + 1} of the robot, not {place + 1}"
-                raise parameters.error("joint_name", what)
-        return names
-
     def _fingers(self, parameters: Parameters) -> Fingers | None:
         settings, gripper = self._robot.descriptor.gripper, self._robot.gripper
         open_m = parameters.number(
@@ -76,11 +59,8 @@ class ManipulatorState(Node):
         return Fingers(gripper, open_m, closed_m) if gripper else None
 
 
-def joint_count(parameters: Parameters, robot: Robot) -> int:
-    """Declare ``joint_number``, which must be the number of joints of the robot."""
-    count = len(robot.joint_names)
-    number = parameters.integer("joint_number", 0, (0, 128), "number of joints")
-    if number != count or count == 0:
-        what = f"{number} joints, but {robot.descriptor.name} has {count}"
-        raise parameters.error("joint_number", what)
-    return number
+def declare_joint_number(parameters: Parameters, robot: Robot) -> None:
+    """Declare ``joint_number``. Raises DescriptorError: it is another, or there is no joint."""
+    if not robot.joint_names:
+        raise parameters.error("joint_number", f"{robot.descriptor.name} has no joints")
+    parameters.same_as("joints", "joint_number", len(robot.joint_names), "number of joints")

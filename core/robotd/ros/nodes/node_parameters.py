@@ -18,6 +18,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
+from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError
 
 _KINDS = {
@@ -33,14 +34,15 @@ class Parameters:
 
     Args:
         node: the owner, not yet served by an executor.
-        defaults: the section ``ros_parameters.<node>`` of the descriptor, empty if it has none.
+        descriptor: its section ``ros_parameters.<node>`` holds the defaults that differ.
 
     Every method raises DescriptorError for a value of the wrong type or outside its limits.
     """
 
-    def __init__(self, node: Node, defaults: Mapping[str, Any]) -> None:
+    def __init__(self, node: Node, descriptor: RobotDescriptor) -> None:
         self._node = node
-        self._defaults = defaults
+        self._descriptor = descriptor
+        self._defaults = descriptor.ros_parameters.get(node.get_name(), {})
         self._declared: set[str] = set()
 
     def integer(self, name: str, default: int, limits: tuple[int, int], meaning: str) -> int:
@@ -102,6 +104,16 @@ class Parameters:
             raise self.error(name, f"file {path!r} does not exist")
         return Path(path) if path else None
 
+    def same_as(self, key: str, name: str, value: int | Sequence[str], meaning: str) -> None:
+        """Declare a parameter that repeats ``key`` of the descriptor, whose value is ``value``.
+
+        Raises DescriptorError, with both places, when the parameter says anything else.
+        """
+        known = value if isinstance(value, int) else list(value)
+        given = self._declare(name, known, f"{meaning}, as the robot's descriptor has it")
+        if given != known:
+            raise self.error(name, f"{given} contradicts {key}: {known} ({self._origin(key)})")
+
     def done(self) -> None:
         """Refuse what the descriptor gives and the node does not have."""
         for name in self._defaults:
@@ -111,8 +123,26 @@ class Parameters:
                 raise self.error(name, f"the node has no such parameter{hint}")
 
     def error(self, name: str, what: str) -> DescriptorError:
-        """An error about parameter ``name``, ready to be raised."""
-        return DescriptorError(what, key=f"{self._node.get_name()}.{name}")
+        """An error about parameter ``name``, ready to be raised; with file and line if it has."""
+        key = f"{self._node.get_name()}.{name}"
+        tree = self._descriptor.tree
+        if tree is None or name not in self._defaults or name in self._overrides:
+            return DescriptorError(what, key=key)
+        value = tree.find(["ros_parameters", self._node.get_name(), name])
+        return DescriptorError(what, path=value.path, line=value.line, key=key)
+
+    @property
+    def _overrides(self) -> Mapping[str, Any]:
+        """Parameters of the command line and of parameter files, by name."""
+        return self._node._parameter_overrides  # noqa: SLF001
+
+    def _origin(self, key: str) -> str:
+        """The file and line of a key of the descriptor."""
+        tree = self._descriptor.tree
+        if tree is None:
+            return "the robot's descriptor"
+        node = tree.find(key.split("."))
+        return str(node.path) if node.line is None else f"{node.path}:{node.line}"
 
     def _declare(self, name: str, reference: Any, meaning: str) -> Any:
         default = self._defaults.get(name, reference)
@@ -125,7 +155,7 @@ class Parameters:
         try:
             return self._node.declare_parameter(name, default, descriptor).value
         except ParameterException as error:
-            override = self._node._parameter_overrides[name].value  # noqa: SLF001
+            override = self._overrides[name].value
             raise self._wrong_type(name, override, reference) from error
 
     def _wrong_type(self, name: str, value: Any, reference: Any) -> DescriptorError:
