@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from robotd.cli.catalogue import Catalogue, check_backend_overrides, load_catalogue, unknown_name
-from robotd.cli.exit_codes import RosUnavailable
+from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
 from robotd.cli.preflight import import_ros, process_age_s
 from robotd.cli.report import reserve_report, write_report
 from robotd.cli.summary import SIMULATED, start_summary
@@ -71,10 +71,7 @@ def run_robot(options: RunOptions) -> int:
     robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
-    code = _serve(robot, backend.origin, nodes, catalogue.nodes, options.ros_args, faults)
-    if options.report:
-        write_report(options.report, robot.control_loop)
-    return code
+    return _serve(robot, backend.origin, nodes, catalogue.nodes, options, faults)
 
 
 def _serve(
@@ -82,7 +79,7 @@ def _serve(
     origin: PluginOrigin,
     nodes: Sequence[str],
     registry: NodeRegistry,
-    ros_args: Sequence[str],
+    options: RunOptions,
     faults: FaultSchedule | None,
 ) -> int:
     server = import_ros("serve")
@@ -98,14 +95,22 @@ def _serve(
             faults.begin()
         _say(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
 
+    def ended(error: Exception | None) -> ExitCode:
+        if error is not None:
+            return exit_code(error)
+        if options.report:
+            write_report(options.report, robot.control_loop)
+        return ExitCode.OK
+
     try:
         code = server.serve(
             robot,
             nodes,
-            ros_args,
+            options.ros_args,
             registry=registry,
             served=served,
             ready=ready,
+            ended=ended,
             faults=faults,
         )
     except OperationError as error:

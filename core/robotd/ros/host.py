@@ -51,9 +51,10 @@ class RosHost:
         domain_id: ROS domain; None takes ``ROS_DOMAIN_ID``.
         workers: threads for ordinary calls; urgent ones have two of their own.
         make_executor: called with ``context=``; any rclpy executor.
-        close_timeout_s: how long ``close`` waits for calls that are still running.
+        close_timeout_s: how long ``close`` waits for what is still running.
 
     Attributes:
+        args: as given.
         give_way: called in the executor thread before it handles what has come; may wait a moment.
         on_hang: called when a handler there does not return, with the reason; once for each.
     """
@@ -73,7 +74,7 @@ class RosHost:
         self._watchdog = Watchdog(
             self._age_ns, self._place, _HANG_S, self._hang, who="ROS", piece="a handler"
         )
-        self._args = list(args)
+        self.args = list(args)
         self._domain_id = domain_id
         self._make_executor = make_executor
         self._close_timeout_s = close_timeout_s
@@ -100,7 +101,7 @@ class RosHost:
             # Always our own context: signal handlers stay with the process, and a test may
             # have two hosts.
             rclpy.init(
-                args=self._args,
+                args=self.args,
                 context=self._context,
                 domain_id=self._domain_id,
                 signal_handler_options=SignalHandlerOptions.NO,
@@ -153,13 +154,14 @@ class RosHost:
     def close(self) -> None:
         """End everything, in the order that loses nothing; a second call does nothing.
 
-        Callbacks end first, then running calls get ``close_timeout_s`` to answer, then the nodes
-        go, then the executor, then rclpy; none of them where a handler does not return within
-        ``close_timeout_s``. Any thread but the executor's and the workers'.
+        Callbacks end first, then running calls may answer, both within ``close_timeout_s``, then
+        the nodes go, then the executor, then rclpy; none of them where a handler does not return.
+        Any thread but the executor's and the workers'.
         """
         running, self._running = self._running, None
         if running is None:
             return
+        deadline = time.monotonic() + self._close_timeout_s
         self._watchdog.stop()
         self._stopping.set()
         running.executor.create_task(_nothing, None)
@@ -168,7 +170,7 @@ class RosHost:
             log.error("a ROS handler hangs and was left to itself", place=place_of(running.thread))
             return
         for pool in (self._urgent, self._workers):
-            pool.close(self._close_timeout_s)
+            pool.close(max(0.0, deadline - time.monotonic()))
         for node in self._nodes:
             for waitable in [*node.waitables]:
                 # rclpy leaves them to the garbage collector, and with them everything else.

@@ -58,6 +58,8 @@ BUILT_IN = {
 }
 
 
+SIMULATION_NODE = "robotd_sim"  # made beside the others on a simulation that can fail
+
 # The ones whose presence switches the servos on.
 ENABLING_NODES = frozenset({"manipulator_state", "diff_drive_controller"})
 

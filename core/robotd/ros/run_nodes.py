@@ -13,7 +13,15 @@ from robotd.robot import Robot
 from robotd.ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd.ros.host import RosHost
 from robotd.ros.middleware.discovery import announce_often
-from robotd.ros.registry import ENABLING_NODES, check_names, make_node
+from robotd.ros.parameter_overrides import check_overrides
+from robotd.ros.registry import (
+    BUILT_IN,
+    ENABLING_NODES,
+    SIMULATION_NODE,
+    check_names,
+    known_nodes,
+    make_node,
+)
 
 if TYPE_CHECKING:
     from robotd.scenario import FaultSchedule
@@ -44,6 +52,8 @@ def run_nodes(
         from robotd.ros.nodes.simulation_node import SimulationNode
 
         nodes.append(SimulationNode(robot, host, nodes, faults))
+    own = {*BUILT_IN, SIMULATION_NODE}
+    check_overrides(nodes, own, {*known_nodes(registry), SIMULATION_NODE}, host.args)
     for node in nodes:
         host.add_node(node)
     with Diagnostics(nodes[0], robot) if nodes else nullcontext():

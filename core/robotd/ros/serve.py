@@ -22,9 +22,10 @@ from robotd.robot import Robot
 from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
 from robotd.ros.middleware.discovery import announce_often
+from robotd.ros.middleware.exit_timer import exit_after
+from robotd.ros.middleware.shared_memory import remove_leftovers
 from robotd.ros.registry import ENABLING_NODES, check_names
 from robotd.ros.run_nodes import run_nodes
-from robotd.ros.shared_memory import remove_leftovers
 
 if TYPE_CHECKING:
     from robotd.scenario import FaultSchedule
@@ -35,6 +36,7 @@ MANUAL_NODE = "wmx_engine_node"  # with it, a failed start can be repeated by ha
 START_ABORT_S = 10.0  # the longest that a start-up under way is waited for
 EMERGENCY_S = 0.5  # for the quick stop of a second signal
 EXIT_INTERRUPTED = 130
+TEAR_DOWN_S = 8  # of nodes, executor and middleware; ``RosHost.close`` waits up to 5 s for calls
 M_ARENA_MAX, ARENAS = -8, 2  # malloc.h
 # A supervisor that signals the process and then its group means one signal, not two.
 REPEAT_S = 0.3
@@ -73,6 +75,7 @@ def serve(
     registry: NodeRegistry | None = None,
     served: Callable[[ServeReport], None] | None = None,
     ready: Callable[[], None] | None = None,
+    ended: Callable[[Exception | None], int] | None = None,
     faults: FaultSchedule | None = None,
 ) -> int:
     """Make the nodes, start the robot, and serve until SIGINT or SIGTERM. Main thread only.
@@ -87,6 +90,9 @@ def serve(
         registry: nodes that plugins bring.
         served: called when the nodes answer, before the robot starts.
         ready: called when the robot has started.
+        ended: called when the robot is shut down, with the error that ``serve`` is going to raise;
+            returns the exit status of the process. From then on the process ends after
+            ``TEAR_DOWN_S`` with that status even where the middleware hangs. None: no limit.
         faults: of a simulation; with it there is the node ``robotd_sim``.
 
     Returns:
@@ -110,7 +116,7 @@ def serve(
     ):
         if served is not None:
             served(report_of(nodes))
-        _run(robot, node_names, events, ready)
+        _run(robot, node_names, events, ready, ended)
     return 0
 
 
@@ -119,6 +125,7 @@ def _run(
     node_names: Sequence[str],
     events: SimpleQueue[Event],
     ready: Callable[[], None] | None,
+    ended: Callable[[Exception | None], int] | None,
 ) -> None:
     """From start to shut-down of the robot, each in a thread, so that signals are heard."""
     start = _in_thread("robotd-start", lambda: _start(robot, node_names, events))
@@ -141,8 +148,11 @@ def _run(
             log.info("stopping", signal=signal.Signals(event.number).name)
     finally:
         _in_thread("robotd-stop", lambda: _stop(robot, start, events))
-        ended = _wait_until_ended(robot, events)
-    if error := failure or ended.error:
+        shut_down = _wait_until_ended(robot, events)
+        error = failure or shut_down.error
+        if ended is not None:
+            exit_after(TEAR_DOWN_S, ended(error))
+    if error is not None:
         raise error
 
 

@@ -12,7 +12,8 @@ from std_srvs.srv import SetBool
 
 from robotd.errors import OperationError
 from robotd.ros.client.ros_client import RosClient
-from robotd.ros.nodes.simulation_node import NAME, STEP_TIMEOUT_S
+from robotd.ros.nodes.simulation_node import STEP_TIMEOUT_S
+from robotd.ros.registry import SIMULATION_NODE
 
 
 def inject(ros_args: Sequence[str], timeout_s: float, fields: Mapping[str, Any]) -> str:
@@ -37,14 +38,14 @@ def step(ros_args: Sequence[str], timeout_s: float, periods: int) -> str:
 def pause(ros_args: Sequence[str], timeout_s: float, *, paused: bool) -> str:
     """Let time stand or pass. Raises as ``inject`` does."""
     with _client(ros_args, timeout_s) as client:
-        return str(client.call(SetBool, f"{NAME}/pause", data=paused).message)
+        return str(client.call(SetBool, f"{SIMULATION_NODE}/pause", data=paused).message)
 
 
 def _ask(ros_args: Sequence[str], timeout_s: float, service: str, fields: Mapping[str, Any]) -> str:
     parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in fields.items()]
     with _client(ros_args, timeout_s) as client:
         answer = client.call(
-            SetParametersAtomically, f"{NAME}/{service}", parameters=parameters
+            SetParametersAtomically, f"{SIMULATION_NODE}/{service}", parameters=parameters
         ).result
     if not answer.successful:
         raise OperationError(answer.reason)

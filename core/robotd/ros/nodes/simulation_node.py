@@ -23,10 +23,10 @@ from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware.cdr import HotPublisher
+from robotd.ros.registry import SIMULATION_NODE
 from robotd.ros.services import add_service
 from robotd.scenario import FaultSchedule, nested, validate_fault
 
-NAME = "robotd_sim"
 CLOCK_RATE_HZ = 500.0  # in simulated time
 MAX_STEPS = 1_000_000
 STEP_TIMEOUT_S = 60.0  # real time
@@ -45,7 +45,7 @@ class SimulationNode(Node):
     def __init__(
         self, robot: Robot, host: RosHost, nodes: Sequence[Node], faults: FaultSchedule
     ) -> None:
-        super().__init__(NAME, context=host.context)
+        super().__init__(SIMULATION_NODE, context=host.context)
         self._faults = faults
         add_service(self, host, SetParametersAtomically, "~/inject", _refusable(self._inject))
         if isinstance(robot.clock, PacedClock):

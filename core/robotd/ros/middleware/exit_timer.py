@@ -1,0 +1,78 @@
+"""End of the process by a native timer, whatever the middleware does meanwhile.
+
+``destroy_participant`` of Fast DDS was seen to spin for ever inside rclpy, which holds the
+interpreter for the call (2 of 600 stops): no Python code runs any more, no signal handler and no
+other thread, and only SIGKILL ends the process. A POSIX timer whose notification is ``_exit`` of
+the C library needs no interpreter, and keeps the exit status.
+
+Measured with the interpreter held by ``sleep(3600)`` in a destructor: without the timer the process
+ignores SIGINT and SIGTERM, with it the process ends after the limit with its status
+(``tests/ros/test_exit_timer.py`` shows both).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import time
+from contextlib import suppress
+
+_SIGEV_THREAD = 2  # signal.h
+
+
+class _Value(ctypes.Union):
+    """``union sigval``."""
+
+    _fields_ = (("number", ctypes.c_int), ("pointer", ctypes.c_void_p))
+
+
+class _Event(ctypes.Structure):
+    """``struct sigevent`` of Linux, with the members of SIGEV_THREAD."""
+
+    _fields_ = (
+        ("value", _Value),
+        ("signal", ctypes.c_int),
+        ("notify", ctypes.c_int),
+        ("function", ctypes.c_void_p),
+        ("attributes", ctypes.c_void_p),
+        ("padding", ctypes.c_byte * 32),
+    )
+
+
+class _Time(ctypes.Structure):
+    """``struct timespec``."""
+
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+class _Setting(ctypes.Structure):
+    """``struct itimerspec``."""
+
+    _fields_ = (("interval", _Time), ("value", _Time))
+
+
+def exit_after(seconds: int, status: int) -> bool:
+    """End the process with ``status`` in ``seconds``, unless it has ended by itself. Any thread.
+
+    Standard output and error are flushed now: nothing that is written later survives the timer.
+
+    Returns:
+        False where the C library has no such timer; then nothing limits the end of the process.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    libc = ctypes.CDLL(None)
+    if not hasattr(libc, "timer_create"):
+        return False
+    event = _Event(
+        value=_Value(number=status),
+        notify=_SIGEV_THREAD,
+        function=ctypes.cast(libc._exit, ctypes.c_void_p),  # noqa: SLF001 - the C function
+    )
+    timer = ctypes.c_void_p()
+    clock = ctypes.c_int(time.CLOCK_MONOTONIC)
+    if libc.timer_create(clock, ctypes.byref(event), ctypes.byref(timer)):
+        return False
+    setting = _Setting(value=_Time(seconds=seconds))
+    return libc.timer_settime(timer, 0, ctypes.byref(setting), None) == 0

@@ -1,0 +1,136 @@
+"""Check of the ROS parameters given at start: unknown names are errors, not silence.
+
+rclpy ignores an override that no node declares, so that a misspelled limit would have no effect.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rclpy.node import Node
+
+from robotd.descriptor.problems import did_you_mean
+from robotd.errors import DescriptorError
+from robotd.log import get_logger
+
+log = get_logger("ros")
+
+_ROS_PREFIX = "qos_overrides."  # declared by rclpy only where a QoS can be overridden
+_SECTION = "ros__parameters"
+_PARAMETER_OPTIONS = ("-p", "--param")
+_FILE_OPTION = "--params-file"
+
+# Nodes of wmx_ros2_package 0.1.0 and later → the node that has their parameters here.
+RENAMED = {
+    "joint_state_broadcaster": "manipulator_state",
+    "joint_trajectory_controller": "follow_joint_trajectory_server",
+    "gripper_controller": "follow_joint_trajectory_server",
+}
+
+
+def check_overrides(
+    nodes: Sequence[Node], own: Collection[str], known: Collection[str], ros_args: Sequence[str]
+) -> None:
+    """Refuse parameters that no node has; warn of sections that match no node.
+
+    A name given for all nodes (``-p NAME:=VALUE``, ``/**`` in a file) need be known to one of
+    them. A plugin's node may declare parameters later: there an unknown name is a warning.
+
+    Args:
+        nodes: all nodes of the process, their parameters declared.
+        own: names of the nodes that robotd itself brings.
+        known: names of all nodes that robotd or a plugin could serve.
+        ros_args: command line from ``--ros-args`` on.
+
+    Raises:
+        DescriptorError: the unknown parameters, or an unknown node of ``-p NODE:NAME:=VALUE``.
+    """
+    accepted = {name for node in nodes for name in _overrides(node) if node.has_parameter(name)}
+    errors = []
+    for node in nodes:
+        for name in _overrides(node):
+            if name in accepted or name.startswith(_ROS_PREFIX):
+                continue
+            hint = did_you_mean(name, [*node._parameters])  # noqa: SLF001 - rclpy shows no list
+            error = DescriptorError(
+                f"the node has no such parameter{hint}", key=f"{node.get_name()}.{name}"
+            )
+            if node.get_name() in own:
+                errors.append(error)
+            else:
+                log.warning("parameter not declared at start", reason=str(error))
+    errors += _check_sections(nodes, known, ros_args)
+    if errors:
+        raise DescriptorError.join(errors)
+
+
+def _overrides(node: Node) -> Mapping[str, Any]:
+    """Parameters that the command line gives this node; rclpy has no public access to them."""
+    overrides: Mapping[str, Any] = node._parameter_overrides  # noqa: SLF001
+    return overrides
+
+
+def _check_sections(
+    nodes: Sequence[Node], known: Collection[str], ros_args: Sequence[str]
+) -> Iterator[DescriptorError]:
+    """Compare the node names of parameters with the nodes; yields errors, logs warnings."""
+    full_names = [node.get_fully_qualified_name() for node in nodes]
+    for source, section in _sections(ros_args):
+        if any(_pattern(section).fullmatch(name) for name in full_names):
+            continue
+        name = section.rpartition("/")[2]
+        same = [full_name for full_name in full_names if full_name.rpartition("/")[2] == name]
+        if same:
+            reason = f"the node is {same[0]}; /**/{name} matches it in any namespace"
+        elif name in known:
+            continue  # of a deployment that starts it elsewhere
+        elif name in RENAMED:
+            reason = f"the node is called {RENAMED[name]} here (docs/how-to/migrate.md)"
+        elif hint := did_you_mean(name, [*known]):
+            reason = f"no node of robotd has this name{hint}"
+            if source in _PARAMETER_OPTIONS:
+                yield DescriptorError(reason, key=section)
+                continue
+        else:
+            continue  # of another program
+        log.warning("parameters have no effect", node=section, source=source, reason=reason)
+
+
+def _sections(ros_args: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Option or file of each section of parameters, and the node name or pattern it is for."""
+    for option, value in itertools.pairwise(ros_args):
+        if option in _PARAMETER_OPTIONS:
+            node, colon, _ = value.partition(":=")[0].rpartition(":")
+            if colon:
+                yield option, node if node.startswith("/") else f"/{node}"
+        elif option == _FILE_OPTION:
+            for section in dict.fromkeys(_sections_of(_content(Path(value)))):
+                yield value, section
+
+
+def _content(path: Path) -> Any:
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError):
+        return None  # rclpy has said what is wrong with it
+
+
+def _sections_of(content: Any, prefix: str = "") -> Iterable[str]:
+    """Full names or patterns of the nodes in a parameter file; namespaces may be nested."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            if key == _SECTION:
+                yield prefix
+            else:
+                yield from _sections_of(value, f"{prefix}/{str(key).strip('/')}")
+
+
+def _pattern(section: str) -> re.Pattern[str]:
+    """The regular expression of a node name: ``*`` is one part of it, ``**`` any number."""
+    parts = {"*": "/[^/]+", "**": "(/[^/]+)*"}
+    return re.compile("".join(parts.get(p) or f"/{re.escape(p)}" for p in section[1:].split("/")))

@@ -1,0 +1,80 @@
+"""The end of the process does not depend on the middleware, and its exit status is kept."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from tests.ros.robot_process import RobotProcess
+
+pytestmark = pytest.mark.ros
+
+# Like Fast DDS's destroy_participant that spins: PyDLL keeps the interpreter during the call.
+HANG = """\
+import ctypes, sys
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "robotd.ros.serve":
+            sys.meta_path.remove(self)
+            from rclpy.node import Node
+            Node.destroy_node = lambda node: ctypes.PyDLL(None).sleep(3600)
+            {without}
+        return None
+
+sys.meta_path.insert(0, Finder())
+"""
+WITHOUT_TIMER = (
+    "import robotd.ros.middleware.exit_timer as timer; timer.exit_after = lambda *_: True"
+)
+FAILING = """\
+schema: 1
+name: failing
+axes: 1
+engine: {open_tries: 1}
+nodes: [wmx_io_node]
+backends: {sim: {fail_open: 1000}}
+"""
+
+
+@pytest.fixture
+def hang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A ``sitecustomize`` that makes the destruction of every node hang in native code."""
+    file = tmp_path / "sitecustomize.py"
+    file.write_text(HANG.format(without="pass"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    return file
+
+
+@pytest.mark.usefixtures("hang")
+def test_a_middleware_that_hangs_does_not_keep_the_process(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    with RobotProcess("--report", str(report)) as process:
+        process.wait_ready()
+        assert process.end(signal.SIGTERM) == 0
+        assert "device closed" in process.output
+        assert report.stat().st_size > 0
+
+
+@pytest.mark.usefixtures("hang")
+def test_the_status_of_a_failed_start_is_kept(tmp_path: Path) -> None:
+    robot = tmp_path / "failing" / "robot.yaml"
+    robot.parent.mkdir()
+    robot.write_text(FAILING)
+    with RobotProcess(robot=str(robot), backend="sim") as process:
+        assert process.exit_status() == 5
+
+
+def test_without_the_timer_only_sigkill_ends_the_process(hang: Path) -> None:
+    hang.write_text(HANG.format(without=WITHOUT_TIMER))
+    with RobotProcess() as process:
+        process.wait_ready()
+        process.process.send_signal(signal.SIGTERM)
+        process.wait_output("device closed")
+        for _ in range(2):
+            process.process.send_signal(signal.SIGTERM)
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.process.wait(6.0)
+        process.process.kill()
