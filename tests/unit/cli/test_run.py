@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from click.testing import Result
 
-from robotd.cli.exit_codes import ExitCode
+from robotd.cli.exit_codes import ExitCode, exit_code
 from robotd.cli.preflight import process_age_s, realtime_permitted
 from robotd.clock.simulated import PacedClock
 from robotd.errors import ConnectError, OperationError
@@ -55,6 +55,7 @@ class Server:
         registry: Any,
         served: Any,
         ready: Any,
+        ended: Any,
         faults: Any,
     ) -> int:
         self.robot, self.nodes, self.ros_args = robot, tuple(nodes), list(ros_args)
@@ -63,10 +64,11 @@ class Server:
             raise self.before
         served(REPORT)
         if self.after:
+            assert ended(self.after) == exit_code(self.after)
             raise self.after
         ready()
         self.run()
-        return 0
+        return int(ended(None))
 
     def run(self) -> None:
         """What happens between ready and the stop."""
