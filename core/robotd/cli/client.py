@@ -65,7 +65,7 @@ def move(
     Raises Refused, with the robot's reason, when the motion was refused or aborted.
     """
     radians = {joint: math.radians(value) if deg else value for joint, value in targets.items()}
-    with _robot(ros_args, timeout_s) as client:
+    with _robot(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         arm = motion.find_arm(client, action)
         progress = Progress(tuple(targets), time_s, degrees=deg)
@@ -81,9 +81,11 @@ def move(
 
 
 @contextmanager
-def _robot(ros_args: Sequence[str], timeout_s: float) -> Iterator[RosClient]:
+def _robot(
+    ros_args: Sequence[str], timeout_s: float, *, searches: bool = False
+) -> Iterator[RosClient]:
     """A client. Raises RosUnavailable without ROS, Refused for what the robot refuses."""
-    client = import_ros("client.ros_client").RosClient(ros_args, timeout_s)
+    client = import_ros("client.ros_client").RosClient(ros_args, timeout_s, searches=searches)
     try:
         client.start()
     except OperationError as error:

@@ -19,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
+from robotd.ros.middleware.discovery import discovery_server, see_whole_graph
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -33,6 +34,7 @@ class RosClient:
     Args:
         ros_args: command line from ``--ros-args`` on.
         timeout_s: how long an answer may take, discovery included; seconds.
+        searches: the client looks for names that it does not know beforehand.
 
     Attributes:
         node: for publishers, subscriptions and action clients; driven by ``wait`` only.
@@ -40,13 +42,18 @@ class RosClient:
 
     node: Node
 
-    def __init__(self, ros_args: Sequence[str] = (), timeout_s: float = 5.0) -> None:
+    def __init__(
+        self, ros_args: Sequence[str] = (), timeout_s: float = 5.0, *, searches: bool = False
+    ) -> None:
         self.timeout_s = timeout_s
+        self._searches = searches
         self._ros_args = list(ros_args)
         self._context = Context()
 
     def start(self) -> None:
         """Raises OperationError: the ROS arguments are wrong or the middleware does not start."""
+        if self._searches:
+            see_whole_graph()
         try:
             rclpy.init(
                 args=self._ros_args,
@@ -145,4 +152,5 @@ class Listener:
 
 def _hint() -> str:
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    return f": is robotd running, with ROS_DOMAIN_ID={domain} and the same --ros-args?"
+    server = f", ROS_DISCOVERY_SERVER={servers}" if (servers := discovery_server()) else ""
+    return f": is robotd running, with ROS_DOMAIN_ID={domain}{server} and the same --ros-args?"
