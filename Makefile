@@ -75,6 +75,10 @@ lint: $(ready) ## check style, format, layers and types
 	$(say) 'mypy'
 	.venv/bin/mypy
 
+docs: $(ready) $(stamps)/docs ## build the documentation site into build/docs
+	@$(say) 'sphinx: build/docs/index.html'
+	.venv/bin/python -m sphinx -q -E -W --keep-going docs build/docs $(ARGS)
+
 bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	@$(say) 'tools.bench $(ARGS)'
 	.venv/bin/python -m tools.bench $(ARGS)
@@ -127,4 +131,10 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
-.PHONY: help run test backends lint bench soak kill venv clean
+# Sphinx is needed by `make docs` only.
+$(stamps)/docs: $(ready)
+	@$(say) 'installing robotd[docs] into .venv'
+	$(pip) install --editable '.[docs]'
+	touch $@
+
+.PHONY: help run test backends lint docs bench soak kill venv clean

@@ -42,12 +42,21 @@ class Robot:
     """A robot on a backend. Made by ``build_robot``; nothing is opened before ``start``.
 
     Attributes:
-        descriptor, backend: what it is and what drives it.
-        engine, axes, io, fieldbus: the device, part by part.
-        gripper: None where the robot has none.
-        cycle, image: the cycle and the live process image (written by the cycle only).
+        descriptor: the robot's description, with the variant applied.
+        backend: name and capabilities of the backend.
+        clock: source of time of the control loop.
+        joint_names: names of the joints, in the order of trajectories.
+        joint_axes: axis of each joint.
+        image: live process image, written by the control loop only.
+        engine: connection to the device.
+        axes: servo, moves, jog and stop of single axes.
+        io: digital inputs and outputs.
+        fieldbus: fieldbus diagnostics.
+        gripper: None if the robot has none.
+        cycle: the control loop.
         follower: executes trajectories of ``joint_names``.
-        base: moves the wheels; None where the robot has none.
+        base: moves the wheels; None if the robot has none.
+        wheel_axes: axes of the wheels; empty if the robot has none.
     """
 
     def __init__(self, descriptor: RobotDescriptor, backend: Backend, clock: Clock) -> None:

@@ -16,7 +16,6 @@ from robotd.descriptor import (
     read_wmx_parameters,
     write_wmx_parameters,
 )
-from robotd.descriptor.reference import BEGIN, END, key_tables
 
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
 MANIPULATOR_STATE = {
@@ -47,12 +46,6 @@ def test_every_robot_is_sound_and_named_as_its_folder() -> None:
         assert robot.summary
         for variant in robot.variants or (None,):
             assert load_robot_descriptor(robot.name, variant).name == robot.name
-
-
-def test_the_key_tables_of_the_readme_are_those_of_the_models() -> None:
-    readme = (default_search_path()[0] / "README.md").read_text()
-    tables = readme.partition(BEGIN)[2].partition(END)[0].strip()
-    assert tables == key_tables(), "run: python -m robotd.descriptor.reference"
 
 
 def test_every_robot_is_in_the_readme() -> None:

@@ -24,16 +24,24 @@ class Rejected(RobotdError):
 
 
 class ExitCode(IntEnum):
-    """The exit statuses of ``robotd``; docs/reference/cli.md explains them."""
+    """Exit status of ``robotd``."""
 
     OK = 0
+    """Stopped in order, or no problem was found."""
     FAILED = 1
+    """The robot rejected or aborted the request, or is not ready; or an internal error."""
     USAGE = 2
+    """The command line is wrong."""
     CONFIGURATION = 3
+    """The descriptor, a parameter file or a ROS parameter is wrong."""
     PLUGIN = 4
+    """The backend or another plugin is missing or broken."""
     DEVICE = 5
+    """The device could not be opened or failed, or no running robot answered."""
     ROS = 6
+    """ROS 2 is not installed or does not start."""
     INTERRUPTED = 130
+    """Ended by a second signal, or by Ctrl-C before anything was running."""
 
 
 _PHASES: tuple[tuple[type[RobotdError], ExitCode], ...] = (

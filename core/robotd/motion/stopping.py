@@ -69,8 +69,8 @@ class StopPlan:
 def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> StopPlan:
     """The quickest stop along the path that keeps every joint within its acceleration limit.
 
-    In each short cell of the path the rate falls as fast as |q''_j|·r² + |q'_j|·D ≤ limit
-    allows for the joints that the plan is braking already, and |q'_j|·D ≤ limit for those
+    In each short cell of the path the rate falls as fast as ``|q''_j|·r² + |q'_j|·D ≤ limit``
+    allows for the joints that the plan is braking already, and ``|q'_j|·D ≤ limit`` for those
     that it is speeding up (there the two terms cancel). Where a plan brakes beyond a limit by
     itself a fifth of the limit is added, so that every stop ends. The end of the trajectory,
     which is a standstill, ends the stop at the latest.

@@ -1,0 +1,46 @@
+"""Names, options and limits that users rely on."""
+
+from __future__ import annotations
+
+import click
+import pytest
+
+import robotd
+from robotd.cli.commands import RATE_HZ, main
+from robotd.descriptor import CycleSettings
+from robotd.log import LEVELS, LogFormat
+
+PUBLIC = {
+    "ConnectError",
+    "DescriptorError",
+    "DeviceTimeout",
+    "InvalidArgument",
+    "NotReady",
+    "OperationError",
+    "PluginError",
+    "Robot",
+    "RobotdError",
+    "Unsupported",
+    "build_robot",
+    "open_robot",
+}
+
+
+def test_options_offer_what_the_code_accepts() -> None:
+    choices = {
+        option.name: list(option.type.choices)
+        for option in main.commands["run"].params
+        if isinstance(option.type, click.Choice)
+    }
+    assert choices == {"log_level": list(LEVELS), "log_format": list(LogFormat)}
+    limits = CycleSettings.model_json_schema()["properties"]["rate_hz"]
+    assert (RATE_HZ.min, RATE_HZ.max) == (limits["minimum"], limits["maximum"])
+
+
+def test_the_public_names_are_pinned() -> None:
+    assert set(robotd.__all__) == PUBLIC
+    assert sorted(robotd.__all__) == robotd.__all__
+    for name in PUBLIC:
+        assert getattr(robotd, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        robotd.nonsense  # noqa: B018
