@@ -1,4 +1,4 @@
-"""The one source of time below ROS: a monotonic clock in nanoseconds, and a fake of it.
+"""Monotonic clocks in nanoseconds, the only source of time below ROS.
 
 ROS time appears in ``robotd.ros`` only. Everything else takes a ``Clock`` so that tests can
 run without waiting.
@@ -38,9 +38,9 @@ class MonotonicClock:
 
 
 class FakeClock:
-    """A clock that advances only when told to, or when somebody sleeps on it.
+    """Clock for tests: it advances by ``advance``, or when a thread sleeps on it.
 
-    Any thread may call; sleeping advances time for everybody, so use it from one thread
+    Any thread may call. Sleeping advances the time of all threads, so use it from one thread
     where the order of events matters.
     """
 
@@ -64,7 +64,7 @@ class FakeClock:
 def wait_until(
     condition: Callable[[], bool], timeout_s: float, clock: Clock, poll_s: float = 0.002
 ) -> bool:
-    """Poll ``condition`` every ``poll_s`` until it holds; False when ``timeout_s`` is over.
+    """Poll ``condition`` every ``poll_s`` until it is true; False after ``timeout_s``.
 
     The condition is evaluated at least once, and once more after the time is over.
     """

@@ -1,6 +1,6 @@
-"""Simulated time: it passes in whole periods of the cycle, and only there.
+"""Simulated clocks: time advances in whole periods of the control loop.
 
-Between two periods it stands still. So however slow the computer is, no deadline is missed, and
+Between two periods it does not advance. However slow the computer is, no deadline is missed, and
 the same commands at the same simulated times lead to the same motion, bit for bit, at any speed.
 """
 
@@ -15,13 +15,13 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from robotd.clock import NANOSECONDS, Clock
 
 START_NS = NANOSECONDS  # a time of 0 would mean "never"
-_BEHIND_S = 0.1  # real time that a slow computer may make up for; the rest is dropped
+_MAX_CATCH_UP_S = 0.1  # real time that a slow computer may catch up; more is dropped
 
 Period = Callable[[int], int]
 
 
 class Pace:
-    """Holds simulated time to ``scale`` simulated seconds per second; infinity: no holding.
+    """Paces simulated time at ``scale`` simulated seconds per second; infinity: unpaced.
 
     For one thread. A computer that is too slow falls behind without a burst afterwards.
     """
@@ -33,25 +33,25 @@ class Pace:
         self._began = False
 
     def wait_for(self, time_ns: int) -> None:
-        """Block until the simulated time ``time_ns`` may come."""
+        """Block until the simulated time ``time_ns`` is due in real time."""
         if math.isinf(self.scale):
             return
         now_s = time.monotonic()
         due_s = self._origin_s + (time_ns - self._origin_ns) / NANOSECONDS / self.scale
-        if not self._began or now_s - due_s > _BEHIND_S:
+        if not self._began or now_s - due_s > _MAX_CATCH_UP_S:
             self._began, self._origin_s, self._origin_ns = True, now_s, time_ns
         elif due_s > now_s:
             time.sleep(due_s - now_s)
 
 
 class SteppedClock:
-    """A clock on which waiting runs the cycle: a whole robot in one thread, without ROS.
+    """Clock for a whole robot in one thread, without ROS: sleeping runs control periods.
 
-    Whoever sleeps on it lives through the periods meanwhile. For one thread at a time, and for
-    devices that have no other time. The cycle attaches itself when it starts.
+    Sleeping on it runs the control periods that fall into the interval. For one thread at a time,
+    and for devices that use no other clock. The control loop attaches itself when it starts.
 
     Args:
-        scale: simulated seconds per second of real time; infinity: as fast as it goes.
+        scale: simulated seconds per second of real time; infinity: as fast as possible.
     """
 
     def __init__(self, scale: float = math.inf) -> None:
@@ -65,18 +65,18 @@ class SteppedClock:
         return self._now_ns
 
     def attach(self, period_ns: int, period: Period) -> None:
-        """Let ``period(due_ns)`` be called at every due time, ``period_ns`` from now at first.
+        """Call ``period(due_ns)`` at every due time, first ``period_ns`` from now.
 
-        It answers when the next one is due.
+        It returns when the next one is due.
         """
         self._due_ns, self._period = self._now_ns + period_ns, period
 
     def detach(self) -> None:
-        """Time passes without periods again."""
+        """Stop running periods; time still advances."""
         self._period = None
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
-        """Within a period: the period takes that long, and others are missed."""
+        """Advance to ``deadline_ns``; within a period this makes the period overrun."""
         if not self._stepping:
             self._run(deadline_ns)
         self._now_ns = max(self._now_ns, deadline_ns)
@@ -93,16 +93,16 @@ class SteppedClock:
 
 
 class PacedClock:
-    """Simulated time for a robot whose cycle has a thread, as when it is served on ROS.
+    """Simulated time for a robot with a control thread, as when it runs with ROS nodes.
 
-    The cycle takes ``leader``: its sleeping makes time pass. All others wait until time has
-    passed. Any thread may call.
+    The control loop uses ``leader``, whose sleeping advances time. All other threads wait for
+    it. Any thread may call.
 
     Args:
         scale: as for ``SteppedClock``.
 
     Attributes:
-        leader: the same time, for the cycle alone.
+        leader: the same time, for the control loop only.
     """
 
     def __init__(self, scale: float = math.inf) -> None:
@@ -128,7 +128,7 @@ class PacedClock:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Time stands while the block computes; whoever sleeps meanwhile lets it pass."""
+        """Pause time while the block computes; it advances while a thread sleeps on it."""
         with self._changed:
             self._holds += 1
         try:
@@ -138,33 +138,28 @@ class PacedClock:
                 self._holds -= 1
                 self._changed.notify_all()
 
-    @property
-    def paused(self) -> bool:
-        """Time stands, or will stand at the end of the steps that are under way."""
-        return self._limit_ns is not None
-
     def pause(self) -> None:
-        """Let time stand from the next period on; not for a clock that has ended."""
+        """Pause time from the next period on; no effect on a clock that has ended."""
         with self._changed:
             if not self._ended:
                 self._limit_ns = self._now_ns
                 self._changed.notify_all()
 
     def resume(self) -> None:
-        """Let time pass again."""
+        """Resume time."""
         with self._changed:
             self._limit_ns = None
             self._changed.notify_all()
 
     def step(self, time_ns: int, timeout_s: float | None = None) -> bool:
-        """Let ``time_ns`` pass, then stand; returns when its periods are over.
+        """Advance by ``time_ns``, then pause; return when its periods have run.
 
         Args:
-            time_ns: simulated time, on top of steps that are still under way.
-            timeout_s: real time to wait; None: for ever.
+            time_ns: simulated time, on top of steps that are still running.
+            timeout_s: real time to wait; None: no limit.
 
         Returns:
-            False when the periods are not over by then; they go on.
+            False when the periods have not run by then; they still will.
         """
         with self._changed:
             if self._ended:
@@ -177,7 +172,7 @@ class PacedClock:
             )
 
     def end(self) -> None:
-        """The cycle is gone: nobody waits any more, now or later. Twice is not an error."""
+        """Release all waiting threads, now and later. Idempotent."""
         with self._changed:
             self._ended, self._limit_ns = True, None
             self._changed.notify_all()
@@ -191,7 +186,7 @@ class PacedClock:
             self._changed.notify_all()
 
     def _may_pass(self, time_ns: int) -> bool:
-        """Lock held, cycle."""
+        """Return True when time may advance to ``time_ns``; the lock is held."""
         if self._limit_ns is not None and time_ns > self._limit_ns:
             self._standing = True
             self._changed.notify_all()
@@ -200,7 +195,7 @@ class PacedClock:
 
 
 class _Leader:
-    """What the cycle has of a ``PacedClock``."""
+    """The control loop's view of a ``PacedClock``."""
 
     def __init__(self, clock: PacedClock) -> None:
         self._clock = clock
@@ -214,5 +209,5 @@ SimulatedClock = SteppedClock | PacedClock
 
 
 def held(clock: Clock) -> AbstractContextManager[None]:
-    """``clock.held()`` where the clock has that: computing takes no simulated time."""
+    """Return ``clock.held()`` for a paced clock: computing takes no simulated time."""
     return clock.held() if isinstance(clock, PacedClock) else nullcontext()

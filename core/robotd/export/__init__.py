@@ -1,4 +1,4 @@
-"""Configuration of a robot's clients, made from its descriptor. Imports no ROS."""
+"""Client configuration (MoveIt 2, Nav2, Isaac Sim, URDF) from a robot's descriptor."""
 
 from collections.abc import Callable, Mapping
 
@@ -6,7 +6,7 @@ from robotd.export.export_input import ExportInput
 from robotd.export.isaac import topic_map
 from robotd.export.moveit import move_group_parameters
 from robotd.export.nav2 import navigation_parameters
-from robotd.export.urdf import urdf
+from robotd.export.urdf_export import urdf
 
 EXPORTS: Mapping[str, Callable[[ExportInput], str]] = {
     "moveit": move_group_parameters,
@@ -14,6 +14,6 @@ EXPORTS: Mapping[str, Callable[[ExportInput], str]] = {
     "isaac": topic_map,
     "urdf": urdf,
 }
-"""Target → what makes its text. Each raises DescriptorError where it does not apply."""
+"""Export functions by target. Each raises DescriptorError where it does not apply."""
 
 __all__ = ["EXPORTS", "ExportInput"]

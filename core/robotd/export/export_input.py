@@ -1,4 +1,4 @@
-"""What every export asks of a robot: its parameters, and the names that its nodes take."""
+"""Input of all exports: a robot's ROS parameters and resolved topic names."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from robotd.errors import DescriptorError
 
 @dataclass(frozen=True)
 class ExportInput:
-    """A robot as its descriptor has it, running in ``namespace`` (``/`` for none).
+    """A robot's descriptor and the ROS ``namespace`` that it runs in (``/`` for none).
 
-    Parameters that are changed on the command line of ``robotd run`` are not known here.
+    Parameters that are changed on the command line of ``robotd run`` are not considered.
     """
 
     descriptor: RobotDescriptor
     namespace: str = "/"
 
     def parameter(self, node: str, name: str, default: Any) -> Any:
-        """The value of a node's parameter; ``default`` where the descriptor gives none."""
+        """Return a node's parameter; ``default`` where the descriptor has none."""
         return self.descriptor.ros_parameters.get(node, {}).get(name, default)
 
     def topic(self, node: str, name: str) -> str:
-        """The resolved name that a parameter gives; "" where it gives none."""
+        """Return the resolved topic name of a parameter; "" where it is empty."""
         value = str(self.parameter(node, name, ""))
         if value.startswith("~/"):
             value = f"{node}/{value.removeprefix('~/')}"
@@ -37,17 +37,17 @@ class ExportInput:
     def needed_topic(self, node: str, name: str) -> str:
         """As ``topic``. Raises DescriptorError where the robot has no such node or name."""
         if node not in self.descriptor.nodes:
-            raise self.rejection(f"{self.descriptor.name} does not run {node}")
+            raise self.rejection(f"{self.descriptor.name} does not run the node {node}")
         if topic := self.topic(node, name):
             return topic
-        raise self.rejection(f"{node} of {self.descriptor.name} has no {name}")
+        raise self.rejection(f"{self.descriptor.name}: parameter {node}.{name} is empty")
 
     def rejection(self, reason: str) -> DescriptorError:
-        """An error about the descriptor, ready to be raised."""
+        """Return an error about the descriptor, ready to be raised."""
         return DescriptorError(reason, path=self.descriptor.path)
 
     def document(self, lines: Iterable[str], content: dict[str, Any]) -> str:
-        """YAML with ``lines`` as comments on top, after one that says where it comes from."""
+        """Return ``content`` as YAML, with its origin and ``lines`` as leading comments."""
         variant = f" (variant {self.descriptor.variant})" if self.descriptor.variant else ""
         origin = f"Made by 'robotd export' from the descriptor of {self.descriptor.name}{variant}."
         head = "".join(f"# {line}\n" for line in (origin, *lines))
@@ -55,7 +55,7 @@ class ExportInput:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Mappings by lines, lists in brackets: as ROS parameter files are written."""
+    """Block mappings and flow sequences, as ROS parameter files are written."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
         return super().represent_sequence(tag, sequence, flow_style=_is_plain(sequence))

@@ -1,4 +1,4 @@
-"""Isaac Sim: which node of its ROS 2 bridge meets which topic of the robot."""
+"""Isaac Sim: nodes of its ROS 2 bridge and the robot's topics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PARAMETER = "isaacsim_joint_topic"
 
 
 def topic_map(source: ExportInput) -> str:
-    """YAML: a list of OmniGraph nodes, each with topic, message type, and what is in it.
+    """Return a YAML list of OmniGraph nodes with topic, message type and content.
 
     Raises DescriptorError for a robot that publishes nothing for Isaac Sim.
     """
@@ -63,7 +63,7 @@ def _base(source: ExportInput, drive: DriveSettings) -> dict[str, Any]:
 
 
 def _nothing(source: ExportInput) -> str:
-    """Why there is no map, and which variant has one."""
+    """Explain why there is no map, and name the variants that have one."""
     descriptor = source.descriptor
     text = f"{descriptor.name} publishes nothing for Isaac Sim: {STATE}.{PARAMETER} is not given"
     variants = [

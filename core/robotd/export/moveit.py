@@ -22,7 +22,7 @@ def move_group_parameters(source: ExportInput) -> str:
     """
     descriptor = source.descriptor
     if not descriptor.joints:
-        raise source.rejection(f"moveit needs joints, which {descriptor.name} has not")
+        raise source.rejection(f"moveit: {descriptor.name} has no joints")
     action = source.needed_topic(SERVER, "joint_trajectory_action")
     limits = {joint.name: _limits(joint) for joint in descriptor.joints}
     content = {
@@ -35,7 +35,7 @@ def move_group_parameters(source: ExportInput) -> str:
 
 
 def _controllers(action: str, joints: list[str]) -> dict[str, Any]:
-    """MoveIt joins the controller's name and ``action_ns`` by a slash."""
+    """Return the controller list; MoveIt joins its name and ``action_ns`` by a slash."""
     controller, _, action_ns = action.removeprefix("/").rpartition("/")
     if not controller:
         controller, action_ns = action_ns, ""

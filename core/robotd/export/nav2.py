@@ -13,12 +13,12 @@ COMMANDING = ("controller_server", "behavior_server", "velocity_smoother", "coll
 
 
 def navigation_parameters(source: ExportInput) -> str:
-    """A ROS parameter file with what Nav2 has to know of the base, to be merged into another.
+    """Return a ROS parameter file with the base's topics, frames and limits for Nav2.
 
     Raises DescriptorError for a robot without a drive or without its node.
     """
     if source.descriptor.drive is None:
-        raise source.rejection(f"nav2 needs a drive, which {source.descriptor.name} has not")
+        raise source.rejection(f"nav2: {source.descriptor.name} has no drive")
     command = source.needed_topic(NODE, "cmd_vel_topic")
     nodes = _nodes(source, command)
     stamped = bool(source.parameter(NODE, "use_stamped_vel", False))
@@ -62,9 +62,9 @@ def _nodes(source: ExportInput, command: str) -> dict[str, dict[str, Any]]:
 
 
 def twist_limits(source: ExportInput) -> dict[str, list[float]]:
-    """Limits of [x, y, yaw] in m/s and rad/s, m/s² and rad/s²; decelerations are negative.
+    """Return the limits of [x, y, yaw] in m/s, rad/s, m/s², rad/s²; decelerations negative.
 
-    The rule of the node: ``acc_time`` and ``dec_time`` may ask for gentler ramps than the drive's.
+    As in the node, ``acc_time`` and ``dec_time`` may lower the ramps of the drive.
     """
     drive = source.descriptor.drive
     if drive is None:

@@ -1,7 +1,8 @@
-"""Scenarios: what goes wrong in a simulation, what is commanded, and what is expected.
+"""Scenarios: faults, commands and expectations for a simulated robot.
 
-``faults`` are the kinds of faults, ``schedule`` lets them happen in the cycle, ``program`` is
-what a scenario commands and checks, ``run`` does it, ``model`` is the file.
+``fault_kinds`` models the faults, ``fault_schedule`` injects them in the control loop,
+``program`` models commands and checks, ``scenario_run`` executes them, ``scenario_model`` is
+the file.
 """
 
 from robotd.scenario.fault_kinds import FAULTS, Fault, nested, validate_fault

@@ -1,4 +1,4 @@
-"""Whether what a scenario expects holds now."""
+"""Evaluation of a scenario's checks against the robot."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ STANDSTILL = 1e-2  # rad/s or m/s
 
 
 def unmet(check: Check, robot: Robot) -> str | None:
-    """What does not hold, with what is there instead; None: all of it holds."""
+    """Describe the unmet expectations with the actual values; None: all are met."""
     return "; ".join(_findings(check, robot)) or None
 
 
 def standing(robot: Robot) -> bool:
-    """No axis executes anything, and none moves."""
+    """Return True while no axis executes a command and none moves."""
     image = robot.image
     idle = bool((image.operation == Operation.IDLE).all())
     return idle and not bool((np.abs(image.velocity) > STANDSTILL).any())
@@ -45,7 +45,7 @@ def _findings(check: Check, robot: Robot) -> Iterator[str]:
 
 def _joint(robot: Robot, name: str, wanted: float, tolerance: float) -> Iterator[str]:
     if name not in robot.joint_names:
-        yield f"no joint is named {name!r}"
+        yield f"unknown joint {name!r}"
         return
     position = float(robot.image.position[robot.joint_axes[robot.joint_names.index(name)]])
     if not abs(position - wanted) <= tolerance:

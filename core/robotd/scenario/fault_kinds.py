@@ -1,4 +1,4 @@
-"""The kinds of faults: what each needs to know, how it begins, and how it ends."""
+"""Kinds of faults: their arguments, and how each is injected and removed."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ OVERCURRENT = 0x2310  # CiA 402: continuous overcurrent
 
 
 class Part(BaseModel):
-    """Base of everything in a scenario: frozen, strict keys."""
+    """Base of all models of a scenario: frozen, unknown keys are rejected."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class FaultKind(Part):
-    """One kind. ``begin`` and ``end`` are called by the cycle, and do not block."""
+    """Base of all kinds. The control loop calls ``begin`` and ``end``; neither may block."""
 
     def check(self, robot: Robot) -> None:
         """Raise InvalidArgument when the fault does not fit the robot."""
@@ -38,14 +38,14 @@ class FaultKind(Part):
 
     @abstractmethod
     def begin(self, robot: Robot) -> None:
-        """Let it happen."""
+        """Inject the fault."""
 
     def end(self, robot: Robot) -> None:
-        """After ``for_s``, where the kind has that: let it be over."""
+        """Remove the fault; called after ``for_s`` where the kind has that field."""
 
 
 class AmpAlarm(FaultKind):
-    """The drive of an axis reports an alarm, until it is cleared."""
+    """Amplifier alarm of one drive, until it is cleared."""
 
     axis: AxisNumber
     code: int = Field(OVERCURRENT, ge=1, le=0xFFFF)
@@ -55,7 +55,7 @@ class AmpAlarm(FaultKind):
 
 
 class FollowingError(FaultKind):
-    """Something holds an axis where it is, so that it does not follow its command."""
+    """Blocked axis: it stays in place and does not follow its command."""
 
     axis: AxisNumber
     for_s: Seconds | None = None
@@ -68,7 +68,7 @@ class FollowingError(FaultKind):
 
 
 class SlaveLost(FaultKind):
-    """The slave of an axis stops answering; after ``for_s`` it is taken in again, servo off."""
+    """Lost fieldbus slave of one axis; after ``for_s`` it rejoins with its servo off."""
 
     axis: AxisNumber
     for_s: Seconds | None = None
@@ -82,7 +82,7 @@ class SlaveLost(FaultKind):
 
 
 class PacketLoss(FaultKind):
-    """Frames of the fieldbus are lost in a row."""
+    """Consecutive lost fieldbus frames."""
 
     count: int = Field(ge=1, le=1_000_000)
 
@@ -91,7 +91,7 @@ class PacketLoss(FaultKind):
 
 
 class LateCycles(FaultKind):
-    """``count`` periods of the cycle in a row begin ``late_s`` late."""
+    """Late control loop: ``count`` consecutive periods start ``late_s`` late."""
 
     late_s: float = Field(gt=0, le=10)
     count: int = Field(1, ge=1, le=100_000)
@@ -101,7 +101,7 @@ class LateCycles(FaultKind):
 
 
 class StuckGripper(FaultKind):
-    """The gripper's valve keeps its position, whatever is commanded."""
+    """Stuck gripper valve: it keeps its position whatever is commanded."""
 
     closed: bool
     for_s: Seconds | None = None
@@ -122,7 +122,7 @@ class StuckGripper(FaultKind):
 
 
 class InputBit(FaultKind):
-    """An input bit changes; after ``for_s`` it changes back."""
+    """Changed input bit; after ``for_s`` it changes back."""
 
     byte: Byte
     bit: Bit
@@ -137,7 +137,7 @@ class InputBit(FaultKind):
 
 
 class EncoderJump(FaultKind):
-    """The measured position of an axis jumps."""
+    """Jump of the measured position of one axis."""
 
     axis: AxisNumber
     delta_rad: Finite
@@ -147,21 +147,21 @@ class EncoderJump(FaultKind):
 
 
 class CommunicationDrop(FaultKind):
-    """The cyclic exchange breaks down; the engine can start it again."""
+    """Loss of the cyclic exchange; it can be started again."""
 
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.drop_communication()
 
 
 class EngineStopped(FaultKind):
-    """The engine dies."""
+    """Crash of the device's motion engine."""
 
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.stop_engine()
 
 
 class Crossing(Part):
-    """A joint's measured position gets past a value, in one of the two ways."""
+    """Trigger: the measured position of a joint crosses a value."""
 
     joint: str
     above_rad: Finite | None = None
@@ -177,11 +177,11 @@ class Crossing(Part):
         """Raise InvalidArgument when the robot has no such joint."""
         if self.joint not in robot.joint_names:
             raise InvalidArgument(
-                f"no joint is named {self.joint!r}; there is {', '.join(robot.joint_names)}"
+                f"unknown joint {self.joint!r} (available: {', '.join(robot.joint_names)})"
             )
 
     def happens(self, robot: Robot) -> bool:
-        """Whether the joint is there now."""
+        """Return True while the joint is beyond the value."""
         axis = robot.joint_axes[robot.joint_names.index(self.joint)]
         position = float(robot.image.position[axis])
         if self.above_rad is not None:
@@ -190,11 +190,11 @@ class Crossing(Part):
 
 
 class Fault(Part):
-    """One fault: exactly one kind, and when it happens.
+    """One fault: exactly one kind, and its trigger.
 
     Attributes:
         at_s: simulated seconds after the scenario began, or after the fault was injected.
-        when: happens as soon as a joint is there, not before ``at_s``.
+        when: begins as soon as a joint crosses a value, but not before ``at_s``.
     """
 
     at_s: float = Field(0.0, ge=0, allow_inf_nan=False)
@@ -239,12 +239,14 @@ class Fault(Part):
 
 
 def validate_fault(values: Any) -> Fault:
-    """The fault of a mapping like one of a scenario file. Raises DescriptorError."""
+    """Return the fault of a mapping as in a scenario file. Raises DescriptorError."""
     return validate(Fault, values, None)
 
 
 def nested(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """``{"amp_alarm.axis": 2}`` → ``{"amp_alarm": {"axis": 2}}``; a plain ``true`` → ``{}``.
+    """Nest dotted keys: ``{"amp_alarm.axis": 2}`` → ``{"amp_alarm": {"axis": 2}}``.
+
+    A plain ``true`` becomes ``{}``.
 
     Raises InvalidArgument when a name is both a value and the beginning of others.
     """

@@ -1,4 +1,4 @@
-"""Lets faults happen when their time or place has come: a task at the beginning of each period."""
+"""Injects faults at their time or position, by a task at the start of each period."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ log = get_logger("scenario")
 
 @dataclass(frozen=True)
 class Happened:
-    """A fault that began (``over`` False) or ended, ``time_s`` after ``begin``.
+    """A fault that was injected (``over`` False) or removed.
 
-    ``failure`` says why it could not; None where it could.
+    Attributes:
+        time_s: simulated seconds after ``FaultSchedule.begin``.
+        failure: why it could not be injected or removed; None on success.
     """
 
     fault: Fault
@@ -29,18 +31,18 @@ class Happened:
     failure: str | None = None
 
 
-@dataclass(eq=False)  # two that are alike are two
+@dataclass(eq=False)  # equal entries are still separate faults
 class _Entry:
     fault: Fault
     due_ns: int
     end_ns: int | None = None
-    left: int = 0  # late periods still to come
+    left: int = 0  # late periods still to be injected
 
 
 class FaultSchedule:
     """Faults of one robot, on a simulated backend.
 
-    Any thread may call, before the cycle starts or while it runs.
+    Any thread may call, before the control loop starts or while it runs.
 
     Args:
         robot: on a simulated backend.
@@ -65,13 +67,13 @@ class FaultSchedule:
         robot.control_loop.every(robot.descriptor.cycle.rate_hz, "faults", self._look, first=True)
 
     def begin(self) -> None:
-        """The robot is ready: times count from now."""
+        """Start counting times; call when the robot is ready."""
         self._origin_ns = self._clock.now_ns()
         for fault in self._planned:
             self.add(fault)
 
     def add(self, fault: Fault) -> None:
-        """Let ``fault`` happen; its ``at_s`` counts from now.
+        """Schedule ``fault``; its ``at_s`` counts from now.
 
         Raises InvalidArgument: it does not fit the robot.
         """
@@ -87,7 +89,7 @@ class FaultSchedule:
             return [entry.fault for entry in self._entries if self._is_waiting(entry)]
 
     def failures(self) -> list[str]:
-        """What could not happen, or has not happened so far."""
+        """Describe the faults that failed, and those that have not begun."""
         failed = [f"{each.fault}: {each.failure}" for each in self.happened if each.failure]
         return failed + [f"{fault}: did not happen" for fault in self.waiting]
 
@@ -106,7 +108,7 @@ class FaultSchedule:
         return entry.end_ns is None and entry.left == 0
 
     def _advance(self, entry: _Entry, now_ns: int) -> bool:
-        """Cycle: begin or end the fault of ``entry``; True when it is done with."""
+        """Inject or remove the fault of ``entry``; True when it is finished."""
         fault = entry.fault
         if not self._is_waiting(entry):
             return self._go_on(entry, now_ns)

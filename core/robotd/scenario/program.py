@@ -1,4 +1,4 @@
-"""What a scenario commands and checks, step by step."""
+"""Commands and checks of a scenario, step by step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Axes = tuple[AxisNumber, ...]
 
 
 class Expected(StrEnum):
-    """How a command is expected to end."""
+    """Expected outcome of a command."""
 
     OK = "ok"
     REFUSED = "refused"
@@ -24,21 +24,21 @@ class Expected(StrEnum):
 
 
 class Switch(StrEnum):
-    """A servo."""
+    """State of a servo or of the communication."""
 
     ON = "on"
     OFF = "off"
 
 
 class Fingers(StrEnum):
-    """A gripper."""
+    """State of the gripper."""
 
     OPEN = "open"
     CLOSED = "closed"
 
 
 class Move(Part):
-    """Joints to positions in ``time_s``; joints that are not named stay where they are."""
+    """Motion of joints to positions in ``time_s``; joints not named hold."""
 
     to_rad: dict[str, Finite] = Field(min_length=1)
     time_s: Seconds
@@ -52,7 +52,7 @@ class Point(Part):
 
 
 class Trajectory(Part):
-    """All of a trajectory, as a client sends it."""
+    """Trajectory as a client sends it."""
 
     joints: tuple[str, ...] = Field(min_length=1)
     points: tuple[Point, ...] = Field(min_length=1)
@@ -69,13 +69,13 @@ class Trajectory(Part):
 
 
 class Check(Part):
-    """What has to hold, now or within ``within_s``; what is not given is not looked at.
+    """Expectations that must hold, now or within ``within_s``; absent ones are not checked.
 
     Attributes:
         joints_rad: measured positions, to ``tolerance_rad``.
         servos_on, alarms, offline: exactly these axes, and no others.
         gripper: the fingers have arrived there.
-        standstill: no axis executes anything, and none moves.
+        standstill: no axis executes a command, and none moves.
     """
 
     within_s: float = Field(0.0, ge=0, le=3600)
@@ -90,20 +90,20 @@ class Check(Part):
 
 
 class Repeat(Part):
-    """Steps to do several times."""
+    """Repeated steps."""
 
     times: int = Field(ge=1, le=100_000)
     program: tuple[Step, ...] = Field(min_length=1)
 
 
 class Step(Part):
-    """One step: exactly one of the commands, and how it is expected to end.
+    """One step: exactly one command, and its expected outcome.
 
     Attributes:
         wait_s: let simulated time pass.
-        servos: all joints and wheels, with alarms cleared first where they go on.
+        servos: all joints and wheels; alarms are cleared before they are switched on.
         engine: the whole start-up, or the stop of communication.
-        expect: how the command ends; ``reason`` is part of the text that says why.
+        expect: outcome of the command; ``reason`` is part of its text.
     """
 
     move: Move | None = None

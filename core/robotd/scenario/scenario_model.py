@@ -1,4 +1,4 @@
-"""The scenario file."""
+"""Model and loader of scenario files."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from robotd.scenario.program import Step
 
 
 class Scenario(Part):
-    """What happens to one robot.
+    """Faults, commands and checks for one robot.
 
     Attributes:
         robot: a name, or a path relative to the file; None takes it from elsewhere.
         options: laid over the backend's section of the descriptor (``seed``, noise ...).
-        faults: what goes wrong; times count from the moment that the robot is ready.
+        faults: injected faults; times count from the moment that the robot is ready.
         program: commands and checks; used by ``robotd sim run`` only.
     """
 
@@ -35,7 +35,7 @@ class Scenario(Part):
     program: tuple[Step, ...] = ()
 
     def lay_over(self, descriptor: RobotDescriptor) -> RobotDescriptor:
-        """``descriptor`` with the options of this scenario."""
+        """Return ``descriptor`` with the options of this scenario."""
         if not self.options:
             return descriptor
         section = {**descriptor.backends.get(self.backend, {}), **self.options}
@@ -44,7 +44,7 @@ class Scenario(Part):
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Read and check a file. Raises DescriptorError with every mistake and its line."""
+    """Read and check a file. Raises DescriptorError with every error and its line."""
     tree = read_yaml(path)
     scenario = validate(Scenario, tree.plain(), tree)
     robot = scenario.robot

@@ -1,4 +1,4 @@
-"""Runs a scenario on a robot of its own: one thread, simulated time, no ROS."""
+"""Executes a scenario on its own robot: one thread, simulated time, no ROS."""
 
 from __future__ import annotations
 
@@ -37,7 +37,12 @@ _OUTCOMES = {
 
 @dataclass(frozen=True)
 class StepDone:
-    """A step that is over ``time_s`` after the program began; ``failure`` None: as expected."""
+    """A completed step.
+
+    Attributes:
+        time_s: simulated seconds after the program began.
+        failure: why it failed; None: the outcome is as expected.
+    """
 
     step: Step
     time_s: float
@@ -46,12 +51,12 @@ class StepDone:
 
 @dataclass
 class Result:
-    """What became of a scenario.
+    """Result of a scenario.
 
     Attributes:
-        failures: everything that was not as expected; empty: it passed.
-        faults: what happened, in order.
-        simulated_s, real_s: how long the program took.
+        failures: unmet expectations; empty: it passed.
+        faults: injected and removed faults, in order.
+        simulated_s, real_s: duration of the program.
         periods, digest: how many periods were recorded, and the SHA-256 of all their joint
             states: positions, commands, velocities and torques of all axes, and the fingers.
     """
@@ -68,10 +73,10 @@ class ScenarioRun:
     """One run. Call ``steps`` once, in one thread; ``result`` is complete when it ends.
 
     Args:
-        scenario: what happens.
-        descriptor: the robot; the scenario's options are laid over it.
+        scenario: faults, commands and checks.
+        descriptor: the robot; the scenario's options override its own.
         backend: a simulated one.
-        scale: simulated seconds per second; infinity: as fast as it goes.
+        scale: simulated seconds per second; infinity: as fast as possible.
     """
 
     def __init__(
@@ -89,7 +94,7 @@ class ScenarioRun:
         self._hash = hashlib.sha256()
 
     def steps(self) -> Iterator[StepDone]:
-        """Do the program; yields each step when it is over, ends after the first that failed.
+        """Execute the program; yield each step when it ends, stop after the first failure.
 
         Raises:
             InvalidArgument: a fault does not fit the robot; nothing was opened.
@@ -127,7 +132,7 @@ class ScenarioRun:
                 return
 
     def _do(self, step: Step) -> str | None:
-        """Why the step failed; None: it went as expected."""
+        """Execute one step; return why it failed, None on success."""
         if step.wait_s is not None:
             self._wait(step.wait_s)
             return None
@@ -137,7 +142,7 @@ class ScenarioRun:
         if ending is not step.expect:
             return f"expected {step.expect}, got {ending}" + (f": {reason}" if reason else "")
         if step.reason not in reason:
-            return f"the reason {reason!r} does not hold {step.reason!r}"
+            return f"the reason {reason!r} does not contain {step.reason!r}"
         return None
 
     def _command(self, step: Step) -> tuple[Expected, str]:
@@ -155,7 +160,7 @@ class ScenarioRun:
         try:
             with self._robot.follower.follow(request) as execution:
                 if not wait_until(lambda: execution.done, MOTION_TIMEOUT_S, self._clock):
-                    return Expected.FAULT, f"does not end within {MOTION_TIMEOUT_S:g} s"
+                    return Expected.FAULT, f"not finished after {MOTION_TIMEOUT_S:g} s"
         except RobotdError as error:
             return Expected.REFUSED, str(error)
         outcome = execution.outcome or Outcome.FAULT

@@ -32,7 +32,7 @@ def test_a_refusal_leaves_the_file_alone(robotd: Robotd, tmp_path: Path) -> None
     file.write_text("mine", encoding="utf-8")
     result = robotd("export", "nav2", "--robot", "cr3a", "-o", str(file))
     assert result.exit_code == 3
-    assert "nav2 needs a drive, which cr3a has not" in result.stderr
+    assert "nav2: cr3a has no drive" in result.stderr
     assert file.read_text(encoding="utf-8") == "mine"
 
 

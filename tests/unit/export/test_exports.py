@@ -191,8 +191,8 @@ def test_the_urdf_is_the_file(cr3a: RobotDescriptor) -> None:
 @pytest.mark.parametrize(
     ("target", "robot", "reason"),
     [
-        ("nav2", "cr3a", "nav2 needs a drive, which cr3a has not"),
-        ("moveit", "baymax", "moveit needs joints, which baymax has not"),
+        ("nav2", "cr3a", "nav2: cr3a has no drive"),
+        ("moveit", "baymax", "moveit: baymax has no joints"),
         ("isaac", "cr3a", "isaacsim_joint_topic is not given; try --variant orin"),
         ("isaac", "standalone", "publishes nothing for Isaac Sim"),
         ("urdf", "standalone", "standalone has no urdf"),
@@ -205,8 +205,8 @@ def test_what_does_not_apply_is_refused(target: str, robot: str, reason: str) ->
 
 def test_an_arm_without_its_action_is_refused(cr3a: RobotDescriptor) -> None:
     without = cr3a.model_copy(update={"nodes": ("wmx_io_node",)})
-    with pytest.raises(DescriptorError, match="does not run follow_joint_trajectory_server"):
+    with pytest.raises(DescriptorError, match="does not run the node follow"):
         EXPORTS["moveit"](ExportInput(without))
     unnamed = changed(cr3a, "follow_joint_trajectory_server", joint_trajectory_action="")
-    with pytest.raises(DescriptorError, match="has no joint_trajectory_action"):
+    with pytest.raises(DescriptorError, match=r"joint_trajectory_action is empty"):
         EXPORTS["moveit"](unnamed)

@@ -133,7 +133,7 @@ def test_a_blocked_axis_stays_where_it_is_while_others_rest() -> None:
     ("fault", "text"),
     [
         ({"amp_alarm": {"axis": 2}}, "axis 2 is outside 0..1"),
-        ({"when": {"joint": "j9", "above_rad": 0}, "engine_stopped": {}}, "no joint is named 'j9'"),
+        ({"when": {"joint": "j9", "above_rad": 0}, "engine_stopped": {}}, "unknown joint 'j9'"),
     ],
 )
 def test_a_fault_that_does_not_fit_the_robot_is_refused(fault: dict[str, Any], text: str) -> None:

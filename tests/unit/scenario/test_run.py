@@ -45,12 +45,12 @@ def test_a_program_that_goes_as_expected_passes() -> None:
     [
         ({"check": {"joints_rad": {"joint1": 0.5}}},
          "joint1 is at 0.000000 rad, not within 0.001 of 0.5"),
-        ({"check": {"joints_rad": {"nobody": 0.5}}}, "no joint is named 'nobody'"),
+        ({"check": {"joints_rad": {"nobody": 0.5}}}, "unknown joint 'nobody'"),
         ({"check": {"engine": "Idle", "alarms": [1], "standstill": False}},
          "engine is Communicating; alarms: none; all axes stand"),
         ({"check": {"gripper": "closed"}}, "gripper is 0% closed"),
         ({**MOVE, "expect": "fault"}, "expected fault, got ok: goal reached"),
-        ({**MOVE, "reason": "nonsense"}, "does not hold 'nonsense'"),
+        ({**MOVE, "reason": "nonsense"}, "does not contain 'nonsense'"),
         ({"move": {"to_rad": {"joint1": 9.0}, "time_s": 5.0}}, "expected ok, got refused: "),
     ],
 )  # fmt: skip

@@ -6,7 +6,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from robotd.export import ExportInput
-from robotd.export.urdf import urdf
+from robotd.export.urdf_export import urdf
 from robotd.robot import Robot
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.ready_topic import LATCHED

@@ -1,4 +1,4 @@
-"""The robot's URDF, as the descriptor names it."""
+"""The URDF that the robot's descriptor names."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ MAX_BYTES = 8_000_000
 
 
 def urdf(source: ExportInput) -> str:
-    """The text of the file. Raises DescriptorError where there is none, or it is not UTF-8."""
+    """Return the text of the file. Raises DescriptorError: there is none, or it is not UTF-8."""
     path = source.descriptor.urdf
     if path is None:
         raise source.rejection(f"{source.descriptor.name} has no urdf")
