@@ -17,7 +17,7 @@ from rclpy.node import Node
 from robotd.robot import Robot
 from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
-from robotd.ros.registry import make_node
+from robotd.ros.registry import BUILT_IN, make_node
 
 
 @contextmanager
@@ -28,7 +28,7 @@ def made_nodes(robot: Robot, *ros_args: str) -> Iterator[list[Node]]:
         with RosHost(["--ros-args", *ros_args] if ros_args else [], domain_id=98) as host:
             nodes = []
             for name in robot.descriptor.nodes:
-                nodes.append(make_node(name, robot, host))
+                nodes.append(make_node(name, BUILT_IN[name], robot, host))
                 host.add_node(nodes[-1])
             yield nodes
 

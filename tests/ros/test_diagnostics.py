@@ -103,7 +103,7 @@ def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPa
     robot = build_robot("standalone", "sim")
     told: list[Any] = []
     with RosHost(domain_id=97) as host:
-        diagnostics = Diagnostics(Node("any", context=host.context), robot)
+        diagnostics = Diagnostics([Node("any", context=host.context)], robot)
         monkeypatch.setattr(diagnostics, "_publish", told.append)
 
         def told_within(seconds: float) -> int:
@@ -135,7 +135,7 @@ def test_in_a_namespace_the_names_tell_whose_it_is_and_the_end_is_told(
         node = Node("any", namespace="left", context=host.context)
         node.create_subscription(DiagnosticArray, TOPIC, messages.append, 10)
         host.add_node(node)
-        with Diagnostics(node, robot):
+        with Diagnostics([node], robot):
             wait_until(lambda: messages, "the first message")
             robot.start()
             wait_until(lambda: levels(messages[-1])["robotd/left/standalone: engine"] == OK, "up")

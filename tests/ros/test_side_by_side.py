@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from control_msgs.action import FollowJointTrajectory
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -149,3 +149,21 @@ def test_the_end_of_one_leaves_the_others_ready(client: Client) -> None:
     client.wait_engine(ready=False, topic="/left/wmx/engine/ready")
     client.next(ready)
     assert all(message.data for message in ready)
+
+
+def test_two_robots_of_one_name_are_warned_of() -> None:
+    nodes = ("--nodes", "wmx_engine_node")
+    with RobotProcess(*nodes) as first:
+        first.wait_ready()
+        with RobotProcess(*nodes, domain=first.domain) as second:
+            for robot, other in ((first, second), (second, first)):
+                robot.wait_output("another process serves nodes of the same names")
+                assert f"process {other.process.pid}: " in robot.output
+                assert "nodes=['/wmx_engine_node']" in robot.output
+            client = Client(first.domain)
+            messages = client.listen(DiagnosticArray, "/diagnostics")
+            names = "robotd/cr3a: names"
+            warned = client.next(messages, lambda each: names in [s.name for s in each.status])
+            client.close()
+            assert [s.level for s in warned.status if s.name == names] == [DiagnosticStatus.WARN]
+        first.wait_output("no other process serves nodes of the same names any more")

@@ -22,7 +22,7 @@ from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, build_robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware.cdr import HotPublisher
-from robotd.ros.registry import make_node
+from robotd.ros.registry import BUILT_IN, make_node
 
 TIGHT_LOOP = 2000  # reads
 
@@ -99,7 +99,7 @@ def main(seconds: float) -> None:
     robot = build_robot("cr3a", "sim")
     with RosHost() as host:
         for name in robot.descriptor.nodes:
-            host.add_node(make_node(name, robot, host))
+            host.add_node(make_node(name, BUILT_IN[name], robot, host))
         plain_read = robot.control_loop._driver.read
         instrument(robot, times)
         robot.start()

@@ -12,7 +12,7 @@ from robotd.descriptor import Override, RobotDescriptor, default_search_path
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
-from robotd.ros.registry import check_names
+from robotd.ros.registry import select_nodes
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Catalogue:
         problems = []
         for name in descriptor.nodes:
             try:
-                check_names([name], self.nodes)
+                select_nodes([name], self.nodes)
             except DescriptorError as error:
                 problems.append(error)
         if problems:

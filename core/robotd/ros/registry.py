@@ -3,36 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from robotd.descriptor.problems import did_you_mean
 from robotd.errors import DescriptorError, PluginError, RobotdError
-from robotd.plugin.registry import NodeRegistry
+from robotd.plugin.registry import NodeInfo, NodeRegistry
 
 if TYPE_CHECKING:
     from robotd.robot import Robot
     from robotd.ros.host import RosHost
 
 
-@dataclass(frozen=True)
-class NodeInfo:
-    """A node that a descriptor can name.
-
-    Attributes:
-        factory: ``package.module:name`` of what makes it, called as ``factory(robot, host)``
-            and returning an ``rclpy.node.Node`` that the host is going to serve and destroy.
-        summary: one line for people.
-    """
-
-    factory: str
-    summary: str
-
-
 BUILT_IN = {
     "wmx_engine_node": NodeInfo(
-        "robotd.ros.nodes.wmx_engine_node:WmxEngineNode", "engine: open, communicate, state, ready"
+        "robotd.ros.nodes.wmx_engine_node:WmxEngineNode",
+        "engine: open, communicate, state, ready",
+        keeps_failed_start=True,
     ),
     "wmx_core_motion_node": NodeInfo(
         "robotd.ros.nodes.wmx_core_motion_node:WmxCoreMotionNode",
@@ -46,6 +33,7 @@ BUILT_IN = {
     "manipulator_state": NodeInfo(
         "robotd.ros.nodes.manipulator_state:ManipulatorState",
         "joint states; the joints are switched on at start",
+        enables_servos=True,
     ),
     "follow_joint_trajectory_server": NodeInfo(
         "robotd.ros.nodes.follow_joint_trajectory_server:FollowJointTrajectoryServer",
@@ -54,14 +42,12 @@ BUILT_IN = {
     "diff_drive_controller": NodeInfo(
         "robotd.ros.nodes.diff_drive_controller:DiffDriveController",
         "twists and odometry of a mobile base; the wheels are switched on at start",
+        enables_servos=True,
     ),
 }
 
 
 SIMULATION_NODE = "robotd_sim"  # made beside the others on a simulation that can fail
-
-# The ones whose presence switches the servos on.
-ENABLING_NODES = frozenset({"manipulator_state", "diff_drive_controller"})
 
 
 def known_nodes(registry: NodeRegistry | None = None) -> dict[str, NodeInfo]:
@@ -69,36 +55,34 @@ def known_nodes(registry: NodeRegistry | None = None) -> dict[str, NodeInfo]:
 
     Raises PluginError when a plugin takes the name of a built-in node.
     """
-    nodes = dict(BUILT_IN)
-    for name, factory in (registry.factories if registry else {}).items():
-        if name in nodes:
-            raise PluginError(f"node {name!r} of {factory} has the name of a built-in node")
-        nodes[name] = NodeInfo(factory, f"by {factory.partition(':')[0]}")
-    return nodes
+    plugins = registry.nodes if registry else {}
+    for name in BUILT_IN.keys() & plugins.keys():
+        factory = plugins[name].factory
+        raise PluginError(f"node {name!r} of {factory} has the name of a built-in node")
+    return BUILT_IN | plugins
 
 
-def check_names(names: Iterable[str], registry: NodeRegistry | None = None) -> None:
-    """Raise DescriptorError, with the nearest name, for a node that does not exist."""
+def select_nodes(names: Iterable[str], registry: NodeRegistry | None = None) -> dict[str, NodeInfo]:
+    """The nodes with these names, in this order.
+
+    Raises DescriptorError, with the nearest name, for a node that does not exist.
+    """
     known = known_nodes(registry)
     for name in names:
         if name not in known:
-            near = get_close_matches(name, known, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known)}"
-            raise DescriptorError(f"no node is named {name!r}; {hint}", key="nodes")
+            hint = did_you_mean(name, [*known]) or f"; available: {', '.join(known)}"
+            raise DescriptorError(f"no node is named {name!r}{hint}", key="nodes")
+    return {name: known[name] for name in names}
 
 
-def make_node(
-    name: str, robot: Robot, host: RosHost, registry: NodeRegistry | None = None
-) -> Any:  # an rclpy.node.Node
+def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  # an rclpy.node.Node
     """Import and make one node; nothing is opened and nothing moves.
 
     Raises:
-        DescriptorError: the name is not known, or a parameter is wrong.
+        DescriptorError: a parameter is wrong.
         PluginError: the factory cannot be imported or fails.
     """
-    check_names([name], registry)
-    factory = known_nodes(registry)[name].factory
-    module, _, attribute = factory.partition(":")
+    module, _, attribute = info.factory.partition(":")
     try:
         return getattr(import_module(module), attribute)(robot, host)
     except RobotdError:
@@ -107,5 +91,5 @@ def make_node(
         if name in BUILT_IN:
             raise
         raise PluginError(
-            f"node {name!r} ({factory}) cannot be made: {type(error).__name__}: {error}"
+            f"node {name!r} ({info.factory}) cannot be made: {type(error).__name__}: {error}"
         ) from error

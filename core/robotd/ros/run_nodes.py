@@ -16,11 +16,10 @@ from robotd.ros.middleware.discovery import announce_often
 from robotd.ros.parameter_overrides import check_overrides
 from robotd.ros.registry import (
     BUILT_IN,
-    ENABLING_NODES,
     SIMULATION_NODE,
-    check_names,
     known_nodes,
     make_node,
+    select_nodes,
 )
 
 if TYPE_CHECKING:
@@ -47,7 +46,8 @@ def run_nodes(
     """
     host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
     host.on_hang = lambda reason: robot.bring_to_rest()  # nobody could stop it by ROS any more
-    nodes = [make_node(name, robot, host, registry) for name in names]
+    chosen = select_nodes(names, registry)
+    nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
     if faults is not None:
         from robotd.ros.nodes.simulation_node import SimulationNode
 
@@ -56,7 +56,7 @@ def run_nodes(
     check_overrides(nodes, own, {*known_nodes(registry), SIMULATION_NODE}, host.args)
     for node in nodes:
         host.add_node(node)
-    with Diagnostics(nodes[0], robot) if nodes else nullcontext():
+    with Diagnostics(nodes, robot) if nodes else nullcontext():
         yield nodes
 
 
@@ -68,7 +68,7 @@ def served_robot(
 
     Args:
         robot: not started; it is shut down at the end.
-        names: nodes to make; one of ``ENABLING_NODES`` switches the servos on.
+        names: nodes to make; one that ``enables_servos`` switches them on.
         faults: begins when the robot is ready.
         domain_id: ROS domain.
 
@@ -76,11 +76,11 @@ def served_robot(
         DescriptorError, PluginError: a node or a parameter is wrong.
         RobotdError: the robot did not start.
     """
-    check_names(names)
+    chosen = select_nodes(names)
     announce_often()
     with RosHost(domain_id=domain_id) as host, run_nodes(robot, names, host, faults=faults):
         try:
-            robot.start(enable=not ENABLING_NODES.isdisjoint(names))
+            robot.start(enable=any(info.enables_servos for info in chosen.values()))
             faults.begin()
             yield
         finally:

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, NoReturn
 
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd.plugin.registry import NodeRegistry
+from robotd.plugin.registry import NodeInfo, NodeRegistry
 from robotd.robot import Robot
 from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
 from robotd.ros.middleware.discovery import announce_often
 from robotd.ros.middleware.exit_timer import exit_after
 from robotd.ros.middleware.shared_memory import remove_leftovers
-from robotd.ros.registry import ENABLING_NODES, check_names
+from robotd.ros.registry import select_nodes
 from robotd.ros.run_nodes import run_nodes
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 log = get_logger("serve")
 
-MANUAL_NODE = "wmx_engine_node"  # with it, a failed start can be repeated by hand
 START_ABORT_S = 10.0  # the longest that a start-up under way is waited for
 EMERGENCY_S = 0.5  # for the quick stop of a second signal
 EXIT_INTERRUPTED = 130
@@ -85,7 +84,7 @@ def serve(
 
     Args:
         robot: not started.
-        node_names: nodes to make; one of ``ENABLING_NODES`` switches the servos on.
+        node_names: nodes to make; one that ``enables_servos`` switches them on.
         ros_args: from ``--ros-args`` on.
         registry: nodes that plugins bring.
         served: called when the nodes answer, before the robot starts.
@@ -103,7 +102,7 @@ def serve(
         RobotdError: the robot did not start, and no ``wmx_engine_node`` is there to start it
             by hand; it is shut down again.
     """
-    check_names(node_names, registry)
+    chosen = list(select_nodes(node_names, registry).values())
     announce_often()
     _share_heaps()
     if leftovers := remove_leftovers():
@@ -116,19 +115,21 @@ def serve(
     ):
         if served is not None:
             served(report_of(nodes))
-        _run(robot, node_names, events, ready, ended)
+        _run(robot, chosen, events, ready, ended)
     return 0
 
 
 def _run(
     robot: Robot,
-    node_names: Sequence[str],
+    nodes: Sequence[NodeInfo],
     events: SimpleQueue[Event],
     ready: Callable[[], None] | None,
     ended: Callable[[Exception | None], int] | None,
 ) -> None:
     """From start to shut-down of the robot, each in a thread, so that signals are heard."""
-    start = _in_thread("robotd-start", lambda: _start(robot, node_names, events))
+    enable = any(node.enables_servos for node in nodes)
+    may_repeat = any(node.keeps_failed_start for node in nodes)
+    start = _in_thread("robotd-start", lambda: _start(robot, enable, events))
     failure: Exception | None = None
     try:
         while not isinstance(event := _next(events), _Stop):
@@ -137,7 +138,7 @@ def _run(
             if event.error is None:
                 if ready is not None:
                     ready()
-            elif MANUAL_NODE in node_names and isinstance(event.error, RobotdError):
+            elif may_repeat and isinstance(event.error, RobotdError):
                 log.error(
                     "the robot did not start; the engine services can", reason=str(event.error)
                 )
@@ -167,9 +168,9 @@ def _next(events: SimpleQueue[Event]) -> Event:
             return events.get(timeout=LOOK_S)
 
 
-def _start(robot: Robot, node_names: Sequence[str], events: SimpleQueue[Event]) -> None:
+def _start(robot: Robot, enable: bool, events: SimpleQueue[Event]) -> None:
     try:
-        robot.start(enable=not ENABLING_NODES.isdisjoint(node_names))
+        robot.start(enable=enable)
     except Exception as error:  # noqa: BLE001 - the main thread raises it
         events.put(_StartEnded(error))
     else:

@@ -226,7 +226,7 @@ def test_plugins_of_the_other_group_load_each_on_its_own(install: Install, tmp_p
     assert all("not_there_at_all" in reason for reason in failures.values())
     registered, nodes = register_all(plugins)
     assert registered.folders == [robots]
-    assert nodes.factories == {"lights": "acme.lights:Lights"}
+    assert nodes.nodes["lights"].factory == "acme.lights:Lights"
 
 
 def test_two_plugins_with_one_node_stop_the_start(install: Install) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from robotd.errors import DescriptorError, PluginError
-from robotd.plugin.registry import NodeRegistry
-from robotd.ros.registry import BUILT_IN, check_names, known_nodes, make_node
+from robotd.plugin.registry import NodeInfo, NodeRegistry
+from robotd.ros.registry import BUILT_IN, known_nodes, make_node, select_nodes
 
 
 def registry(name: str, factory: str) -> NodeRegistry:
@@ -17,12 +17,12 @@ def registry(name: str, factory: str) -> NodeRegistry:
 
 def test_a_misspelt_name_is_answered_with_the_nearest() -> None:
     with pytest.raises(DescriptorError, match=r"'wmx_engin_node'.*did you mean 'wmx_engine_node'"):
-        check_names(["wmx_io_node", "wmx_engin_node"])
+        select_nodes(["wmx_io_node", "wmx_engin_node"])
 
 
 def test_a_name_like_no_other_is_answered_with_all() -> None:
-    with pytest.raises(DescriptorError, match="there are wmx_engine_node, "):
-        check_names(["zzz"])
+    with pytest.raises(DescriptorError, match="available: wmx_engine_node, "):
+        select_nodes(["zzz"])
 
 
 def test_plugins_add_nodes_and_cannot_replace_built_in_ones() -> None:
@@ -34,7 +34,8 @@ def test_plugins_add_nodes_and_cannot_replace_built_in_ones() -> None:
 
 def test_a_plugin_s_factory_is_called_with_robot_and_host() -> None:
     # divmod stands for any callable of two arguments.
-    assert make_node("sun", 7, 2, registry("sun", "builtins:divmod")) == (3, 1)  # type: ignore[arg-type]
+    info = NodeInfo("builtins:divmod", "")
+    assert make_node("sun", info, 7, 2) == (3, 1)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -47,4 +48,17 @@ def test_a_plugin_s_factory_is_called_with_robot_and_host() -> None:
 )
 def test_a_factory_that_fails_is_the_plugin_s_error(factory: str, reason: str) -> None:
     with pytest.raises(PluginError, match=rf"'sun' \({factory}\) cannot be made: {reason}"):
-        make_node("sun", object(), object(), registry("sun", factory))  # type: ignore[arg-type]
+        make_node("sun", NodeInfo(factory, ""), object(), object())  # type: ignore[arg-type]
+
+
+def test_a_plugin_s_node_may_switch_servos_on_and_keep_a_failed_start() -> None:
+    nodes = NodeRegistry()
+    nodes.add("sun", "sky.nodes:Sun", summary="light", enables_servos=True)
+    nodes.add("moon", "sky.nodes:Moon", keeps_failed_start=True)
+    sun, moon = select_nodes(["sun", "moon"], nodes).values()
+    assert (sun.summary, sun.enables_servos, sun.keeps_failed_start) == ("light", True, False)
+    assert (moon.summary, moon.enables_servos, moon.keeps_failed_start) == (
+        "by sky.nodes",
+        False,
+        True,
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -16,6 +17,7 @@ from robotd.health.part_status import Status
 from robotd.health.robot_health import Health
 from robotd.log import get_logger
 from robotd.robot import Robot
+from robotd.ros.diagnostics.name_clash import NameClash
 
 log = get_logger("diagnostics")
 
@@ -27,20 +29,24 @@ END_S = 1.0  # for a look that is under way
 
 
 class Diagnostics:
-    """``with Diagnostics(node, robot):`` publishes for a whole process, on one of its nodes.
+    """``with Diagnostics(nodes, robot):`` publishes for a whole process, on its first node.
 
     A thread of its own, ``robotd-diagnostics``, does it: to ask the fieldbus may block, which
     neither the cycle nor the executor can afford.
 
     Args:
-        node: the owner of the publisher; its namespace tells robots apart that share the topic.
+        nodes: all of the process; the namespace of the first tells robots apart that share the
+            topic.
     """
 
-    def __init__(self, node: Node, robot: Robot) -> None:
+    def __init__(self, nodes: Sequence[Node], robot: Robot) -> None:
+        node = nodes[0]
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, DEPTH)
         self._clock = node.get_clock()
         self._hardware = f"{node.get_namespace()}/{robot.descriptor.name}".lstrip("/")
         self._health = Health(robot)
+        self._clash = NameClash(nodes)
+        self._clash_status: Status | None = None
         self._told: object = None
         self._due_ns = 0
         self._failing = False
@@ -77,8 +83,10 @@ class Diagnostics:
                 return
             if is_due:  # on a grid of whole periods, unless one was left out
                 self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
+                self._clash_status = self._clash.check()
             self._told = seen
-            self._publish(self._health.statuses())
+            statuses = self._health.statuses()
+            self._publish([*statuses, self._clash_status] if self._clash_status else statuses)
             self._failing = False
         except (InvalidHandle, RCLError):
             self._stop.set()  # the node is gone
