@@ -1,4 +1,10 @@
-"""All that a backend may import from robotd. Changing it changes ``API_VERSION``."""
+"""Names that a backend may import from robotd. Changing them changes ``API_VERSION``.
+
+A backend is a module with hooks (``hookimpl``); it makes drivers (``DeviceDriver``,
+``AxisDriver``, ``IoDriver``, ``FieldbusDriver``) for one robot (``DeviceContext``). Units, the
+checks of the core, thread rules and errors of drivers: ``help("robotd.device.drivers")``. Hooks:
+``help("robotd.plugin.hookspecs")``. Features: ``help(Capability)``.
+"""
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
@@ -14,18 +20,17 @@ from robotd.descriptor import (
     write_wmx_parameters,
 )
 from robotd.descriptor.files import read_limited
+from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import (
     AxisDriver,
     DeviceDriver,
     FieldbusDriver,
     IoDriver,
-    NetworkState,
-    SlaveInfo,
 )
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode, ConnectionState, Operation
+from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
 from robotd.errors import (
     ConnectError,
     DescriptorError,
@@ -61,6 +66,9 @@ __all__ = [
     "AxisDriver",
     "BackendInfo",
     "BackendOptions",
+    "BusNode",
+    "BusState",
+    "BusStatus",
     "Capability",
     "Clock",
     "CommandMode",
@@ -76,7 +84,6 @@ __all__ = [
     "InvalidArgument",
     "IoDriver",
     "MonotonicClock",
-    "NetworkState",
     "NodeRegistry",
     "NotReady",
     "Operation",
@@ -88,7 +95,7 @@ __all__ = [
     "RobotRegistry",
     "RobotdError",
     "Segment",
-    "SlaveInfo",
+    "Underrun",
     "Unsupported",
     "WmxParameters",
     "axis_text",

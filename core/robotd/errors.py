@@ -10,7 +10,8 @@ RobotdError
 │   └── Unsupported      this backend cannot do it, ever
 └── DeviceTimeout        the device did not do it in time (also a TimeoutError)
 
-A backend's own errors inherit one of these and may carry the vendor's number in ``code``.
+A backend's own errors inherit one of these. Every error carries its parts: ``reason``, the
+``axis`` that it concerns, and the vendor's number in ``code``. ``str`` puts them together once.
 """
 
 from __future__ import annotations
@@ -23,13 +24,32 @@ MAX_SHOWN = 50
 
 
 class RobotdError(Exception):
-    """Root of the tree. ``str(error)`` is a sentence fit for a user.
+    """Root of the tree. ``str(error)`` is ``joint2: servo is off``: the axis, then the reason.
+
+    Args:
+        reason: thing, value and limit, without the axis.
+        axis: number of the axis that the error concerns; None: no single axis. A driver may
+            leave it out in a method that commands one axis: the core fills it in.
+        code: the vendor's error number, None where there is none.
 
     Attributes:
-        code: the vendor's error number, None where there is none.
+        reason, axis, code: as given.
+        axis_name: name of the axis, filled in by the core; "" shows the number instead.
     """
 
-    code: int | None = None
+    def __init__(
+        self, reason: str = "", *, axis: int | None = None, code: int | None = None
+    ) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.axis = axis
+        self.axis_name = ""
+        self.code = code
+
+    def __str__(self) -> str:
+        if self.axis is None:
+            return self.reason
+        return f"{self.axis_name or f'axis {self.axis}'}: {self.reason}"
 
 
 class DescriptorError(RobotdError):
@@ -98,11 +118,24 @@ class NotReady(OperationError):
 
 
 class Unsupported(OperationError):
-    """The backend does not have this feature."""
+    """The backend does not have this feature.
 
-    def __init__(self, feature: str, backend: str) -> None:
-        super().__init__(f"{feature}: not supported by the {backend} backend")
+    Args:
+        feature: name of the feature, as its user knows it.
+        backend: name of the backend; "" in a driver: the core fills it in.
+    """
+
+    def __init__(self, feature: str, backend: str = "") -> None:
+        who = f"the {backend} backend" if backend else "this backend"
+        super().__init__(f"{feature}: not supported by {who}")
+        self.feature = feature
+        self.backend = backend
 
 
 class DeviceTimeout(RobotdError, TimeoutError):
     """The device did not reach the wanted state in time."""
+
+
+def reason_of(error: Exception) -> str:
+    """Return the text of ``error`` without its axis, for a text that names the axis already."""
+    return error.reason if isinstance(error, RobotdError) else str(error)

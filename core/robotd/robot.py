@@ -5,9 +5,9 @@ The one file that sees every step of the path.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 
 from robotd.clock import Clock, MonotonicClock
@@ -27,10 +27,10 @@ from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.state import CommandMode
-from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported
+from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported, reason_of
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits
-from robotd.plugin.hookspecs import BackendInfo, DeviceContext
+from robotd.plugin.driver_set import Drivers
 from robotd.plugin.manager import Backend, load_backend
 
 log = get_logger("robot")
@@ -43,7 +43,8 @@ class Robot:
 
     Attributes:
         descriptor: the robot's description, with the variant applied.
-        backend: name and capabilities of the backend.
+        backend: the backend that made the drivers.
+        capabilities: of the backend with this robot.
         clock: source of time of the control loop.
         joint_names: names of the joints, in the order of trajectories.
         joint_axes: axis of each joint.
@@ -59,22 +60,34 @@ class Robot:
         wheel_axes: axes of the wheels; empty if the robot has none.
     """
 
-    def __init__(self, descriptor: RobotDescriptor, backend: Backend, clock: Clock) -> None:
-        """Raises Unsupported: ``clock`` is simulated and the backend is not."""
-        name, capabilities = backend.info.name, backend.info.capabilities
-        if isinstance(clock, SimulatedClock) and Capability.SIMULATED not in capabilities:
+    def __init__(
+        self,
+        descriptor: RobotDescriptor,
+        backend: Backend,
+        clock: Clock,
+        drivers: Drivers | None = None,
+    ) -> None:
+        """Compose the robot; ``drivers`` None: ``backend`` makes them.
+
+        Raises Unsupported: ``clock`` is simulated and the backend is not.
+        """
+        name = backend.name
+        if isinstance(clock, SimulatedClock) and Capability.SIMULATED not in backend.capabilities:
             raise Unsupported("simulated time", name)
-        context = DeviceContext(descriptor, backend.options(descriptor), clock)
-        device = backend.open_device(context)
-        driver = backend.axes(device, context)
+        if drivers is None:
+            drivers = backend.drivers(backend.context(descriptor, clock))
+        capabilities = drivers.capabilities(backend.info.capabilities)
+        self._make_fault_injector = drivers.make_fault_injector
+        driver = drivers.axes
         self.descriptor = descriptor
-        self.backend: BackendInfo = backend.info
+        self.backend = backend
+        self.capabilities = capabilities
         self.clock = clock
         self.joint_names = tuple(joint.name for joint in descriptor.joints)
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
         self.image = ProcessImage(descriptor.axes)
         self.connection = Connection(
-            device,
+            drivers.device,
             descriptor.engine,
             descriptor.parameters_file,
             name,
@@ -90,10 +103,8 @@ class Robot:
             name,
             clock,
         )
-        self.io = Io(backend.io(device, context), self.connection, name)
-        self.fieldbus = Fieldbus(
-            backend.fieldbus(device, context), self.connection, capabilities, name
-        )
+        self.io = Io(drivers.io, self.connection, name)
+        self.fieldbus = Fieldbus(drivers.fieldbus, self.connection, capabilities, name)
         self.gripper = Gripper(self.io, descriptor.gripper) if descriptor.gripper else None
         mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz)
         self.control_loop = ControlLoop(
@@ -118,9 +129,6 @@ class Robot:
         self.base = MobileBase(self.axes, mixer, drive, clock) if drive else None
         self.wheel_axes = drive.axes if drive else ()
         self.connection.before_stop = self._stop_and_disable
-        self._make_bench: Callable[[], FaultInjector | None] = partial(
-            backend.fault_injector, device, context
-        )
 
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: cycle, device, communication, parameters, then the servos.
@@ -164,10 +172,10 @@ class Robot:
 
         Raises Unsupported on a backend that is not simulated or has no bench.
         """
-        name = self.backend.name
-        injector = self._make_bench() if Capability.SIMULATED in self.backend.capabilities else None
+        simulated = Capability.SIMULATED in self.capabilities
+        injector = self._make_fault_injector() if simulated else None
         if injector is None:
-            raise Unsupported("faults on request", name)
+            raise Unsupported("faults on request", self.backend.name)
         return injector
 
     def enable_joints(self) -> None:
@@ -177,7 +185,7 @@ class Robot:
         """
         results = each((*self.joint_axes, *self.wheel_axes), self._enable)
         failures = {
-            f"{self.descriptor.name} → {self.axes.names[axis]}": str(error)
+            f"{self.descriptor.name} → {self.axes.names[axis]}": reason_of(error)
             for axis, error in results.items()
             if error is not None
         }
@@ -235,7 +243,7 @@ class Robot:
         enabled = [axis for axis in range(len(self.axes)) if self.image.servo_on[axis]]
         for axis, failure in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
             if failure is not None:
-                log.error("servo off failed", axis=self.axes.names[axis], reason=str(failure))
+                log.error("servo off failed", axis=self.axes.names[axis], reason=reason_of(failure))
         log.info("servos off", axes=len(enabled))
 
 

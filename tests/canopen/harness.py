@@ -13,10 +13,9 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.device.drivers import NetworkState
+from robotd.device.bus_status import BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.motion import TrajectoryRequest
-from robotd.plugin.fault_isolation import unguarded
 from robotd.robot import Robot
 from robotd_canopen.device import CanopenDevice
 from robotd_canopen.fieldbus import CanopenFieldbus
@@ -34,7 +33,7 @@ class Harness:
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.image = robot, robot.image
-        self.device = cast(CanopenDevice, unguarded(robot.connection._driver))
+        self.device = cast(CanopenDevice, vars(robot.connection._driver)["wrapped"])
         self.master: Master = self.device.master
 
     @property
@@ -63,9 +62,9 @@ class Harness:
         names = self.robot.joint_names
         return TrajectoryRequest.from_rows(names, [seconds], [[target] * len(names)])
 
-    def device_state(self) -> NetworkState:
+    def device_state(self) -> BusStatus:
         """As the fieldbus driver tells it, whatever the state of the engine."""
-        return CanopenFieldbus(self.master).network_state(0)
+        return CanopenFieldbus(self.master).status(0)
 
     def break_bus(self) -> None:
         """The adapter is unplugged."""

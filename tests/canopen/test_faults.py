@@ -49,7 +49,7 @@ def test_a_lost_drive(open_rig: OpenRig, fault: str, cause: str) -> None:
         assert not engine.ready
         with pytest.raises(NotReady, match=r"elbow \(node 2\)"):
             engine.require_ready()
-        slaves = {slave.id: slave for slave in harness.device_state().slaves}
+        slaves = {slave.id: slave for slave in harness.device_state().nodes}
         assert cause in slaves[2].fault
         assert slaves[2].offline
         assert not slaves[1].fault
@@ -74,7 +74,7 @@ def test_a_drive_that_trips(open_rig: OpenRig, fault: str, alarm: str) -> None:
             harness.robot.axes.move([Move(1, 0.0, Profile(1.0, 5.0, 5.0))])
         state = harness.device_state()
         assert "node 2: EMCY" in state.note
-        assert "EMCY" in state.slaves[1].fault
+        assert "EMCY" in state.nodes[1].fault
         assert state.details["latest EMCY"].startswith("node 2: EMCY")
         recover(harness)
         state = harness.device_state()

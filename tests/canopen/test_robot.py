@@ -11,6 +11,7 @@ from tests.canopen.conftest import SMALL, OpenRig
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
+from robotd.device.bus_status import BusState
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import ConnectError
@@ -155,11 +156,11 @@ def test_the_gripper_is_an_output_and_a_start_does_not_switch_it(open_rig: OpenR
 
 def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
     with open_rig(enable=False) as harness:
-        state = harness.robot.fieldbus.network_state(0)
-        assert [slave.id for slave in state.slaves] == [1, 2, 3, 4, 5, 6, 16]
-        assert all(slave.state == 16 and not slave.offline for slave in state.slaves)
+        state = harness.robot.fieldbus.status(0)
+        assert [node.id for node in state.nodes] == [1, 2, 3, 4, 5, 6, 16]
+        assert all(node.state is BusState.OPERATIONAL and not node.offline for node in state.nodes)
         assert "CANopen" in state.note
-        assert state.slaves[0].product_code == 0x402
+        assert state.nodes[0].product_code == 0x402
         harness.until(lambda: harness.device_state().details["bus load (%)"] != "0")
         found = harness.device_state().details
         assert found["computed bus load (%)"] == "79"
@@ -178,4 +179,4 @@ def test_error_frames_are_told_in_words(open_rig: OpenRig) -> None:
         text = harness.device_state().details["error frames"]
         assert text == "1, the latest: no acknowledgement: no other node listens"
         harness.robot.fieldbus.reset_statistics(0)
-        assert harness.device_state().packet_loss == 0
+        assert harness.device_state().lost_frames == 0

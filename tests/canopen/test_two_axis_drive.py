@@ -77,5 +77,5 @@ def test_a_lost_node_loses_both_axes(open_rig: OpenRig, drive: dict[str, Any]) -
         stop = broken(harness, "1 silence", healthy=())
         assert stop.execution.outcome is Outcome.FAULT
         assert list(harness.image.offline) == [True, True, False]
-        slave = harness.device_state().slaves[0]
+        slave = harness.device_state().nodes[0]
         assert (slave.id, slave.axes, slave.offline) == (1, 2, True)

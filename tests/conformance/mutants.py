@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import ClassVar, cast
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from robotd.api import (
     FloatArray,
     ProcessImage,
     Profile,
+    Underrun,
     Unsupported,
     hookimpl,
     read_wmx_parameters,
@@ -47,32 +48,31 @@ class Mutant:
     @hookimpl
     def robotd_backend(self) -> BackendInfo:
         return BackendInfo(
-            name=type(self).__name__,
             summary="a mutant",
+            api_version=1,
             capabilities=robotd_sim.CAPABILITIES,
             options=SimOptions,
         )
 
     @hookimpl
-    def robotd_open_device(self, context: DeviceContext) -> DeviceDriver:
-        options = cast(SimOptions, context.options)
-        return self.Device(Simulation(context.robot, options, context.clock))
+    def robotd_open_device(self, context: DeviceContext[SimOptions]) -> DeviceDriver:
+        return self.Device(Simulation(context.robot, context.options, context.clock))
 
     @hookimpl
-    def robotd_axes(self, device: DeviceDriver) -> SimAxes:
-        return self.Axes(cast(SimDevice, device).simulation)
+    def robotd_axes(self, device: SimDevice) -> SimAxes:
+        return self.Axes(device.simulation)
 
     @hookimpl
-    def robotd_io(self, device: DeviceDriver) -> SimIo:
-        return self.Io(cast(SimDevice, device).simulation)
+    def robotd_io(self, device: SimDevice) -> SimIo:
+        return self.Io(device.simulation)
 
     @hookimpl
-    def robotd_fieldbus(self, device: DeviceDriver) -> SimFieldbus:
-        return self.Fieldbus(cast(SimDevice, device).simulation)
+    def robotd_fieldbus(self, device: SimDevice) -> SimFieldbus:
+        return self.Fieldbus(device.simulation)
 
     @hookimpl
-    def robotd_fault_injector(self, device: DeviceDriver) -> FaultInjector:
-        return SimBench(cast(SimDevice, device).simulation)
+    def robotd_fault_injector(self, device: SimDevice) -> FaultInjector:
+        return SimBench(device.simulation)
 
 
 # Units and signs
@@ -117,8 +117,8 @@ class StreamedDegrees(Mutant):
 class SaysItStands(Mutant):
     class Axes(SimAxes):
         @property
-        def goes_on(self) -> bool:
-            return False
+        def underrun(self) -> Underrun:
+            return Underrun.HOLD
 
 
 class TurnsPerMinute(Mutant):
@@ -433,5 +433,5 @@ class Boaster(Mutant):
     """Declares registers and cannot read them."""
 
     class Fieldbus(SimFieldbus):
-        def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
+        def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
             raise Unsupported(Capability.REGISTER_READ, "boaster")

@@ -26,7 +26,7 @@ IMPORTS = "from robotd.api import BackendInfo, Capability, hookimpl\n"
 INFO = """
 @hookimpl
 def robotd_backend():
-    return BackendInfo(name="odd", summary="", capabilities=frozenset({Capability.AXES}), %s)
+    return BackendInfo(summary="", %s)
 """
 
 

@@ -21,7 +21,7 @@ BACKEND = """
 
     @hookimpl
     def robotd_backend():
-        return BackendInfo(name="{name}", summary="a test", capabilities=frozenset())
+        return BackendInfo(summary="a test", api_version=1)
 """
 
 

@@ -18,7 +18,6 @@ from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, NotReady, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
-from robotd.plugin.fault_isolation import unguarded
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot, open_robot
 
@@ -211,8 +210,8 @@ def test_shutdown_during_the_start_of_communication_waits_and_closes() -> None:
     starting.join(10.0)
     assert not starting.is_alive()
     assert robot.connection.state is ConnectionState.SHUTDOWN
-    assert unguarded(device).simulation.engine is ConnectionState.IDLE
-    assert not unguarded(device).simulation.states.servo_on.any()
+    assert device.wrapped.simulation.engine is ConnectionState.IDLE
+    assert not device.wrapped.simulation.states.servo_on.any()
 
 
 def test_nothing_is_switched_on_after_a_request_to_end(harness: Harness) -> None:

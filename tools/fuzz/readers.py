@@ -65,7 +65,7 @@ MAX_TEXT = 100_000
 
 def _robot(path: Path) -> object:
     descriptor = load_robot_descriptor(path)
-    return load_backend("canopen" if "canopen" in descriptor.backends else "sim").options(
+    return load_backend("canopen" if "canopen" in descriptor.backends else "sim").context(
         descriptor
     )
 

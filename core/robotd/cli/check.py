@@ -58,11 +58,11 @@ def _check_backend(
     backend: Backend,
     overrides: Sequence[Override],
 ) -> None:
-    name, capabilities = backend.info.name, backend.info.capabilities
+    name, capabilities = backend.name, backend.capabilities
 
     def options() -> None:
         check_backend_overrides(overrides, name)
-        backend.options(descriptor)
+        backend.context(descriptor)
 
     def features() -> str | None:
         if descriptor.gripper and Capability.IO not in capabilities:

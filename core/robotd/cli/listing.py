@@ -49,14 +49,14 @@ def list_backends(*, as_json: bool) -> None:
             "problem": None,
         }
         try:
-            info = load_backend(origin.name).info
+            backend = load_backend(origin.name)
         except PluginError as error:
             row["problem"] = str(error)
         else:
             row |= {
-                "summary": info.summary,
-                "capabilities": sorted(info.capabilities),
-                "api_version": info.api_version,
+                "summary": backend.info.summary,
+                "capabilities": sorted(backend.capabilities),
+                "api_version": backend.info.api_version,
             }
         rows.append(row)
     _show(rows, ("capabilities", "api_version", "distribution", "version"), as_json=as_json)

@@ -67,7 +67,7 @@ def run_robot(options: RunOptions) -> int:
     descriptor = _descriptor(options, catalogue)
     nodes = _chosen_nodes(descriptor, options.nodes)
     backend = load_backend(options.backend or descriptor.backend)
-    check_backend_overrides(options.overrides, backend.info.name)
+    check_backend_overrides(options.overrides, backend.name)
     robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
@@ -134,8 +134,8 @@ def _made(
     clock = MonotonicClock() if scale is None else PacedClock(scale)
     if scale is None and options.scenario is None:
         return Robot(descriptor, backend, clock), None
-    if SIMULATED not in backend.info.capabilities:
-        text = f"the backend {backend.info.name} is not simulated"
+    if SIMULATED not in backend.capabilities:
+        text = f"the backend {backend.name} is not simulated"
         raise click.BadParameter(text, param_hint="'--time-scale', '--scenario'")
     from robotd.scenario import FaultSchedule, load_scenario
 

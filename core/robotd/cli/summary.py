@@ -38,7 +38,7 @@ def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
         also = f" (there is also {', '.join(others)})" if others else ""
         yield field("variant", f"{descriptor.variant or 'none'}{also}")
     origin_text = f"{origin.distribution} {origin.version}"
-    yield field("backend", f"{backend.name}: {backend.summary} (from {origin_text})")
+    yield field("backend", f"{backend.name}: {backend.info.summary} (from {origin_text})")
     if SIMULATED in backend.capabilities:
         yield field("", [warning("SIMULATED: no hardware is connected, nothing real moves")])
     if isinstance(robot.clock, PacedClock):

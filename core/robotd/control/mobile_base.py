@@ -186,8 +186,8 @@ class MobileBase:
     def _reason(self, time_ns: int, image: ProcessImage) -> str | None:
         """Why the wheels, which are claimed, cannot be moved any more."""
         for axis in self.settings.axes:
-            if reason := self._axes.rejection(axis, CommandMode.VELOCITY, OWNER):
-                return reason
+            if error := self._axes.rejection(axis, CommandMode.VELOCITY, OWNER):
+                return str(error)
             # Values from before the claim cannot show it yet.
             if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
                 return f"{self._axes.names[axis]} was stopped by something else"

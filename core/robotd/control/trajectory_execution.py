@@ -12,7 +12,7 @@ from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.control.stall_recovery import StallRecovery
 from robotd.device.process_image import ProcessImage, columns
-from robotd.device.state import Operation
+from robotd.device.state import Operation, Underrun
 from robotd.motion import (
     JointLimits,
     MotionState,
@@ -91,7 +91,7 @@ class TrajectoryExecution:
         start_ns: int,
         stopped_velocity: float,
         *,
-        goes_on: bool = True,
+        underrun: Underrun = Underrun.EXTRAPOLATE,
     ) -> None:
         joints = len(trajectory.names)
         self.trajectory = trajectory
@@ -113,7 +113,7 @@ class TrajectoryExecution:
         self._time_s = 0.0
         self._stop: StopPlan | None = None
         self._stall_recovery: StallRecovery | None = None
-        self._goes_on = goes_on
+        self._underrun = underrun
         self._aim: FloatArray = self.setpoint.copy()
         self._desired, self._desired_velocity = self._aim
         self._measured: FloatArray = self.setpoint.copy()
@@ -251,6 +251,8 @@ class TrajectoryExecution:
         for failed, text in what:
             for name, axis in zip(self.trajectory.names, self._axes, strict=True):
                 if failed[axis]:
+                    if fault := image.controller_fault:
+                        return f"{fault} at {self._time_s:.3f} s"
                     reason = f" ({image.reason[axis]})" if image.reason[axis] else ""
                     said = f"{text}{reason}" if text else image.fault(axis)
                     return f"{name} at {self._time_s:.3f} s: {said}"
@@ -303,7 +305,8 @@ class TrajectoryExecution:
         """Notice a pause of the cycle, and how far the way back to the path has come."""
         pause_s = self._pause_ns / NANOSECONDS
         if pause_s > PAUSED * period_s:
-            velocity = self._desired_velocity * float(self._goes_on)
+            extrapolated = self._underrun is Underrun.EXTRAPOLATE
+            velocity = self._desired_velocity * float(extrapolated)
             reached = np.array([self._desired + velocity * pause_s, velocity])
             self._stall_recovery = StallRecovery(reached, self.setpoint, self._limits.velocity)
             if self._stall_recovery.is_far.any():

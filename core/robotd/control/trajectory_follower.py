@@ -79,7 +79,7 @@ class TrajectoryFollower:
         self._execution = (
             partial(DeviceExecution, on_device, descriptor.trajectory.max_points)
             if on_device
-            else partial(TrajectoryExecution, goes_on=axes.goes_on)
+            else partial(TrajectoryExecution, underrun=axes.underrun)
         )
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._claim = ExitStack()
@@ -211,8 +211,8 @@ class TrajectoryFollower:
     def _rest_state(self) -> MotionState:
         """Where the command stands: planning from the measured position would be a jump."""
         for axis in self._joint_axes.tolist():
-            if reason := self._axes.rejection(axis, CommandMode.POSITION, OWNER):
-                raise NotReady(reason)
+            if error := self._axes.rejection(axis, CommandMode.POSITION, OWNER):
+                raise error
         return MotionState.at_rest(self._command())
 
     def _await_end(self, execution: TrajectoryExecution, timeout_s: float) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -101,8 +102,8 @@ def validate_section(descriptor: RobotDescriptor, section: str, model: type[Mode
     in the style of every other mistake of the file.
     """
     keys = section.split(".")
-    values = descriptor.model_dump(include={keys[0]})
-    for key in keys:
+    values: Any = getattr(descriptor, keys[0])
+    for key in keys[1:]:
         values = values.get(key) or {}
     return validate(model, values, descriptor.tree, keys)
 

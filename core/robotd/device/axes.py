@@ -8,19 +8,22 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 from robotd.clock import Clock, wait_until
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode, Operation
+from robotd.device.state import CommandMode, Operation, Underrun
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
 from robotd.motion.profile import Profile
 
 log = get_logger("axes")
+
+Error = TypeVar("Error", bound=RobotdError)
 
 SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
 
@@ -93,54 +96,64 @@ class Axes:
         return Capability.TRAJECTORIES_ON_DEVICE in self._capabilities
 
     @property
-    def goes_on(self) -> bool:
-        """``AxisDriver.goes_on``."""
-        return self._driver.goes_on
+    def underrun(self) -> Underrun:
+        """``AxisDriver.underrun``."""
+        return self._driver.underrun
 
     def __len__(self) -> int:
         return len(self.names)
 
+    def servo_group(self, axis: int) -> tuple[int, ...]:
+        """Return the axes that share the servo switch of ``axis``, itself included."""
+        groups = (tuple(group) for group in self._driver.servo_groups)
+        return next((group for group in groups if axis in group), (axis,))
+
     def servo(self, axis: int, on: bool) -> None:
         """Enable (at the measured position, without a jump) or disable one servo; waits for it.
 
-        Disabling is never refused because of an owner: who streams to the axis is stopped.
-        Enabling is, because setpoints from before would be far away, and after a request to end.
+        Axes that share the servo switch are switched, and checked, with it. Disabling is never
+        rejected because of an owner: a stream to the axis is stopped. Enabling is, because
+        setpoints from before would be far away, and after a request to end.
         """
         self._check_axes([axis])
-        if not on:
-            self._driver.servo(axis, False, self._connection.settings.servo_timeout_s)
-        else:
-            with self._connection.scaling_lock:
-                self._enable(axis)
-        self._see(lambda: bool(self.image.servo_on[axis]) is on)
+        group = self.servo_group(axis)
+        with self._commanding(axis):
+            if not on:
+                self._driver.servo(axis, False, self._connection.settings.servo_timeout_s)
+            else:
+                with self._connection.scaling_lock:
+                    self._enable(axis, group)
+        self._see(lambda: bool((self.image.servo_on[list(group)] == on).all()))
 
     def clear_alarm(self, axis: int) -> None:
         """Clear the amplifier alarm of one axis; waits until it is gone."""
         self._check_axis(axis)
-        self._driver.clear_alarm(axis, self._connection.settings.servo_timeout_s)
+        with self._commanding(axis):
+            self._driver.clear_alarm(axis, self._connection.settings.servo_timeout_s)
         self._see(lambda: not self.image.amp_alarm[axis])
 
     def set_command_mode(self, axis: int, mode: int) -> None:
         """Position 0 or velocity 1 (torque 2 where the backend has it), on an idle axis."""
         self._check_axis(axis)
         if mode not in tuple(CommandMode):
-            raise InvalidArgument(f"{self.names[axis]}: mode {mode} is not 0, 1 or 2")
+            raise self._error(InvalidArgument, axis, f"mode {mode} is not 0, 1 or 2")
         needs = {
             CommandMode.VELOCITY: Capability.VELOCITY_MODE,
             CommandMode.TORQUE: Capability.TORQUE_MODE,
         }.get(CommandMode(mode))
         self._require(needs, f"{CommandMode(mode).name.lower()} mode")
         self._check_idle(axis, "the command mode")
-        self._driver.set_command_mode(axis, CommandMode(mode))
+        with self._commanding(axis):
+            self._driver.set_command_mode(axis, CommandMode(mode))
         self._see(lambda: bool(self.image.mode[axis] == mode))
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         """1 or -1, with the servo off."""
         self._check_axis(axis)
         if polarity not in (1, -1):
-            raise InvalidArgument(f"{self.names[axis]}: polarity {polarity} is not 1 or -1")
+            raise self._error(InvalidArgument, axis, f"polarity {polarity} is not 1 or -1")
         self._require(Capability.SCALING, "polarity")
-        with self._connection.scaling_lock:
+        with self._connection.scaling_lock, self._commanding(axis):
             self._check_servo_off(axis, "polarity")
             self._driver.set_polarity(axis, polarity)
         self._see_newer(self._clock.now_ns())
@@ -150,11 +163,10 @@ class Axes:
         self._check_axis(axis)
         for part, value in (("numerator", numerator), ("denominator", denominator)):
             if not (math.isfinite(value) and 1e-6 <= value <= 2**31 - 1):
-                raise InvalidArgument(
-                    f"{self.names[axis]}: gear ratio {part} {value} is outside 1e-06..2147483647"
-                )
+                reason = f"gear ratio {part} {value} is outside 1e-06..2147483647"
+                raise self._error(InvalidArgument, axis, reason)
         self._require(Capability.SCALING, "gear ratio")
-        with self._connection.scaling_lock:
+        with self._connection.scaling_lock, self._commanding(axis):
             self._check_servo_off(axis, "the gear ratio")
             self._driver.set_gear_ratio(axis, numerator, denominator)
         self._see_newer(self._clock.now_ns())
@@ -164,7 +176,8 @@ class Axes:
         self._check_axis(axis)
         self._require(Capability.HOMING, "homing")
         self._check_idle(axis, "homing")
-        self._driver.home(axis, self._connection.settings.homing_timeout_s)
+        with self._commanding(axis):
+            self._driver.home(axis, self._connection.settings.homing_timeout_s)
         self._see_newer(self._clock.now_ns())
 
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
@@ -176,10 +189,11 @@ class Axes:
             self._check_command([move.axis for move in moves], CommandMode.POSITION)
             absolute = [self._absolute(move, relative) for move in moves]
             for move in absolute:
-                name, limits, profile = self._of(move)
-                check_move(name, limits, move.target, *profile)
+                with self._commanding(move.axis):
+                    check_move(self.limits[move.axis], move.target, *_numbers(move.profile))
             for move in absolute:
-                self._driver.move(move.axis, move.target, move.profile)
+                with self._commanding(move.axis):
+                    self._driver.move(move.axis, move.target, move.profile)
                 self._commanded_ns = self._clock.now_ns()
 
     def jog(self, jogs: Sequence[Jog]) -> None:
@@ -192,13 +206,14 @@ class Axes:
         with self._lock:
             self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
             for jog in jogs:
-                name, limits, profile = self._of(jog)
-                check_jog(name, limits, *profile)
-                position = float(self.image.position[jog.axis])
-                check_room(name, limits, position, profile[0], profile[2])
+                limits, position = self.limits[jog.axis], float(self.image.position[jog.axis])
+                with self._commanding(jog.axis):
+                    check_jog(limits, *_numbers(jog.profile))
+                    check_room(limits, position, jog.profile.velocity, jog.profile.deceleration)
             for jog in jogs:
                 self.jog_deceleration[jog.axis] = jog.profile.deceleration
-                self._driver.jog(jog.axis, jog.profile)
+                with self._commanding(jog.axis):
+                    self._driver.jog(jog.axis, jog.profile)
                 self._commanded_ns = self._clock.now_ns()
 
     def stop(self, axes: Sequence[int]) -> None:
@@ -237,7 +252,8 @@ class Axes:
             for axis in axes:
                 self._check_idle(axis, owner)
             if streams:
-                self._driver.begin_stream(axes)
+                with self._commanding():
+                    self._driver.begin_stream(axes)
             self._owners.update(dict.fromkeys(axes, owner))
         try:
             yield
@@ -248,29 +264,33 @@ class Axes:
                 if streams:
                     self._end_stream(axes)
 
-    def rejection(self, axis: int, mode: CommandMode, by: str = "") -> str | None:
-        """Why a motion command ``by`` somebody would be refused now; None when it would not."""
-        image, name = self.image, self.names[axis]
+    def rejection(self, axis: int, mode: CommandMode, by: str = "") -> NotReady | None:
+        """The error of a motion command now, of a client named ``by``; None: accepted."""
+        image = self.image
         if not self._connection.commandable:
-            return self._connection.rejection
-        if fault := image.fault(axis):
-            return f"{name}: {fault}"
-        if not image.servo_on[axis]:
-            return f"{name}: servo is off"
-        if image.mode[axis] != mode:
-            have = CommandMode(int(image.mode[axis])).name.lower()
-            return f"{name} is in {have} mode, not in {mode.name.lower()} mode"
+            return NotReady(self._connection.rejection)
+        if image.fault(axis):
+            return self._fault_error(axis)
         owner = self._owners.get(axis)
-        return f"{name} is in use by {owner}" if owner and owner != by else None
+        reason = ""
+        if not image.servo_on[axis]:
+            reason = "servo is off"
+        if not reason and image.mode[axis] != mode:
+            have = CommandMode(int(image.mode[axis])).name.lower()
+            reason = f"in {have} mode, not in {mode.name.lower()} mode"
+        if not reason and owner and owner != by:
+            reason = f"in use by {owner}"
+        return self._error(NotReady, axis, reason) if reason else None
 
-    def _enable(self, axis: int) -> None:
+    def _enable(self, axis: int, group: Sequence[int]) -> None:
         connection, timeout_s = self._connection, self._connection.settings.servo_timeout_s
         connection.require_ready()
         connection.require_alive()
-        if self.image.amp_alarm[axis]:
-            raise NotReady(f"{self.names[axis]}: {self.image.fault(axis)}; clear it first")
-        if not self.image.servo_on[axis]:
-            self._check_axis(axis)
+        for other in group:
+            if self.image.amp_alarm[other]:
+                raise self._fault_error(other, "; clear it first")
+            if not self.image.servo_on[other]:
+                self._check_axis(other)
         self._driver.servo(axis, True, timeout_s)
         if connection.ending:  # the request came while the drive was enabling
             self._driver.servo(axis, False, timeout_s)
@@ -279,8 +299,8 @@ class Axes:
     def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
         self._check_axes(axes)
         for axis in axes:
-            if reason := self.rejection(axis, mode):
-                raise NotReady(reason)
+            if error := self.rejection(axis, mode):
+                raise error
 
     def _check_axes(self, axes: Sequence[int]) -> None:
         self._connection.require_ready()
@@ -296,20 +316,19 @@ class Axes:
     def _check_axis(self, axis: int) -> None:
         self._check_axes([axis])
         if owner := self._owners.get(axis):
-            raise NotReady(f"{self.names[axis]} is in use by {owner}")
+            raise self._error(NotReady, axis, f"in use by {owner}")
 
     def _check_idle(self, axis: int, what: str) -> None:
         self._see_newer(self._commanded_ns)
         operation = Operation(int(self.image.operation[axis]))
         if operation is not Operation.IDLE:
-            raise NotReady(
-                f"{self.names[axis]}: {what} needs an idle axis, this one is in"
-                f" {operation.name.lower()}"
-            )
+            reason = f"{what} needs an idle axis, this one is in {operation.name.lower()}"
+            raise self._error(NotReady, axis, reason)
 
     def _check_servo_off(self, axis: int, what: str) -> None:
         if self.image.servo_on[axis]:
-            raise NotReady(f"{self.names[axis]}: {what} can change only while the servo is off")
+            reason = f"{what} can change only while the servo is off"
+            raise self._error(NotReady, axis, reason)
 
     def _absolute(self, move: Move, relative: bool) -> Move:
         if not relative:
@@ -317,13 +336,27 @@ class Axes:
         start = float(self.image.position_command[move.axis])
         return Move(move.axis, start + move.target, move.profile)
 
-    def _of(self, command: Move | Jog) -> tuple[str, AxisLimits, tuple[float, float, float]]:
-        profile = command.profile
-        return (
-            self.names[command.axis],
-            self.limits[command.axis],
-            (profile.velocity, profile.acceleration, profile.deceleration),
-        )
+    def _fault_error(self, axis: int, advice: str = "") -> NotReady:
+        if fault := self.image.controller_fault:
+            return NotReady(f"{fault}{advice}")
+        return self._error(NotReady, axis, f"{self.image.fault(axis)}{advice}")
+
+    def _error(self, kind: type[Error], axis: int, reason: str) -> Error:
+        error = kind(reason, axis=axis)
+        error.axis_name = self.names[axis]
+        return error
+
+    @contextmanager
+    def _commanding(self, axis: int | None = None) -> Iterator[None]:
+        """Complete the driver's errors: the commanded ``axis``, and the axis' name."""
+        try:
+            yield
+        except RobotdError as error:
+            if error.axis is None and not isinstance(error, Unsupported):
+                error.axis = axis
+            if error.axis is not None:
+                error.axis_name = self.names[error.axis]
+            raise
 
     def _require(self, capability: Capability | None, feature: str) -> None:
         if capability is not None and capability not in self._capabilities:
@@ -332,7 +365,8 @@ class Axes:
     def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
         if self._connection.ready:
             self._check_axes(axes)
-            stop(axes)
+            with self._commanding():
+                stop(axes)
 
     def _moving(self, axes: Sequence[int]) -> list[int]:
         return [axis for axis in axes if self.image.operation[axis] != Operation.IDLE]
@@ -354,6 +388,10 @@ class Axes:
     def _see_newer(self, time_ns: int) -> None:
         """Let the image be one that was read after ``time_ns``."""
         self._see(lambda: self.image.stamp_ns > time_ns)
+
+
+def _numbers(profile: Profile) -> tuple[float, float, float]:
+    return profile.velocity, profile.acceleration, profile.deceleration
 
 
 def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:

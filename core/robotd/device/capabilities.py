@@ -1,4 +1,4 @@
-"""What a backend can do, as data: the core and the tests decide by it, never by a name."""
+"""Features that not every backend has, as data: the core and the tests decide by them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,33 @@ from enum import StrEnum
 
 
 class Capability(StrEnum):
-    """One feature that not every backend has."""
+    """One feature that not every backend has. A feature that is missing is answered Unsupported.
+
+    Derived from the hooks that a backend has, never declared:
+
+    - AXES: ``robotd_axes``
+    - IO: ``robotd_io``
+    - FIELDBUS: ``robotd_fieldbus``
+
+    Declared in ``BackendInfo``, together with the methods that they need:
+
+    - VELOCITY_MODE: velocity commands (``AxisDriver.jog``) and velocity streams, in a mode of
+      their own (``set_command_mode``). Without it ``jog`` is never called.
+    - TORQUE_MODE: the torque mode can be set (``set_command_mode``).
+    - HOMING: the present position can become zero (``home``).
+    - SCALING: gear ratio and polarity change at run time (``set_gear_ratio``, ``set_polarity``).
+    - PARAMETERS_FILE: the device takes a parameter file (``DeviceDriver.load_parameters``,
+      ``dump_parameters``).
+    - TRAJECTORIES_ON_DEVICE: the device gets all points of a trajectory and interpolates
+      (``AxisDriver.follow``). Without it positions are streamed (``begin_stream``, ``stream``,
+      ``end_stream``).
+    - CONTROLLER_ALARM: the controller has one alarm for all axes, not one for each
+      (``ProcessImage.set_controller_alarm``).
+    - REGISTER_READ, STATISTICS, HOT_CONNECT: methods of the fieldbus driver
+      (``read_register``, ``reset_statistics``, ``start_hot_connect``).
+    - DEVICE_WATCHDOG: moving axes stop by themselves when setpoints or the process end.
+    - SIMULATED: nothing real moves.
+    """
 
     AXES = "axes"
     IO = "io"
@@ -15,10 +41,15 @@ class Capability(StrEnum):
     TORQUE_MODE = "torque_mode"
     HOMING = "homing"
     PARAMETERS_FILE = "parameters_file"
-    SCALING = "scaling"  # gear ratio and polarity can be changed at run time
+    SCALING = "scaling"
     REGISTER_READ = "register_read"
     STATISTICS = "statistics"
     HOT_CONNECT = "hot_connect"
-    TRAJECTORIES_ON_DEVICE = "trajectories_on_device"  # it gets the points and joins them itself
-    DEVICE_WATCHDOG = "device_watchdog"  # axes stop by themselves when the daemon dies
-    SIMULATED = "simulated"  # nothing real moves
+    TRAJECTORIES_ON_DEVICE = "trajectories_on_device"
+    CONTROLLER_ALARM = "controller_alarm"
+    DEVICE_WATCHDOG = "device_watchdog"
+    SIMULATED = "simulated"
+
+
+DERIVED = frozenset({Capability.AXES, Capability.IO, Capability.FIELDBUS})
+"""Capabilities that follow from the hooks of a backend."""

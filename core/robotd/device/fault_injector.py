@@ -72,4 +72,4 @@ class FaultInjector:
         raise self._unsupported("stop_engine")
 
     def _unsupported(self, method: str) -> Unsupported:
-        return Unsupported(f"FaultInjector.{method}", type(self).__module__)
+        return Unsupported(f"FaultInjector.{method}")

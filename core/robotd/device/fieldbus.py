@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from robotd.device.bus_status import BusStatus
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
-from robotd.device.drivers import FieldbusDriver, NetworkState
+from robotd.device.drivers import FieldbusDriver
 from robotd.errors import InvalidArgument, Unsupported
-
-REGISTER_SPACE = 0x1000  # ESC registers end at 0x0FFF; process data RAM follows
 
 
 class Fieldbus:
-    """Diagnostics of the masters and slaves; worker threads only.
+    """Diagnostics of the fieldbuses and their nodes; worker threads only.
 
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
-        capabilities: what of it the backend offers.
+        capabilities: of the backend.
     """
 
     def __init__(
@@ -31,39 +30,43 @@ class Fieldbus:
         self._backend = backend
 
     @property
-    def masters(self) -> int:
-        """Number of masters, ids 0 … masters - 1; 0 where the backend has no fieldbus."""
-        return 0 if self._maybe_driver is None else self._maybe_driver.masters
+    def buses(self) -> int:
+        """Number of fieldbuses, numbered 0 … buses - 1; 0 where the backend has none."""
+        return 0 if self._maybe_driver is None else self._maybe_driver.buses
 
-    def network_state(self, master: int) -> NetworkState:
-        return self._master("network state", None, master).network_state(master)
+    def status(self, bus: int) -> BusStatus:
+        """Return the status of one bus and its nodes."""
+        return self._checked("network state", None, bus).status(bus)
 
-    def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
-        """Raw ESC memory: ``address + length`` must stay within 0x1000."""
-        driver = self._master("register_read", Capability.REGISTER_READ, master)
-        if not 1 <= length <= REGISTER_SPACE:
-            raise InvalidArgument(f"length {length} is outside 1..{REGISTER_SPACE}")
-        if address < 0 or address + length > REGISTER_SPACE:
+    def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
+        """Return raw register memory of a node; the range must lie inside its memory."""
+        driver = self._checked("register_read", Capability.REGISTER_READ, bus)
+        size = driver.register_bytes
+        if not 1 <= length <= size:
+            raise InvalidArgument(f"length {length} is outside 1..{size}")
+        if address < 0 or address + length > size:
             raise InvalidArgument(
                 f"registers {address:#06x}..{address + length - 1:#06x}"
-                f" are outside 0x0000..{REGISTER_SPACE - 1:#06x}"
+                f" are outside 0x0000..{size - 1:#06x}"
             )
-        known = [info.id for info in driver.network_state(master).slaves]
-        if slave not in known:
-            raise InvalidArgument(f"slave {slave} is not on master {master} (slaves: {known})")
-        return driver.read_register(master, slave, address, length)
+        known = [one.id for one in driver.status(bus).nodes]
+        if node not in known:
+            raise InvalidArgument(f"slave {node} is not on master {bus} (slaves: {known})")
+        return driver.read_register(bus, node, address, length)
 
-    def reset_statistics(self, master: int) -> None:
-        self._master("reset_statistics", Capability.STATISTICS, master).reset_statistics(master)
+    def reset_statistics(self, bus: int) -> None:
+        """Zero the counters of ``status``."""
+        self._checked("reset_statistics", Capability.STATISTICS, bus).reset_statistics(bus)
 
-    def start_hot_connect(self, master: int) -> None:
-        self._master("start_hotconnect", Capability.HOT_CONNECT, master).start_hot_connect(master)
+    def start_hot_connect(self, bus: int) -> None:
+        """Let newly attached nodes join."""
+        self._checked("start_hotconnect", Capability.HOT_CONNECT, bus).start_hot_connect(bus)
 
-    def _master(self, feature: str, needs: Capability | None, master: int) -> FieldbusDriver:
+    def _checked(self, feature: str, needs: Capability | None, bus: int) -> FieldbusDriver:
         driver = self._maybe_driver
         if driver is None or (needs is not None and needs not in self._capabilities):
             raise Unsupported(feature, self._backend)
         self._connection.require_ready()
-        if not 0 <= master < driver.masters:
-            raise InvalidArgument(f"master {master} is outside 0..{driver.masters - 1}")
+        if not 0 <= bus < driver.buses:
+            raise InvalidArgument(f"master {bus} is outside 0..{driver.buses - 1}")
         return driver

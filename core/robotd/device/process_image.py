@@ -43,6 +43,8 @@ class ProcessImage:
             velocity and torque as measured.
         reason: the device's own words for an alarm, for a drive that does not answer, or for a
             stop that nobody commanded, until the next command; "" where it has none.
+        controller_alarm, controller_reason: alarm number and text of the whole controller, see
+            ``set_controller_alarm``; 0 and "" without one.
         stamp_ns: monotonic time of the last ``read``; 0 before the first.
         fresh_ns: monotonic time at which the device last received live values; 0 if never.
     """
@@ -80,18 +82,43 @@ class ProcessImage:
         self.mode[:] = CommandMode.POSITION
         self.operation[:] = Operation.IDLE
         self.reason = [""] * axes
+        self.controller_alarm = 0
+        self.controller_reason = ""
         self._sequence = 0
 
     def fault(self, axis: int) -> str:
         """Why ``axis`` cannot move: not answering, in alarm, or ""; with the device's reason."""
         if self.offline[axis]:
             what = "drive is offline"
+        elif self.controller_alarm:
+            return f"controller alarm {self.controller_alarm}"
         elif self.amp_alarm[axis]:
             what = f"amplifier alarm {self.alarm_code[axis]}"
         else:
             return ""
         reason = self.reason[axis]
         return f"{what} ({reason})" if reason else what
+
+    @property
+    def controller_fault(self) -> str:
+        """``controller alarm 17 (emergency stop)``; "" without an alarm."""
+        if not self.controller_alarm:
+            return ""
+        reason = f" ({self.controller_reason})" if self.controller_reason else ""
+        return f"controller alarm {self.controller_alarm}{reason}"
+
+    def set_controller_alarm(self, code: int, reason: str = "") -> None:
+        """Show an alarm of the whole controller, on every axis but told once (CONTROLLER_ALARM).
+
+        Control-loop thread, in ``AxisDriver.read``.
+
+        Args:
+            code: the controller's alarm number; 0: no alarm.
+            reason: one line in words.
+        """
+        self.controller_alarm, self.controller_reason = code, reason if code else ""
+        self.amp_alarm[:] = code != 0
+        self.alarm_code[:] = code
 
     def begin_write(self) -> None:
         """Cycle thread: the arrays are about to change."""
@@ -108,6 +135,7 @@ class ProcessImage:
         for name in _BLOCKS:
             getattr(self, name)[:] = getattr(blank, name)
         self.reason[:] = blank.reason
+        self.controller_alarm, self.controller_reason = 0, ""
         self.stamp_ns = self.fresh_ns = 0
         self.end_write()
 
@@ -123,6 +151,8 @@ class ProcessImage:
                 getattr(twin, name)[:] = getattr(self, name)
             twin.reason[:] = self.reason
             twin.stamp_ns, twin.fresh_ns = self.stamp_ns, self.fresh_ns
+            twin.controller_alarm = self.controller_alarm
+            twin.controller_reason = self.controller_reason
             if before == self._sequence and before % 2 == 0:
                 break
         return twin

@@ -32,3 +32,10 @@ class Operation(IntEnum):
     STREAM = 3  # following setpoints or a trajectory
     HOMING = 4
     STOPPING = 5
+
+
+class Underrun(Enum):
+    """Behaviour of a streaming axis while its next setpoint is late."""
+
+    EXTRAPOLATE = "extrapolate"  # it continues with the velocity of the last setpoint
+    HOLD = "hold"  # it stops at the last setpoint

@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from robotd.control.loop_statistics import LoopReport
-from robotd.device.drivers import NetworkState, SlaveInfo
+from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Operation
 
 SLOW = 0.95  # part of the cycle's rate below which it is too slow
-OPERATIONAL = 16
-STATES = {0: "None", 1: "Init", 2: "Preop", 4: "Boot", 8: "Safeop", OPERATIONAL: "Op"}
 
 
 class Level(IntEnum):
@@ -41,6 +39,8 @@ def engine_status(state: ConnectionState, backend: str, fault: str = "", *, read
     values = {"state": state.value, "ready": _yes_no(ready), "backend": backend}
     if state is ConnectionState.UNKNOWN:
         level, text = Level.ERROR, "the device gives no fresh values"
+    elif ready and fault:
+        return Status("engine", Level.ERROR, fault, values)
     elif ready:
         return Status("engine", Level.OK, state.value, values)
     else:
@@ -72,26 +72,24 @@ def axis_status(
     return Status(part, level, message, values)
 
 
-def fieldbus_status(part: str, network: NetworkState, *, losing: bool) -> Status:
-    """A master and its slaves: ERROR for one that is lost, WARN for one that is not in Op."""
-    errors = [
-        f"slave {slave.id} {fault}" for slave in network.slaves if (fault := _slave_fault(slave))
-    ]
+def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> Status:
+    """A bus and its nodes: ERROR for a lost node, WARN for one that is not operational."""
+    errors = [f"node {node.id} {fault}" for node in network.nodes if (fault := _node_fault(node))]
     warnings = [
-        f"slave {slave.id} is in {STATES.get(slave.state, slave.state)}"
-        for slave in network.slaves
-        if slave.state != OPERATIONAL and not slave.offline
+        f"node {node.id} is {node.state.value}"
+        for node in network.nodes
+        if node.state is not BusState.OPERATIONAL and not node.offline
     ]
     if losing:
         warnings.append("packets are being lost")
     level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
-    message = "; ".join([*errors, *warnings]) or f"{len(network.slaves)} slaves in Op"
+    message = "; ".join([*errors, *warnings]) or f"{len(network.nodes)} nodes operational"
     values = {
-        "master state": STATES.get(network.state, str(network.state)),
-        "period (µs)": str(network.comm_period_us),
-        "packet loss": str(network.packet_loss),
-        "packet timeout": str(network.packet_timeout),
-        "over cycle": str(network.over_cycle),
+        "bus state": network.state.value,
+        "period (µs)": str(round(network.period_s * 1e6)),
+        "packet loss": str(network.lost_frames),
+        "packet timeout": str(network.timeouts),
+        "over cycle": str(network.late_cycles),
         **network.details,
     }
     return Status(part, level, message, values)
@@ -142,11 +140,11 @@ def unknown_status(part: str, state: ConnectionState) -> Status:
     return Status(part, Level.STALE, f"not known: engine is {state.value}")
 
 
-def _slave_fault(slave: SlaveInfo) -> str:
-    what = "is offline" if slave.offline else ""
-    if slave.al_code:
-        what = what or f"has AL code {slave.al_code:#06x}"
-    return f"{what or 'has a fault'}: {slave.fault}" if slave.fault else what
+def _node_fault(node: BusNode) -> str:
+    what = "is offline" if node.offline else ""
+    if node.error_code:
+        what = what or f"has error code {node.error_code:#06x}"
+    return f"{what or 'has a fault'}: {node.fault}" if node.fault else what
 
 
 def _judge_axis(axis: int, image: ProcessImage, *, used: bool) -> tuple[Level, str]:

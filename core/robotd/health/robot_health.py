@@ -29,7 +29,7 @@ class Health:
         self._robot = robot
         self._cycles = Growth()
         self._missed = Growth()
-        self._lost = [Growth() for _ in range(robot.fieldbus.masters)]
+        self._lost = [Growth() for _ in range(robot.fieldbus.buses)]
 
     def fingerprint(self) -> Hashable:
         """Another value whenever something changed that should be told at once. Cheap."""
@@ -45,8 +45,9 @@ class Health:
         robot = self._robot
         state, now_ns = robot.connection.state, robot.clock.now_ns()
         connection = robot.connection
-        found = [engine_status(state, robot.backend.name, connection.fault, ready=connection.ready)]
         image = robot.image.copy()
+        fault = image.controller_fault or connection.fault
+        found = [engine_status(state, robot.backend.name, fault, ready=connection.ready)]
         used = {*robot.joint_axes, *robot.wheel_axes}
         for axis, name in enumerate(robot.axes.names):
             found.append(axis_status(name, axis, image, state, used=axis in used))
@@ -61,10 +62,10 @@ class Health:
         if state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
             return unknown_status(part, state)
         try:
-            network = self._robot.fieldbus.network_state(master)
+            network = self._robot.fieldbus.status(master)
         except RobotdError as error:
             return Status(part, Level.ERROR, str(error))
-        losing = self._lost[master].is_recent(network.packet_loss, now_ns)
+        losing = self._lost[master].is_recent(network.lost_frames, now_ns)
         return fieldbus_status(part, network, losing=losing)
 
     def _control_loop(self, now_ns: int) -> Status:

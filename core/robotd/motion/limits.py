@@ -36,43 +36,37 @@ class AxisLimits:
 
 
 def check_move(
-    axis: str,
-    limits: AxisLimits,
-    target: float,
-    velocity: float,
-    acceleration: float,
-    deceleration: float,
+    limits: AxisLimits, target: float, velocity: float, acceleration: float, deceleration: float
 ) -> None:
     """Refuse a move that the axis must not make.
 
     Args:
-        axis: its name, for the text.
         limits: of the axis.
         target: absolute; for a relative move, where it leads to.
         velocity, acceleration, deceleration: of the move, positive.
 
     Raises:
-        InvalidArgument: naming the axis, the value and the limit.
+        InvalidArgument: naming the value and the limit, not the axis.
     """
-    _check_finite(axis, "target", target)
-    _check_positive(axis, "velocity", velocity)
-    _check_speed_and_ramps(axis, limits, velocity, acceleration, deceleration)
+    _check_finite("target", target)
+    _check_positive("velocity", velocity)
+    _check_speed_and_ramps(limits, velocity, acceleration, deceleration)
     if target > limits.upper:
-        raise _beyond(axis, "target", target, "exceeds", limits.upper, limits.unit)
+        raise _beyond("target", target, "exceeds", limits.upper, limits.unit)
     if target < limits.lower:
-        raise _beyond(axis, "target", target, "is below", limits.lower, limits.unit)
+        raise _beyond("target", target, "is below", limits.lower, limits.unit)
 
 
 def check_jog(
-    axis: str, limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
+    limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
 ) -> None:
     """Refuse a velocity command beyond the limits; ``velocity`` is signed and may be 0.
 
     Raises:
-        InvalidArgument: naming the axis, the value and the limit.
+        InvalidArgument: naming the value and the limit, not the axis.
     """
-    _check_finite(axis, "velocity", velocity)
-    _check_speed_and_ramps(axis, limits, velocity, acceleration, deceleration)
+    _check_finite("velocity", velocity)
+    _check_speed_and_ramps(limits, velocity, acceleration, deceleration)
 
 
 def room_to_stop(
@@ -89,49 +83,45 @@ def room_to_stop(
     return ahead - velocity * velocity / (2.0 * deceleration) if velocity else math.inf
 
 
-def check_room(
-    axis: str, limits: AxisLimits, position: float, velocity: float, deceleration: float
-) -> None:
+def check_room(limits: AxisLimits, position: float, velocity: float, deceleration: float) -> None:
     """Refuse a velocity command that could not be stopped before a position limit.
 
     Raises:
-        InvalidArgument: naming the axis, the values and the limit.
+        InvalidArgument: naming the values and the limit, not the axis.
     """
     if room_to_stop(limits, position, velocity, deceleration) < 0.0:
         limit, unit = (limits.upper if velocity > 0.0 else limits.lower), limits.unit
         raise InvalidArgument(
-            f"{axis}: from {position:.6g} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
+            f"from {position:.6g} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
             f" before the limit {limit:.6g} {unit}"
         )
 
 
 def _check_speed_and_ramps(
-    axis: str, limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
+    limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
 ) -> None:
     if abs(velocity) > limits.velocity:
         unit = f"{limits.unit}/s"
-        raise _beyond(axis, "velocity", velocity, "exceeds", limits.velocity, unit)
+        raise _beyond("velocity", velocity, "exceeds", limits.velocity, unit)
     for name, ramp in (("acceleration", acceleration), ("deceleration", deceleration)):
-        _check_positive(axis, name, ramp)
+        _check_positive(name, ramp)
         if ramp > limits.acceleration:
             unit = f"{limits.unit}/s²"
-            raise _beyond(axis, name, ramp, "exceeds", limits.acceleration, unit)
+            raise _beyond(name, ramp, "exceeds", limits.acceleration, unit)
 
 
-def _check_finite(axis: str, name: str, value: float) -> None:
+def _check_finite(name: str, value: float) -> None:
     if not math.isfinite(value):
-        raise InvalidArgument(f"{axis}: {name} is {value}, must be a finite number")
+        raise InvalidArgument(f"{name} is {value}, must be a finite number")
 
 
-def _check_positive(axis: str, name: str, value: float) -> None:
-    _check_finite(axis, name, value)
+def _check_positive(name: str, value: float) -> None:
+    _check_finite(name, value)
     if value <= 0.0:
-        raise InvalidArgument(f"{axis}: {name} is {value:g}, must be positive")
+        raise InvalidArgument(f"{name} is {value:g}, must be positive")
     if value < LEAST:
-        raise InvalidArgument(f"{axis}: {name} is {value:g}, must be at least {LEAST:g}")
+        raise InvalidArgument(f"{name} is {value:g}, must be at least {LEAST:g}")
 
 
-def _beyond(
-    axis: str, name: str, value: float, relation: str, limit: float, unit: str
-) -> InvalidArgument:
-    return InvalidArgument(f"{axis}: {name} {value:.6g} {unit} {relation} {limit:.6g} {unit}")
+def _beyond(name: str, value: float, relation: str, limit: float, unit: str) -> InvalidArgument:
+    return InvalidArgument(f"{name} {value:.6g} {unit} {relation} {limit:.6g} {unit}")

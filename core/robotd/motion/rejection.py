@@ -21,8 +21,7 @@ class TrajectoryRejected(InvalidArgument):
     code: RejectionCode
 
     def __init__(self, code: RejectionCode, message: str) -> None:
-        self.code = code
-        super().__init__(message)
+        super().__init__(message, code=code)
 
 
 def reject(message: str) -> TrajectoryRejected:

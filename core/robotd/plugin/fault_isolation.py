@@ -1,9 +1,10 @@
-"""Drivers of plugins, wrapped so that a broken one cannot hurt.
+"""Fault isolation for plugin drivers: exceptions and hangs become robotd errors.
 
-An error that is none of robotd's becomes an ``OperationError``, and a call that does not come
-back a ``DeviceTimeout``; both name the plugin. What the cycle calls, and what only reads memory,
-is not timed, for it must cost next to nothing: the cycle and its watchdog look after it. A device
-that does not answer for its state is in state UNKNOWN; one that cannot say why says that.
+A foreign exception becomes an ``OperationError``, a call that does not return a
+``DeviceTimeout``; both name the plugin. Calls of the control loop, and those that only read
+memory, have no time limit, because one costs 0.1 ms: the watchdog of the control loop detects a
+hang. A device whose ``state`` does not return is in state UNKNOWN; of one whose ``fault`` does
+not return, that is the fault.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any, TypeVar, cast
 
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.state import ConnectionState
-from robotd.errors import DeviceTimeout, OperationError, RobotdError
+from robotd.errors import DeviceTimeout, OperationError, RobotdError, Unsupported
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 
 CALL_BUDGET_S = 30.0  # of calls without a time-out of their own: connecting, scanning, files
@@ -28,28 +29,36 @@ _UNTIMED = {
     DeviceDriver: {"state", "fault"},
     AxisDriver: {"read", "stream"},
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
-    FieldbusDriver: {"masters"},
+    FieldbusDriver: {"buses", "register_bytes"},
 }
 
 Driver = TypeVar("Driver", bound=ABC)
 Call = Callable[..., Any]
 
 
-def isolated(driver: Driver, contract: type[Driver], plugin: str) -> Driver:
-    """``driver`` behind a guard that fulfils ``contract``; ``plugin`` is named in errors."""
+def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) -> Driver:
+    """Return ``driver`` behind calls whose failures become robotd errors.
+
+    Args:
+        contract: the driver class that the result fulfils; it has no other methods.
+        plugin, backend: named in errors: origin of the plugin, and name of the backend.
+
+    The plugin's own object is its attribute ``wrapped``, for debuggers and tests.
+    """
     members: dict[str, Any] = {}
     for name in (name for name in dir(contract) if not name.startswith("_")):
         what = f"plugin {plugin}: {contract.__name__}.{name}"
         if isinstance(inspect.getattr_static(contract, name), property):
-            members[name] = property(_named(_getter(name, driver), what))
+            members[name] = property(_named(_getter(name, driver), what, backend))
             continue
         call = getattr(driver, name)
         if name in _UNTIMED[contract]:
-            members[name] = staticmethod(_named(call, what))
+            members[name] = staticmethod(_named(call, what, backend))
         else:
             signature = inspect.signature(getattr(contract, name))
             accepts = contract in (AxisDriver, IoDriver)
-            members[name] = staticmethod(_named(_timed(call, signature, what, accepts), what))
+            timed = _timed(call, signature, what, accepts)
+            members[name] = staticmethod(_named(timed, what, backend))
     if isinstance(driver, DeviceDriver):
         members["state"] = staticmethod(_State(members["state"]))
         members["fault"] = staticmethod(_Fault(members["fault"], f"plugin {plugin}"))
@@ -58,17 +67,16 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str) -> Driver:
     return cast(Driver, guard)
 
 
-def unguarded(driver: Driver) -> Driver:
-    """What the plugin itself made: it may know more of its driver than the contract says."""
-    return cast(Driver, getattr(driver, "wrapped", driver))
-
-
-def _named(call: Call, what: str) -> Call:
-    """``call`` with errors that name it."""
+def _named(call: Call, what: str, backend: str) -> Call:
+    """``call`` with errors that name it, or the backend that does not support it."""
 
     def named(*arguments: Any, **keywords: Any) -> Any:
         try:
             return call(*arguments, **keywords)
+        except Unsupported as error:
+            if error.backend:
+                raise
+            raise Unsupported(error.feature, backend) from error
         except RobotdError:
             raise
         except (Exception, SystemExit) as error:

@@ -1,9 +1,11 @@
-"""Every hook of robotd, in the order in which it is called.
+"""Hooks of robotd, in the order in which they are called.
 
-A plugin is a module with functions of these names, marked with ``robotd.api.hookimpl``
-and announced as an entry point. Hooks are synchronous and run at start-up and shut-down only,
-never in the cycle. A hook may take fewer arguments than shown; further ones may be added in
-later versions.
+A plugin is a module with functions of these names, marked with ``robotd.api.hookimpl`` and
+registered as an entry point. Hooks are synchronous and run at start-up and shut-down only, never
+in the control loop. A hook may take fewer arguments than shown; later versions may add some.
+
+``device`` is the very object that ``robotd_open_device`` returned: annotate it with its class.
+So is ``context``: ``DeviceContext[AcmeOptions]``. No cast is needed.
 
 Entry-point groups: ``robotd.backends`` (the entry's name is the backend's name; only the one
 that is asked for is imported), ``robotd.plugins`` (always imported: robots and nodes), and
@@ -13,6 +15,7 @@ that is asked for is imported), ``robotd.plugins`` (always imported: robots and 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
 
 import pluggy
 from pydantic import BaseModel, ConfigDict
@@ -35,44 +38,51 @@ class BackendOptions(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    def check_robot(self, robot: RobotDescriptor) -> None:
-        """Raise DescriptorError, with every problem, where the section does not fit ``robot``.
+    def check_robot(self, robot: RobotDescriptor) -> Any:
+        """Check the section against ``robot``; return what the backend works with.
 
-        Called before a device is made, and by ``robotd check``; must not touch hardware.
+        The result becomes ``DeviceContext.options``: the options themselves, or what was
+        computed from them and the robot, so that nothing is computed twice. Called once for a
+        device, and by ``robotd check``; must not touch hardware. Raises DescriptorError with
+        every problem.
         """
+        return self
 
 
 @dataclass(frozen=True)
 class BackendInfo:
-    """What a backend says of itself without touching hardware.
+    """Description of a backend. Its name is the one of its entry point.
 
     Attributes:
-        name: the backend's name, equal to its entry point's.
         summary: one line for ``robotd backends``.
-        capabilities: what it can do; everything else is answered "not supported".
-        api_version: the ``API_VERSION`` it was written for.
+        api_version: the version of the plugin API that the backend is written for, a literal
+            number: ``api_version=1``.
+        capabilities: features that are not derived from hooks, see ``Capability``; the methods
+            that each needs must exist.
         options: model of its descriptor section.
     """
 
-    name: str
     summary: str
-    capabilities: frozenset[Capability]
-    api_version: int = API_VERSION
+    api_version: int
+    capabilities: frozenset[Capability] = frozenset()
     options: type[BackendOptions] = BackendOptions
 
 
+Options = TypeVar("Options")
+
+
 @dataclass(frozen=True)
-class DeviceContext:
-    """What a backend gets to know: the robot, its own options, and the clock to live by.
+class DeviceContext(Generic[Options]):
+    """Everything that a backend gets: robot, options and clock.
 
     Attributes:
         robot: the descriptor, with the variant applied.
-        options: this backend's validated section.
+        options: result of ``BackendOptions.check_robot``, by default the validated section.
         clock: monotonic time; a backend uses no other.
     """
 
     robot: RobotDescriptor
-    options: BackendOptions = field(default_factory=BackendOptions)
+    options: Options
     clock: Clock = field(default_factory=MonotonicClock)
 
 
@@ -87,33 +97,31 @@ class RobotdHooks:
     def robotd_register_nodes(self, registry: NodeRegistry) -> None:
         """Add ROS nodes by name. Called once, before nodes are made."""
 
-    @hookspec
-    def robotd_backend(self) -> BackendInfo:  # type: ignore[empty-body]
+    @hookspec(firstresult=True)
+    def robotd_backend(self) -> BackendInfo | None:
         """Describe the backend. Called right after the import; must not touch hardware."""
 
-    @hookspec
-    def robotd_open_device(self, context: DeviceContext) -> DeviceDriver:  # type: ignore[empty-body]
+    @hookspec(firstresult=True)
+    def robotd_open_device(self, context: DeviceContext[Any]) -> DeviceDriver | None:
         """Make the device driver, not connected yet: ``DeviceDriver.open`` connects."""
 
-    @hookspec
-    def robotd_axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:  # type: ignore[empty-body]
+    @hookspec(firstresult=True)
+    def robotd_axes(self, device: Any, context: DeviceContext[Any]) -> AxisDriver | None:
         """Make the axis driver of the device. Called once per device."""
 
-    @hookspec
-    def robotd_io(self, device: DeviceDriver, context: DeviceContext) -> IoDriver | None:
-        """Make the I/O driver of the device, None where there is no I/O."""
+    @hookspec(firstresult=True)
+    def robotd_io(self, device: Any, context: DeviceContext[Any]) -> IoDriver | None:
+        """Make the I/O driver of the device; None where this robot has no I/O."""
 
-    @hookspec
-    def robotd_fieldbus(
-        self, device: DeviceDriver, context: DeviceContext
-    ) -> FieldbusDriver | None:
-        """Make the diagnostics driver of the device, None where there is no fieldbus."""
+    @hookspec(firstresult=True)
+    def robotd_fieldbus(self, device: Any, context: DeviceContext[Any]) -> FieldbusDriver | None:
+        """Make the diagnostics driver of the device; None where there is no fieldbus."""
 
-    @hookspec
+    @hookspec(firstresult=True)
     def robotd_fault_injector(
-        self, device: DeviceDriver, context: DeviceContext
+        self, device: Any, context: DeviceContext[Any]
     ) -> FaultInjector | None:
-        """Make the handle by which tests play the outside world; None where there is none.
+        """Make the handle by which tests inject faults and inputs; None where there is none.
 
         Called by ``robotd.testing``, and for scenarios on a backend that is ``SIMULATED``; never
         while a real robot is served.

@@ -1,34 +1,30 @@
-"""Find backend plugins, load the one that is wanted, and call its hooks by typed methods.
+"""Find plugins, register them with pluggy, and call their hooks with a time limit.
 
-Nobody else touches pluggy. A plugin's failure always becomes a ``PluginError`` that names the
-distribution it came from; so does an import or a hook that does not end. The drivers that a
-backend makes are handed out behind a guard.
+Nothing else touches pluggy. A failure of a plugin always becomes a ``PluginError`` that names the
+distribution; so does an import or a hook that does not return.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
 import pluggy
 
+from robotd.clock import Clock, MonotonicClock
 from robotd.descriptor import RobotDescriptor, validate_section
+from robotd.device.capabilities import DERIVED, Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import PluginError, RobotdError
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
-from robotd.plugin.fault_isolation import isolated, unguarded
-from robotd.plugin.hookspecs import (
-    API_VERSION,
-    BackendInfo,
-    BackendOptions,
-    DeviceContext,
-    RobotdHooks,
-)
+from robotd.plugin.driver_set import Drivers
+from robotd.plugin.hookspecs import API_VERSION, BackendInfo, DeviceContext, RobotdHooks
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 BACKENDS = "robotd.backends"
@@ -36,12 +32,14 @@ PLUGINS = "robotd.plugins"
 IMPORT_BUDGET_S = 30.0
 HOOK_BUDGET_S = 10.0
 
+_HOOK_OF = {Capability.IO: "robotd_io", Capability.FIELDBUS: "robotd_fieldbus"}
+
 Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
 class PluginOrigin:
-    """Where a plugin comes from: entry point ``name`` of a distribution, and its module."""
+    """Origin of a plugin: entry point ``name`` of a distribution, and its module."""
 
     name: str
     module: str
@@ -52,8 +50,47 @@ class PluginOrigin:
         return f"{self.name!r} ({self.module} of {self.distribution} {self.version})"
 
 
+class PluginManager(pluggy.PluginManager):
+    """All plugins of this process. Plugins are validated by pluggy as they are registered."""
+
+    def __init__(self) -> None:
+        super().__init__("robotd")
+        self.add_hookspecs(RobotdHooks)
+
+    def parse_hookimpl_opts(self, plugin: object, name: str) -> Any:
+        """Reject, beyond what pluggy checks, hooks that would never get their arguments."""
+        found = super().parse_hookimpl_opts(plugin, name)
+        if found is not None and (problem := _signature_problem(getattr(plugin, name))):
+            raise pluggy.PluginValidationError(plugin, f"{name} must {problem}")
+        return found
+
+    def add(self, plugin: object) -> None:
+        """Register ``plugin`` once. Raises PluginValidationError; nothing stays registered."""
+        if self.is_registered(plugin):
+            return
+        try:
+            self.register(plugin, f"{type(plugin).__name__} {id(plugin):#x}")  # no name is taken
+            self.check_pending()
+        except pluggy.PluginValidationError:
+            if self.is_registered(plugin):
+                self.unregister(plugin)
+            raise
+
+    def hooks_of(self, plugin: object) -> frozenset[str]:
+        """Return the names of the hooks that ``plugin`` implements."""
+        return frozenset(caller.name for caller in self.get_hookcallers(plugin) or ())
+
+    def call(self, plugin: object, hook: str, arguments: Mapping[str, object]) -> Any:
+        """Call ``hook`` of ``plugin`` alone: there may be several backends in a process."""
+        others = [other for other in self.get_plugins() if other is not plugin]
+        return self.subset_hook_caller(hook, others)(**arguments)
+
+
+MANAGER = PluginManager()
+
+
 def discover(group: str = BACKENDS) -> list[tuple[PluginOrigin, EntryPoint]]:
-    """All entry points of ``group``, sorted by name; imports nothing."""
+    """Return all entry points of ``group``, sorted by name; imports nothing."""
     found = []
     for entry in entry_points(group=group):
         dist = entry.dist
@@ -63,50 +100,36 @@ def discover(group: str = BACKENDS) -> list[tuple[PluginOrigin, EntryPoint]]:
 
 
 class Plugin:
-    """One validated plugin and the typed calls of the hooks that any plugin may have."""
+    """One registered plugin and the typed calls of the hooks that any plugin may have."""
 
     def __init__(self, origin: PluginOrigin, module: object) -> None:
         self.origin = origin
-        self._manager = pluggy.PluginManager("robotd")
-        self._manager.add_hookspecs(RobotdHooks)
-        self._register(module)
+        self._module = module
+        try:
+            MANAGER.add(module)
+        except pluggy.PluginValidationError as error:
+            self._check_version()
+            raise PluginError(f"plugin {origin}: {error}") from error
+        if not MANAGER.hooks_of(module):
+            raise PluginError(
+                f"plugin {origin} has no robotd hook; mark them with robotd.api.hookimpl"
+            )
 
     def register_robots(self, registry: RobotRegistry) -> None:
+        """Call ``robotd_register_robots``."""
         self._call("robotd_register_robots", registry=registry)
 
     def register_nodes(self, registry: NodeRegistry) -> None:
+        """Call ``robotd_register_nodes``."""
         self._call("robotd_register_nodes", registry=registry)
 
-    def _register(self, module: object) -> None:
-        try:
-            self._manager.register(module, self.origin.name)
-            self._manager.check_pending()
-        except pluggy.PluginValidationError as error:
-            raise PluginError(f"plugin {self.origin}: {error}") from error
-        callers = self._manager.get_hookcallers(module)
-        if not callers:
-            raise PluginError(
-                f"plugin {self.origin} has no robotd hook; mark them with robotd.api.hookimpl"
-            )
-        for caller in callers:
-            for implementation in caller.get_hookimpls():
-                self._check_function(caller.name, implementation.function)
+    def _check_version(self) -> None:
+        """A plugin of another API version fails validation; only a backend has a version."""
 
-    def _check_function(self, hook: str, function: Callable[..., object]) -> None:
-        if inspect.iscoroutinefunction(function):
-            raise PluginError(f"plugin {self.origin}: {hook} must not be async")
-        for argument in inspect.signature(function).parameters.values():
-            if argument.kind is argument.KEYWORD_ONLY or argument.default is not argument.empty:
-                raise PluginError(
-                    f"plugin {self.origin}: {hook} must take {argument.name!r} as a plain argument"
-                    " without a default, otherwise it is not handed over"
-                )
+    def _call(self, hook: str, **arguments: object) -> Any:
+        return self._limited(hook, partial(MANAGER.call, self._module, hook, arguments))
 
-    def _call(self, hook: str, **arguments: object) -> list[Any]:
-        caller = getattr(self._manager.hook, hook)
-        return list(self._within_budget(hook, lambda: caller(**arguments)))
-
-    def _within_budget(self, hook: str, call: Callable[[], Answer]) -> Answer:
+    def _limited(self, hook: str, call: Callable[[], Answer]) -> Answer:
         try:
             return call_with_timeout(HOOK_BUDGET_S, call, hook)
         except RobotdError:
@@ -122,47 +145,67 @@ class Plugin:
 
 
 class Backend(Plugin):
-    """A loaded backend: its description, and the makers of its drivers."""
+    """A loaded backend: its description, and the maker of its drivers.
+
+    Attributes:
+        name: of the entry point.
+        info: description by the backend.
+        capabilities: declared ones, and those of the hooks that it has.
+    """
 
     def __init__(self, origin: PluginOrigin, module: object) -> None:
+        self.name = origin.name
         super().__init__(origin, module)
-        self.info = self._one("robotd_backend", BackendInfo)
-        if self.info.api_version != API_VERSION:
+        self.info: BackendInfo = self._one("robotd_backend", BackendInfo)
+        self._require_version(self.info.api_version)
+        if derived := sorted(self.info.capabilities & DERIVED):
             raise PluginError(
-                f"plugin {origin} is written for robotd plugin API {self.info.api_version},"
-                f" this is API {API_VERSION}: install a matching version of {origin.distribution}"
+                f"plugin {origin} declares {', '.join(derived)}: these are derived from its hooks"
             )
-        if self.info.name != origin.name:
-            raise PluginError(f"plugin {origin} calls itself {self.info.name!r}")
+        hooks = MANAGER.hooks_of(module)
+        derived_from = {capability for capability, hook in _HOOK_OF.items() if hook in hooks}
+        self.capabilities = self.info.capabilities | derived_from | {Capability.AXES}
 
-    def options(self, robot: RobotDescriptor) -> BackendOptions:
-        """The robot's section for this backend, validated. Raises DescriptorError."""
-        options = validate_section(robot, f"backends.{self.info.name}", self.info.options)
-        self._within_budget("check_robot", lambda: options.check_robot(robot))
-        return options
+    def context(self, robot: RobotDescriptor, clock: Clock | None = None) -> DeviceContext[Any]:
+        """Validate the robot's section for this backend, once, and return the context of a device.
 
-    def open_device(self, context: DeviceContext) -> DeviceDriver:
+        Raises DescriptorError with every problem.
+        """
+        options = validate_section(robot, f"backends.{self.name}", self.info.options)
+        checked = self._limited("check_robot", lambda: options.check_robot(robot))
+        return DeviceContext(robot, checked, clock or MonotonicClock())
+
+    def drivers(self, context: DeviceContext[Any]) -> Drivers:
+        """Make a device and its drivers, behind fault isolation; nothing is opened.
+
+        Raises PluginError: a hook fails, or a declared capability lacks its methods.
+        """
         device = self._one("robotd_open_device", DeviceDriver, context=context)
-        return isolated(device, DeviceDriver, str(self.origin))
-
-    def axes(self, device: DeviceDriver, context: DeviceContext) -> AxisDriver:
-        made = self._one("robotd_axes", AxisDriver, device=unguarded(device), context=context)
-        return isolated(made, AxisDriver, str(self.origin))
-
-    def io(self, device: DeviceDriver, context: DeviceContext) -> IoDriver | None:
-        made = self._maybe("robotd_io", IoDriver, device=unguarded(device), context=context)
-        return made and isolated(made, IoDriver, str(self.origin))
-
-    def fieldbus(self, device: DeviceDriver, context: DeviceContext) -> FieldbusDriver | None:
-        own = unguarded(device)
-        made = self._maybe("robotd_fieldbus", FieldbusDriver, device=own, context=context)
-        return made and isolated(made, FieldbusDriver, str(self.origin))
-
-    def fault_injector(self, device: DeviceDriver, context: DeviceContext) -> FaultInjector | None:
-        """The handle by which tests play the outside world; None where there is none."""
-        return self._maybe(
-            "robotd_fault_injector", FaultInjector, device=unguarded(device), context=context
+        given = {"device": device, "context": context}
+        drivers = Drivers(
+            device,
+            self._one("robotd_axes", AxisDriver, **given),
+            self._maybe("robotd_io", IoDriver, **given),
+            self._maybe("robotd_fieldbus", FieldbusDriver, **given),
+            lambda: self._maybe("robotd_fault_injector", FaultInjector, **given),
         )
+        if missing := drivers.missing(self.info.capabilities):
+            raise PluginError(f"plugin {self.origin}: {'; '.join(missing)}")
+        return drivers.isolated(str(self.origin), self.name)
+
+    def _check_version(self) -> None:
+        describe = getattr(self._module, "robotd_backend", None)
+        info = self._limited("robotd_backend", describe) if callable(describe) else None
+        if isinstance(info, BackendInfo):
+            self._require_version(info.api_version)
+
+    def _require_version(self, version: int) -> None:
+        if version != API_VERSION:
+            raise PluginError(
+                f"plugin {self.origin} is written for robotd plugin API {version},"
+                f" this is API {API_VERSION}: install a matching version of"
+                f" {self.origin.distribution}"
+            )
 
     def _one(self, hook: str, kind: type[Answer], **arguments: object) -> Answer:
         result = self._maybe(hook, kind, **arguments)
@@ -171,22 +214,32 @@ class Backend(Plugin):
         return result
 
     def _maybe(self, hook: str, kind: type[Answer], **arguments: object) -> Answer | None:
-        results = self._call(hook, **arguments)
-        if not results:
-            return None
-        if not isinstance(results[0], kind):
+        result = self._call(hook, **arguments)
+        if result is not None and not isinstance(result, kind):
             raise PluginError(
-                f"plugin {self.origin}: {hook} returned {type(results[0]).__name__},"
+                f"plugin {self.origin}: {hook} returned {type(result).__name__},"
                 f" not a {kind.__name__}"
             )
-        return results[0]
+        return result
 
 
-def load_backend(name: str) -> Backend:
-    """Import and validate the backend ``name`` and no other.
+def _signature_problem(function: Callable[..., object]) -> str:
+    """Return why pluggy would not pass all arguments, or ""."""
+    if inspect.iscoroutinefunction(function):
+        return "not be async"
+    for argument in inspect.signature(function).parameters.values():
+        if argument.kind is argument.KEYWORD_ONLY or argument.default is not argument.empty:
+            return (
+                f"take {argument.name!r} as a plain argument without a default,"
+                " otherwise it is not handed over"
+            )
+    return ""
 
-    Raises PluginError: unknown name (with the known ones), two distributions with that name,
-    or a plugin that cannot be imported or does not fit.
+
+def find_backend(name: str) -> tuple[PluginOrigin, EntryPoint]:
+    """Return origin and entry point of the backend ``name``; imports nothing.
+
+    Raises PluginError: unknown name (with the known ones), or two distributions with that name.
     """
     found = discover()
     matches = [(origin, entry) for origin, entry in found if origin.name == name]
@@ -200,11 +253,19 @@ def load_backend(name: str) -> Backend:
     if len(matches) > 1:
         both = " and ".join(str(origin) for origin, _ in matches)
         raise PluginError(f"two plugins offer the backend {name!r}: {both}; uninstall one")
-    return _load(Backend, *matches[0])
+    return matches[0]
+
+
+def load_backend(name: str) -> Backend:
+    """Import and validate the backend ``name`` and no other.
+
+    Raises PluginError: as ``find_backend``, or a plugin that cannot be imported or is not valid.
+    """
+    return _load(Backend, *find_backend(name))
 
 
 def load_plugins() -> tuple[list[Plugin], dict[PluginOrigin, str]]:
-    """Every plugin of the group ``robotd.plugins``, and the reasons of those that failed."""
+    """Return every plugin of the group ``robotd.plugins``, and why others failed."""
     plugins, failures = [], {}
     for origin, entry in discover(PLUGINS):
         try:
@@ -238,5 +299,13 @@ def _load(
     except (Exception, SystemExit) as error:
         raise PluginError(
             f"plugin {origin} cannot be imported: {type(error).__name__}: {error}"
+            f"{_version_hint(error)}"
         ) from error
     return kind(origin, module)
+
+
+def _version_hint(error: BaseException) -> str:
+    """A plugin of another API version imports names that this one does not have."""
+    if isinstance(error, ImportError) and (error.name or "").partition(".")[0] == "robotd":
+        return f"; is it written for another plugin API? This is API {API_VERSION}"
+    return ""

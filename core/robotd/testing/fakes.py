@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.drivers import (
     AxisDriver,
     DeviceDriver,
     FieldbusDriver,
     IoDriver,
-    NetworkState,
-    SlaveInfo,
 )
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Operation
@@ -214,25 +213,30 @@ class FakeIo(Recorder, IoDriver):
 
 
 class FakeFieldbus(Recorder, FieldbusDriver):
-    """One master with ``slaves``; a register holds the low byte of its address."""
+    """One bus with ``nodes``; a register holds the low byte of its address."""
 
-    def __init__(self, slaves: int = 2) -> None:
+    def __init__(self, nodes: int = 2) -> None:
         super().__init__()
-        self.network = NetworkState(state=16, slaves=tuple(SlaveInfo(n, 16) for n in range(slaves)))
+        made = tuple(BusNode(number, BusState.OPERATIONAL) for number in range(nodes))
+        self.network = BusStatus(BusState.OPERATIONAL, nodes=made)
 
     @property
-    def masters(self) -> int:
+    def buses(self) -> int:
         return 1
 
-    def network_state(self, master: int) -> NetworkState:
+    @property
+    def register_bytes(self) -> int:
+        return 0x1000
+
+    def status(self, bus: int) -> BusStatus:
         return self.network
 
-    def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
-        self.record("read_register", master, slave, address, length)
+    def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
+        self.record("read_register", bus, node, address, length)
         return bytes(number % 256 for number in range(address, address + length))
 
-    def reset_statistics(self, master: int) -> None:
-        self.record("reset_statistics", master)
+    def reset_statistics(self, bus: int) -> None:
+        self.record("reset_statistics", bus)
 
-    def start_hot_connect(self, master: int) -> None:
-        self.record("start_hot_connect", master)
+    def start_hot_connect(self, bus: int) -> None:
+        self.record("start_hot_connect", bus)

@@ -5,7 +5,7 @@ The hooks are here; ``master.py`` shows how the parts belong together.
 
 from __future__ import annotations
 
-from typing import cast
+from typing import TYPE_CHECKING
 
 from robotd.api import (
     AxisDriver,
@@ -20,11 +20,12 @@ from robotd.api import (
 )
 from robotd_canopen.options import CanopenOptions
 
+if TYPE_CHECKING:
+    from robotd_canopen.device import CanopenDevice
+    from robotd_canopen.layout import NetworkLayout
+
 CAPABILITIES = frozenset(
     {
-        Capability.AXES,
-        Capability.IO,
-        Capability.FIELDBUS,
         Capability.VELOCITY_MODE,
         Capability.HOMING,
         Capability.SCALING,
@@ -38,55 +39,50 @@ CAPABILITIES = frozenset(
 def robotd_backend() -> BackendInfo:
     """Axes, I/O and diagnostics; no parameter files, registers or hot connect."""
     return BackendInfo(
-        name="canopen",
         summary="CiA 402 servo drives and CiA 401 I/O modules on a CAN bus",
+        api_version=1,
         capabilities=CAPABILITIES,
         options=CanopenOptions,
     )
 
 
 @hookimpl
-def robotd_open_device(context: DeviceContext) -> DeviceDriver:
-    """The network of the descriptor. Raises DescriptorError with all that is wrong in it."""
+def robotd_open_device(context: DeviceContext[NetworkLayout]) -> DeviceDriver:
+    """The network that was planned when the options were checked."""
     from robotd_canopen.device import CanopenDevice
     from robotd_canopen.master import Master
 
-    options = cast(CanopenOptions, context.options)
-    return CanopenDevice(context.robot, Master(context.robot, options, context.clock))
+    return CanopenDevice(context.robot, Master(context.robot, context.options, context.clock))
 
 
 @hookimpl
-def robotd_axes(device: DeviceDriver) -> AxisDriver:
+def robotd_axes(device: CanopenDevice) -> AxisDriver:
     """One axis for each entry of ``axes``."""
     from robotd_canopen.axes import CanopenAxes
-    from robotd_canopen.device import CanopenDevice
 
-    return CanopenAxes(cast(CanopenDevice, device).master)
+    return CanopenAxes(device.master)
 
 
 @hookimpl
-def robotd_io(device: DeviceDriver) -> IoDriver | None:
+def robotd_io(device: CanopenDevice) -> IoDriver | None:
     """None without modules."""
-    from robotd_canopen.device import CanopenDevice
     from robotd_canopen.io import CanopenIo
 
-    master = cast(CanopenDevice, device).master
+    master = device.master
     return CanopenIo(master) if master.options.io else None
 
 
 @hookimpl
-def robotd_fieldbus(device: DeviceDriver) -> FieldbusDriver:
+def robotd_fieldbus(device: CanopenDevice) -> FieldbusDriver:
     """One master."""
-    from robotd_canopen.device import CanopenDevice
     from robotd_canopen.fieldbus import CanopenFieldbus
 
-    return CanopenFieldbus(cast(CanopenDevice, device).master)
+    return CanopenFieldbus(device.master)
 
 
 @hookimpl
-def robotd_fault_injector(device: DeviceDriver) -> FaultInjector:
+def robotd_fault_injector(device: CanopenDevice) -> FaultInjector:
     """The world around simulated drives."""
-    from robotd_canopen.device import CanopenDevice
     from robotd_canopen.fault_injector import CanopenBench
 
-    return CanopenBench(cast(CanopenDevice, device))
+    return CanopenBench(device)

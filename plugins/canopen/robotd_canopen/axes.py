@@ -11,6 +11,7 @@ from robotd.api import (
     NotReady,
     ProcessImage,
     Profile,
+    Underrun,
     Unsupported,
 )
 from robotd_canopen.commands import Commands
@@ -25,8 +26,8 @@ class CanopenAxes(AxisDriver):
         self._commands = [Commands(axis, master.clock) for axis in master.axes]
 
     @property
-    def goes_on(self) -> bool:
-        return False  # without SYNC, which the cycle sends, a drive stands
+    def underrun(self) -> Underrun:
+        return Underrun.HOLD  # without SYNC, which the cycle sends, a drive stands
 
     def read(self, image: ProcessImage) -> None:
         self._master.read(image)
@@ -65,7 +66,7 @@ class CanopenAxes(AxisDriver):
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         if mode is CommandMode.TORQUE:
-            raise Unsupported("torque mode", "canopen")
+            raise Unsupported("torque mode")
         self._commands[axis].set_mode(mode)
         self._master.settle()
 

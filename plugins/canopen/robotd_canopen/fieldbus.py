@@ -1,48 +1,47 @@
-"""Diagnostics of the network, in the words of an EtherCAT reader."""
+"""Diagnostics of the network."""
 
 from __future__ import annotations
 
-from robotd.api import ConnectionState, FieldbusDriver, NetworkState, SlaveInfo
+from robotd.api import BusNode, BusState, BusStatus, ConnectionState, FieldbusDriver
 from robotd_canopen.details import details
 from robotd_canopen.master import Master
-from robotd_canopen.nmt import AL_STATES, NmtState
+from robotd_canopen.nmt import NmtState
 from robotd_canopen.node import Node
 from robotd_canopen.pdo import Direction
 
-_OPERATIONAL, _INIT, _PREOP = 16, 1, 2
-
 
 class CanopenFieldbus(FieldbusDriver):
-    """One master, id 0."""
+    """One bus, number 0."""
 
     def __init__(self, master: Master) -> None:
         self._master = master
 
     @property
-    def masters(self) -> int:
+    def buses(self) -> int:
         return 1
 
-    def network_state(self, master: int) -> NetworkState:
+    def status(self, bus: int) -> BusStatus:
         network = self._master
         nodes = [network.nodes[number] for number in sorted(network.nodes)]
-        slaves = tuple(self._slave(position, node) for position, node in enumerate(nodes))
         counters = network.bus.counters
-        return NetworkState(
+        return BusStatus(
             state=_STATES[network.state],
-            comm_period_us=round(network.layout.sync_period_s * 1e6),
-            total_axes=len(network.axes),
+            period_s=network.layout.sync_period_s,
+            axes=len(network.axes),
             input_size=len(network.io.inputs),
             output_size=len(network.io.outputs),
-            rx_pdo_size=self._size(Direction.RECEIVE),
-            tx_pdo_size=self._size(Direction.TRANSMIT),
-            packet_loss=counters.malformed + counters.error_frames,
-            packet_timeout=sum(node.lost_heartbeats for node in nodes),
-            slaves=slaves,
+            lost_frames=counters.malformed + counters.error_frames,
+            timeouts=sum(node.lost_heartbeats for node in nodes),
+            nodes=tuple(self._node(position, node) for position, node in enumerate(nodes)),
             note=self._note(),
             details=details(network),
+            extra={
+                "rx_pdo_size": self._size(Direction.RECEIVE),
+                "tx_pdo_size": self._size(Direction.TRANSMIT),
+            },
         )
 
-    def reset_statistics(self, master: int) -> None:
+    def reset_statistics(self, bus: int) -> None:
         counters = self._master.bus.counters
         counters.malformed = counters.error_frames = 0
         counters.receive_errors = counters.send_errors = 0
@@ -50,13 +49,13 @@ class CanopenFieldbus(FieldbusDriver):
         for node in self._master.nodes.values():
             node.lost_heartbeats = 0
 
-    def _slave(self, position: int, node: Node) -> SlaveInfo:
+    def _node(self, position: int, node: Node) -> BusNode:
         vendor, product, revision, serial = node.identity or (0, 0, 0, 0)
         alive = node.online or not node.fault
         state = node.state if alive else NmtState.UNKNOWN
-        return SlaveInfo(
+        return BusNode(
             id=node.id,
-            state=AL_STATES[state],
+            state=_NODE_STATES[state],
             position=position,
             address=node.id,
             offline=not node.online,
@@ -86,9 +85,17 @@ class CanopenFieldbus(FieldbusDriver):
 
 
 _STATES = {
-    ConnectionState.IDLE: _INIT,
-    ConnectionState.RUNNING: _PREOP,
-    ConnectionState.COMMUNICATING: _OPERATIONAL,
-    ConnectionState.UNKNOWN: _OPERATIONAL,
-    ConnectionState.SHUTDOWN: _INIT,
+    ConnectionState.IDLE: BusState.INITIALISING,
+    ConnectionState.RUNNING: BusState.CONFIGURABLE,
+    ConnectionState.COMMUNICATING: BusState.OPERATIONAL,
+    ConnectionState.UNKNOWN: BusState.OPERATIONAL,
+    ConnectionState.SHUTDOWN: BusState.INITIALISING,
+}
+
+_NODE_STATES = {
+    NmtState.BOOT_UP: BusState.INITIALISING,
+    NmtState.STOPPED: BusState.INPUTS_ONLY,
+    NmtState.OPERATIONAL: BusState.OPERATIONAL,
+    NmtState.PRE_OPERATIONAL: BusState.CONFIGURABLE,
+    NmtState.UNKNOWN: BusState.UNKNOWN,
 }

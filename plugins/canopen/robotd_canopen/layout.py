@@ -66,6 +66,7 @@ class IoLayout:
 class NetworkLayout:
     """The whole network. ``cycles_per_sync``: SYNC goes out in each n-th period of the cycle."""
 
+    options: CanopenOptions
     axes: tuple[AxisLayout, ...]
     io: tuple[IoLayout, ...]
     sync_period_s: float
@@ -119,7 +120,7 @@ def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayo
         problems.append(_error(robot, "sync_period_s", what))
     if problems:
         raise DescriptorError.join(problems)
-    return NetworkLayout(tuple(axes), tuple(modules), period_s, max(1, ratio), load)
+    return NetworkLayout(options, tuple(axes), tuple(modules), period_s, max(1, ratio), load)
 
 
 def _error(robot: RobotDescriptor, key: str, what: str) -> DescriptorError:

@@ -22,9 +22,9 @@ from robotd_canopen.emcy import EmergencyLog
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.image import fill
 from robotd_canopen.io_image import IoImage
-from robotd_canopen.layout import NetworkLayout, plan_network
+from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.node import Node
-from robotd_canopen.options import CanopenOptions, NodeOptions
+from robotd_canopen.options import NodeOptions
 from robotd_canopen.scaling import Scaling
 from robotd_canopen.supervision import Supervision
 from robotd_canopen.sync import SyncProducer
@@ -36,9 +36,9 @@ _LONGEST_PERIODS = 2  # what counts of a period that took longer
 class Master:
     """Everything that the four drivers share."""
 
-    def __init__(self, robot: RobotDescriptor, options: CanopenOptions, clock: Clock) -> None:
-        self.options, self.clock = options, clock
-        self.layout: NetworkLayout = plan_network(robot, options)
+    def __init__(self, robot: RobotDescriptor, layout: NetworkLayout, clock: Clock) -> None:
+        self.layout, self.clock = layout, clock
+        self.options = options = layout.options
         self.bus = Bus(options.bus, max(0, robot.cycle.realtime_priority - 1))
         self.emergencies = EmergencyLog()
         period_s = self.layout.sync_period_s

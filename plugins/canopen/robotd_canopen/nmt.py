@@ -1,4 +1,4 @@
-"""Network management: states, commands, and what an EtherCAT reader calls the states."""
+"""Network management (NMT): states and commands."""
 
 from __future__ import annotations
 
@@ -23,16 +23,6 @@ class NmtCommand(IntEnum):
     PRE_OPERATIONAL = 128
     RESET_NODE = 129
     RESET_COMMUNICATION = 130
-
-
-AL_STATES = {
-    NmtState.BOOT_UP: 1,
-    NmtState.STOPPED: 8,
-    NmtState.OPERATIONAL: 16,
-    NmtState.PRE_OPERATIONAL: 2,
-    NmtState.UNKNOWN: 0,
-}
-"""The nearest EtherCAT state (Init 1, Preop 2, Safeop 8, Op 16)."""
 
 
 def heartbeat_state(data: bytes | bytearray) -> NmtState:

@@ -5,8 +5,6 @@ The hooks are here; ``simulation.py`` shows how the parts belong together.
 
 from __future__ import annotations
 
-from typing import cast
-
 from robotd.api import (
     AxisDriver,
     BackendInfo,
@@ -26,48 +24,57 @@ from robotd_sim.io import SimIo
 from robotd_sim.options import SimOptions
 from robotd_sim.simulation import Simulation
 
-CAPABILITIES = frozenset(Capability) - {
-    Capability.TORQUE_MODE,
-    Capability.TRAJECTORIES_ON_DEVICE,
-}
+CAPABILITIES = frozenset(
+    {
+        Capability.VELOCITY_MODE,
+        Capability.HOMING,
+        Capability.PARAMETERS_FILE,
+        Capability.SCALING,
+        Capability.REGISTER_READ,
+        Capability.STATISTICS,
+        Capability.HOT_CONNECT,
+        Capability.DEVICE_WATCHDOG,
+        Capability.SIMULATED,
+    }
+)
 
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
     """All capabilities but the torque mode; trajectories are streamed."""
     return BackendInfo(
-        name="sim",
         summary="simulated servo drives and fieldbus, no hardware needed",
+        api_version=1,
         capabilities=CAPABILITIES,
         options=SimOptions,
     )
 
 
 @hookimpl
-def robotd_open_device(context: DeviceContext) -> DeviceDriver:
+def robotd_open_device(context: DeviceContext[SimOptions]) -> DeviceDriver:
     """A robot of its own, at rest where its options put it."""
-    return SimDevice(Simulation(context.robot, cast(SimOptions, context.options), context.clock))
+    return SimDevice(Simulation(context.robot, context.options, context.clock))
 
 
 @hookimpl
-def robotd_axes(device: DeviceDriver) -> AxisDriver:
+def robotd_axes(device: SimDevice) -> AxisDriver:
     """One drive per axis."""
-    return SimAxes(cast(SimDevice, device).simulation)
+    return SimAxes(device.simulation)
 
 
 @hookimpl
-def robotd_io(device: DeviceDriver) -> IoDriver:
+def robotd_io(device: SimDevice) -> IoDriver:
     """Two images, whether or not the robot has an I/O module."""
-    return SimIo(cast(SimDevice, device).simulation)
+    return SimIo(device.simulation)
 
 
 @hookimpl
-def robotd_fieldbus(device: DeviceDriver) -> FieldbusDriver:
+def robotd_fieldbus(device: SimDevice) -> FieldbusDriver:
     """One EtherCAT line."""
-    return SimFieldbus(cast(SimDevice, device).simulation)
+    return SimFieldbus(device.simulation)
 
 
 @hookimpl
-def robotd_fault_injector(device: DeviceDriver) -> FaultInjector:
+def robotd_fault_injector(device: SimDevice) -> FaultInjector:
     """Hands, plugs and sensors."""
-    return SimBench(cast(SimDevice, device).simulation)
+    return SimBench(device.simulation)

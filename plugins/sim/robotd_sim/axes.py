@@ -70,9 +70,7 @@ class SimAxes(AxisDriver):
             self._simulation.power.request(axis, on=on)
         if not self._wait(lambda: bool(states.servo_on[axis]) == on, timeout_s):
             wanted = "on" if on else "off"
-            raise DeviceTimeout(
-                f"axis {axis}: the servo did not go {wanted} within {timeout_s:g} s"
-            )
+            raise DeviceTimeout(f"the servo did not go {wanted} within {timeout_s:g} s", axis=axis)
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
         states = self._states
@@ -82,11 +80,11 @@ class SimAxes(AxisDriver):
             self._simulation.power.clear(axis)
         alarms = states.amp_alarm, states.following_alarm
         if not self._wait(lambda: not any(alarm[axis] for alarm in alarms), timeout_s):
-            raise DeviceTimeout(f"axis {axis}: the alarm is still there after {timeout_s:g} s")
+            raise DeviceTimeout(f"the alarm is still there after {timeout_s:g} s", axis=axis)
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         if mode is CommandMode.TORQUE:
-            raise Unsupported("torque mode", "sim")
+            raise Unsupported("torque mode")
         states = self._states
         with self._world.lock:
             self._world.advance()
@@ -95,7 +93,7 @@ class SimAxes(AxisDriver):
             states.mode[axis] = mode
             self._world.at(self._world.tick + MODE_TICKS, lambda: self._enter_mode(axis))
         if not self._wait(lambda: bool(states.mode_feedback[axis] == mode), _MODE_TIMEOUT_S):
-            raise DeviceTimeout(f"axis {axis}: not in mode {mode.name.lower()} after 1 s")
+            raise DeviceTimeout(f"not in mode {mode.name.lower()} after 1 s", axis=axis)
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         self._scale(axis, {"AxisPolarity": polarity})
@@ -115,9 +113,9 @@ class SimAxes(AxisDriver):
             states.operation[axis] = Operation.HOMING
             self._world.at(self._world.tick + 1, lambda: self._home(axis))
         if not self._wait(lambda: states.operation[axis] != Operation.HOMING, timeout_s):
-            raise DeviceTimeout(f"axis {axis}: homing did not end within {timeout_s:g} s")
+            raise DeviceTimeout(f"homing did not end within {timeout_s:g} s", axis=axis)
         if not states.home_done[axis]:
-            raise OperationError(f"axis {axis}: homing was interrupted")
+            raise OperationError("homing was interrupted", axis=axis)
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
         with self._world.lock:
@@ -157,7 +155,7 @@ class SimAxes(AxisDriver):
         with self._world.lock:
             self._world.advance()
             if self._states.servo_on[axis]:
-                raise NotReady(f"axis {axis}: its scale cannot be changed while the servo is on")
+                raise NotReady("its scale cannot be changed while the servo is on", axis=axis)
             self._simulation.change_scale(axis, changes)
 
     def _enter_mode(self, axis: int) -> None:
@@ -170,15 +168,15 @@ class SimAxes(AxisDriver):
 
     def _require_online(self, axis: int) -> None:
         if not self._simulation.communicating:
-            raise NotReady(f"axis {axis}: the engine is not communicating")
+            raise NotReady("the engine is not communicating", axis=axis)
         if not self._states.connected[axis]:
-            raise NotReady(f"axis {axis}: the drive is offline")
+            raise NotReady("the drive is offline", axis=axis)
 
     def _require_drive(self, axis: int) -> None:
         self._require_online(axis)
         if self._states.amp_alarm[axis]:
             code = self._states.alarm_code[axis]
-            raise NotReady(f"axis {axis}: the drive is in alarm {code} (0x{code:X})")
+            raise NotReady(f"the drive is in alarm {code} (0x{code:X})", axis=axis)
 
     def _require_free(
         self, axis: int, mode: CommandMode | None = None, *, streaming: bool = False
@@ -186,15 +184,15 @@ class SimAxes(AxisDriver):
         """``axis`` takes commands of ``mode`` now; None: in any mode."""
         self._require_drive(axis)
         if not self._states.servo_on[axis]:
-            raise NotReady(f"axis {axis}: the servo is off")
+            raise NotReady("the servo is off", axis=axis)
         if mode is not None and self._states.mode[axis] != mode:
             present = CommandMode(int(self._states.mode[axis])).name.lower()
-            raise NotReady(f"axis {axis}: in {present} mode, not in {mode.name.lower()} mode")
+            raise NotReady(f"in {present} mode, not in {mode.name.lower()} mode", axis=axis)
         operation = Operation(int(self._states.operation[axis]))
         if operation not in _OVERRIDABLE and not (streaming and operation is Operation.STREAM):
-            raise NotReady(f"axis {axis}: takes no command while it is {operation.name.lower()}")
+            raise NotReady(f"takes no command while it is {operation.name.lower()}", axis=axis)
 
     def _require_way(self, axis: int, direction: float) -> None:
         reason = self._simulation.guards.blocked(axis, float(np.sign(direction)))
         if direction and reason:
-            raise OperationError(f"axis {axis}: {reason}")
+            raise OperationError(f"{reason}", axis=axis)

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import struct
 
-from robotd_sim.network import AlState, Slave
+from robotd.api import BusState
+from robotd_sim.network import Slave
 
 MEMORY_BYTES = 0x1000
 
 _ESC_STATE = {
-    AlState.NONE: 0x00,
-    AlState.INIT: 0x01,
-    AlState.PREOP: 0x02,
-    AlState.BOOT: 0x03,
-    AlState.SAFEOP: 0x04,
-    AlState.OP: 0x08,
+    BusState.UNKNOWN: 0x00,
+    BusState.CONFIGURABLE: 0x02,  # Preop
+    BusState.OPERATIONAL: 0x08,  # Op
 }
 
 _TYPE, _REVISION, _BUILD = 0x11, 0x02, 0x0001
@@ -33,7 +31,7 @@ _WATCHDOG_DIVIDER, _WATCHDOG_PERIODS = 0x09C2, 0x03E8  # power-on values: 100 µ
 def memory(slave: Slave, *, communicating: bool, last: bool, system_time_ns: int) -> bytes:
     """The registers of ``slave``; ``last`` is the one at the end of the line."""
     image = bytearray(MEMORY_BYTES)
-    state = _ESC_STATE[slave.al_state(communicating=communicating)]
+    state = _ESC_STATE[slave.state(communicating=communicating)]
 
     def put(address: int, layout: str, *values: int) -> None:
         struct.pack_into("<" + layout, image, address, *values)

@@ -91,8 +91,8 @@ class Faults:
         with self._world.lock:
             self._world.advance()
             if self._simulation.states.servo_on[axis]:
-                raise NotReady(f"axis {axis}: cannot be moved by hand while the servo is on")
+                raise NotReady("cannot be moved by hand while the servo is on", axis=axis)
             if not -1e6 < position < 1e6:
-                raise InvalidArgument(f"axis {axis}: {position:g} rad is out of reach")
+                raise InvalidArgument(f"{position:g} rad is out of reach", axis=axis)
             self._simulation.servo.place(axis, position, position, 0.0)
             self._simulation.motion.hold(axis, position)

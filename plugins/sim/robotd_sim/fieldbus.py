@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from robotd.api import (
+    BusStatus,
     ConnectionState,
     FieldbusDriver,
     InvalidArgument,
-    NetworkState,
     NotReady,
     OperationError,
 )
@@ -21,11 +21,15 @@ class SimFieldbus(FieldbusDriver):
         self._simulation = simulation
 
     @property
-    def masters(self) -> int:
+    def buses(self) -> int:
         return 1
 
-    def network_state(self, master: int) -> NetworkState:
-        self._check_master(master)
+    @property
+    def register_bytes(self) -> int:
+        return MEMORY_BYTES
+
+    def status(self, bus: int) -> BusStatus:
+        self._check_bus(bus)
         simulation, world = self._simulation, self._simulation.world
         with world.lock:
             world.advance()
@@ -33,13 +37,11 @@ class SimFieldbus(FieldbusDriver):
                 world.tick, world.slips, communicating=simulation.communicating
             )
 
-    def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
-        self._check_master(master)
+    def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
+        self._check_bus(bus)
         simulation, slaves = self._simulation, self._simulation.network.slaves
-        if not 0 <= slave < len(slaves):
-            raise InvalidArgument(
-                f"slave {slave} does not exist, slaves are 0 to {len(slaves) - 1}"
-            )
+        if not 0 <= node < len(slaves):
+            raise InvalidArgument(f"slave {node} does not exist, slaves are 0 to {len(slaves) - 1}")
         if address < 0 or length < 1 or address + length > MEMORY_BYTES:
             raise InvalidArgument(
                 f"registers 0x{address:X} to 0x{address + length - 1:X} are outside of"
@@ -48,26 +50,26 @@ class SimFieldbus(FieldbusDriver):
         with simulation.world.lock:
             simulation.world.advance()
             self._require_open()
-            if not slaves[slave].connected:
-                raise OperationError(f"slave {slave} on master {master} does not answer")
+            if not slaves[node].connected:
+                raise OperationError(f"slave {node} on master {bus} does not answer")
             image = memory(
-                slaves[slave],
+                slaves[node],
                 communicating=simulation.communicating,
-                last=slave == len(slaves) - 1,
+                last=node == len(slaves) - 1,
                 system_time_ns=simulation.world.now_ns,
             )
         return image[address : address + length]
 
-    def reset_statistics(self, master: int) -> None:
-        self._check_master(master)
+    def reset_statistics(self, bus: int) -> None:
+        self._check_bus(bus)
         world = self._simulation.world
         with world.lock:
             world.advance()
             self._simulation.network.reset(world.tick, world.slips)
 
-    def start_hot_connect(self, master: int) -> None:
+    def start_hot_connect(self, bus: int) -> None:
         """Offline slaves are back after ``hot_connect_delay_s``; their drives stay off."""
-        self._check_master(master)
+        self._check_bus(bus)
         simulation = self._simulation
         with simulation.world.lock:
             simulation.world.advance()
@@ -80,6 +82,6 @@ class SimFieldbus(FieldbusDriver):
             raise NotReady("the fieldbus cannot be asked: no device is open")
 
     @staticmethod
-    def _check_master(master: int) -> None:
-        if master != 0:
-            raise InvalidArgument(f"master {master} does not exist, there is only master 0")
+    def _check_bus(bus: int) -> None:
+        if bus != 0:
+            raise InvalidArgument(f"master {bus} does not exist, there is only master 0")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 
-from robotd.api import NetworkState, RobotDescriptor, SlaveInfo
+from robotd.api import BusNode, BusState, BusStatus, RobotDescriptor
 from robotd_sim.alarms import NO_ANSWER
 from robotd_sim.options import SimOptions
 
@@ -18,17 +17,6 @@ DRIVE_INPUT_BYTES = 4  # digital inputs (0x60FD) of a drive
 DRIVE_RX_PDO, DRIVE_TX_PDO = 13, 21  # bytes: commands to a drive, values from it
 AL_LOST = 0x001B  # AL status code: sync manager watchdog
 _DELAYS_NS = (1840, 1846, 1842, 1851, 1839, 1844, 1848, 1841)  # of a frame, in turn
-
-
-class AlState(IntEnum):
-    """EtherCAT AL states with the numbers that ROS clients know."""
-
-    NONE = 0
-    INIT = 1
-    PREOP = 2
-    BOOT = 4
-    SAFEOP = 8
-    OP = 16
 
 
 @dataclass
@@ -44,18 +32,18 @@ class Slave:
         """Configured station address."""
         return FIRST_ADDRESS + self.id
 
-    def al_state(self, *, communicating: bool) -> AlState:
+    def state(self, *, communicating: bool) -> BusState:
         if not self.connected:
-            return AlState.NONE
-        return AlState.OP if communicating else AlState.PREOP
+            return BusState.UNKNOWN
+        return BusState.OPERATIONAL if communicating else BusState.CONFIGURABLE
 
-    def info(self, module_bytes: int, *, communicating: bool) -> SlaveInfo:
+    def node(self, module_bytes: int, *, communicating: bool) -> BusNode:
         """``module_bytes`` of the images belong to the I/O module; the drives' inputs follow."""
         drive = self.axis is not None
-        return SlaveInfo(
+        return BusNode(
             id=self.id,
-            state=int(self.al_state(communicating=communicating)),
-            al_code=0 if self.connected else AL_LOST,
+            state=self.state(communicating=communicating),
+            error_code=0 if self.connected else AL_LOST,
             position=self.id,
             address=self.address,
             offline=not self.connected,
@@ -63,13 +51,14 @@ class Slave:
             product_code=DRIVE_PRODUCT if drive else MODULE_PRODUCT,
             revision=REVISION,
             serial=self.id + 1,
-            alias=0,
-            input_address=module_bytes + DRIVE_INPUT_BYTES * self.id if drive else 0,
             input_size=DRIVE_INPUT_BYTES if drive else MODULE_BYTES,
-            output_address=0,
             output_size=0 if drive else MODULE_BYTES,
             axes=int(drive),
             fault="" if self.connected else NO_ANSWER,
+            extra={
+                "input_address": module_bytes + DRIVE_INPUT_BYTES * self.id if drive else 0,
+                "output_address": 0,
+            },
         )
 
 
@@ -84,7 +73,7 @@ class Network:
         if has_module:
             self.slaves.append(Slave(robot.axes, None))
         self._module_bytes = MODULE_BYTES if has_module else 0
-        self._axes, self._period_us = robot.axes, round(options.tick_s * 1e6)
+        self._axes, self._period_s = robot.axes, options.tick_s
         self.packet_loss = 0
         self.frozen = False  # frames are lost without anybody noticing
         self._up_since = self._reset_at = 0
@@ -104,25 +93,27 @@ class Network:
         """Zero the counters."""
         self._reset_at, self._slips, self.packet_loss = tick, slips, 0
 
-    def state(self, tick: int, slips: int, *, communicating: bool) -> NetworkState:
-        slaves = tuple(
-            slave.info(self._module_bytes, communicating=communicating) for slave in self.slaves
+    def state(self, tick: int, slips: int, *, communicating: bool) -> BusStatus:
+        nodes = tuple(
+            slave.node(self._module_bytes, communicating=communicating) for slave in self.slaves
         )
         frames = tick - self._reset_at if communicating else 0
         seen = _DELAYS_NS[: max(0, min(frames, len(_DELAYS_NS)))] or (0,)
-        return NetworkState(
-            state=int(AlState.OP if communicating else AlState.PREOP),
-            comm_period_us=self._period_us,
-            total_axes=self._axes,
-            input_size=sum(slave.input_size for slave in slaves),
-            output_size=sum(slave.output_size for slave in slaves),
-            rx_pdo_size=self._axes * DRIVE_RX_PDO + self._module_bytes,
-            tx_pdo_size=self._axes * DRIVE_TX_PDO + self._module_bytes,
-            tx_delay=_DELAYS_NS[frames % len(_DELAYS_NS)] if frames else 0,
-            min_tx_delay=min(seen),
-            max_tx_delay=max(seen),
-            packet_loss=self.packet_loss,
-            over_cycle=slips - self._slips,
-            slaves=slaves,
+        return BusStatus(
+            state=BusState.OPERATIONAL if communicating else BusState.CONFIGURABLE,
+            period_s=self._period_s,
+            axes=self._axes,
+            input_size=sum(node.input_size for node in nodes),
+            output_size=sum(node.output_size for node in nodes),
+            lost_frames=self.packet_loss,
+            late_cycles=slips - self._slips,
+            nodes=nodes,
             note="simulated network: delays in ns follow a fixed pattern",
+            extra={
+                "rx_pdo_size": self._axes * DRIVE_RX_PDO + self._module_bytes,
+                "tx_pdo_size": self._axes * DRIVE_TX_PDO + self._module_bytes,
+                "tx_delay": _DELAYS_NS[frames % len(_DELAYS_NS)] if frames else 0,
+                "min_tx_delay": min(seen),
+                "max_tx_delay": max(seen),
+            },
         )

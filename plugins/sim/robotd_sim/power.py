@@ -49,8 +49,9 @@ class Power:
         limit = int(self._enable_error_counts[axis])
         if on and not self._states.servo_on[axis] and tick_counts > limit:
             raise NotReady(
-                f"axis {axis}: servo on refused while it moves: {tick_counts:.0f} counts a cycle,"
-                f" ServoOnFollowingError allows {limit}"
+                f"servo on refused while it moves: {tick_counts:.0f} counts a cycle,"
+                f" ServoOnFollowingError allows {limit}",
+                axis=axis,
             )
         self._states.servo_wanted[axis] = on
         self._world.at(

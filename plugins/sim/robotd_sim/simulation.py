@@ -126,7 +126,7 @@ class Simulation:
         if not self.motion.is_idle(axis):
             doing = Operation(int(self.states.operation[axis])).name.lower()
             doing = "coasting" if doing == "idle" else doing
-            raise NotReady(f"axis {axis}: {what} while it is moving ({doing})")
+            raise NotReady(f"{what} while it is moving ({doing})", axis=axis)
 
     def home(self, axis: int) -> None:
         """The present position becomes HomePosition; nothing moves."""

@@ -57,7 +57,7 @@ class WmxAxes(AxisDriver):
         """Velocity mode only: positions are not streamed, see ``follow``."""
         status = self._status()
         if any(status.mode(axis) != CommandMode.VELOCITY for axis in axes):
-            raise Unsupported("streaming positions", "wmx")
+            raise Unsupported("streamed positions")
         self._stream.begin(axes)
 
     def end_stream(self, axes: Sequence[int]) -> None:
@@ -100,7 +100,7 @@ class WmxAxes(AxisDriver):
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         if mode is CommandMode.TORQUE:
-            raise Unsupported("torque mode", "wmx")
+            raise Unsupported("torque mode")
         what = f"axis {axis}: mode {mode.name.lower()}"
         with translated(what):
             self._device.set_command_mode(axis, int(mode))

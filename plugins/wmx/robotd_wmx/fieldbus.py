@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
-from robotd.api import FieldbusDriver, NetworkState, SlaveInfo
+from robotd.api import BusNode, BusState, BusStatus, FieldbusDriver
 from robotd_wmx._native import Master, Slave
 from robotd_wmx.al_status import text_of_al
 from robotd_wmx.connection import Connection
 from robotd_wmx.errors import translated
+
+ESC_REGISTER_BYTES = 0x1000  # of a slave controller; process data RAM follows
+
+_STATES = {
+    0: BusState.UNKNOWN,
+    1: BusState.INITIALISING,  # Init
+    2: BusState.CONFIGURABLE,  # Preop
+    4: BusState.UPDATING,  # Boot
+    8: BusState.INPUTS_ONLY,  # Safeop
+    16: BusState.OPERATIONAL,  # Op
+}
+"""States of the engine's master, in the SDK's numbers."""
+
+_MASTER_EXTRA = (
+    "mode", "rings", "rx_pdo_size", "tx_pdo_size", "tx_delay", "min_tx_delay", "max_tx_delay",
+)  # fmt: skip
+_SLAVE_EXTRA = ("inaccessible", "new", "reverse", "alias", "input_address", "output_address")
 
 
 class WmxFieldbus(FieldbusDriver):
@@ -16,48 +33,46 @@ class WmxFieldbus(FieldbusDriver):
         self._connection = connection
 
     @property
-    def masters(self) -> int:
+    def buses(self) -> int:
         return self._connection.options.masters
 
-    def network_state(self, master: int) -> NetworkState:
+    @property
+    def register_bytes(self) -> int:
+        return ESC_REGISTER_BYTES
+
+    def status(self, bus: int) -> BusStatus:
         """All zeros, with a note, while no device is open."""
         if not self._connection.is_open:
-            return NetworkState(0, note="no device of the WMX engine is open")
-        with translated(f"master {master}"):
-            info = Master(self._connection.diagnostics, master)
-        return NetworkState(
-            state=info.state,
-            mode=info.mode,
-            comm_period_us=info.comm_period,
-            total_axes=info.total_axes,
+            return BusStatus(BusState.UNKNOWN, note="no device of the WMX engine is open")
+        with translated(f"master {bus}"):
+            info = Master(self._connection.diagnostics, bus)
+        return BusStatus(
+            state=_STATES.get(info.state, BusState.UNKNOWN),
+            period_s=info.comm_period * 1e-6,
+            axes=info.total_axes,
             input_size=info.input_size,
             output_size=info.output_size,
-            rings=info.rings,
-            rx_pdo_size=info.rx_pdo_size,
-            tx_pdo_size=info.tx_pdo_size,
-            tx_delay=info.tx_delay,
-            min_tx_delay=info.min_tx_delay,
-            max_tx_delay=info.max_tx_delay,
-            packet_loss=info.packet_loss,
-            packet_timeout=info.packet_timeout,
-            over_cycle=info.over_cycle,
-            slaves=tuple(_slave(slave) for slave in info.slaves),
+            lost_frames=info.packet_loss,
+            timeouts=info.packet_timeout,
+            late_cycles=info.over_cycle,
+            nodes=tuple(_node(slave) for slave in info.slaves),
             details=_details(info),
+            extra={name: getattr(info, name) for name in _MASTER_EXTRA},
         )
 
-    def read_register(self, master: int, slave: int, address: int, length: int) -> bytes:
-        with translated(f"master {master} slave {slave} register {address:#06x}"):
-            return self._connection.diagnostics.register_read(master, slave, address, length)
+    def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
+        with translated(f"master {bus} slave {node} register {address:#06x}"):
+            return self._connection.diagnostics.register_read(bus, node, address, length)
 
-    def reset_statistics(self, master: int) -> None:
-        with translated(f"master {master}: statistics"):
-            self._connection.diagnostics.reset_transmit_statistics(master)
-            self._connection.diagnostics.reset_reference_clock(master)
+    def reset_statistics(self, bus: int) -> None:
+        with translated(f"master {bus}: statistics"):
+            self._connection.diagnostics.reset_transmit_statistics(bus)
+            self._connection.diagnostics.reset_reference_clock(bus)
 
-    def start_hot_connect(self, master: int) -> None:
+    def start_hot_connect(self, bus: int) -> None:
         """Returns when it has begun; ``details`` of the network state tell how it goes on."""
-        with translated(f"master {master}: hot connect"):
-            self._connection.diagnostics.start_hot_connect(master)
+        with translated(f"master {bus}: hot connect"):
+            self._connection.diagnostics.start_hot_connect(bus)
 
 
 def _details(info: Master) -> dict[str, str]:
@@ -76,26 +91,21 @@ def _details(info: Master) -> dict[str, str]:
     }
 
 
-def _slave(slave: Slave) -> SlaveInfo:
-    return SlaveInfo(
+def _node(slave: Slave) -> BusNode:
+    return BusNode(
         id=slave.id,
-        state=slave.state,
-        al_code=slave.al_code,
+        state=_STATES.get(slave.state, BusState.UNKNOWN),
+        error_code=slave.al_code,
         position=slave.position,
         address=slave.address,
         offline=bool(slave.offline),
-        inaccessible=bool(slave.inaccessible),
-        new=bool(slave.new),
-        reverse=bool(slave.reverse),
         vendor_id=slave.vendor_id,
         product_code=slave.product_code,
         revision=slave.revision,
         serial=slave.serial,
-        alias=slave.alias,
-        input_address=slave.input_address,
         input_size=slave.input_size,
-        output_address=slave.output_address,
         output_size=slave.output_size,
         axes=slave.axes,
         fault=text_of_al(slave.al_code),
+        extra={name: int(getattr(slave, name)) for name in _SLAVE_EXTRA},
     )

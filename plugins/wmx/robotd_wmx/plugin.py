@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 from robotd.api import (
     AxisDriver,
     BackendInfo,
@@ -21,40 +19,51 @@ from robotd_wmx.fieldbus import WmxFieldbus
 from robotd_wmx.io import WmxIo
 from robotd_wmx.options import WmxOptions
 
-CAPABILITIES = frozenset(Capability) - {Capability.TORQUE_MODE, Capability.SIMULATED}
+CAPABILITIES = frozenset(
+    {
+        Capability.VELOCITY_MODE,
+        Capability.HOMING,
+        Capability.PARAMETERS_FILE,
+        Capability.SCALING,
+        Capability.REGISTER_READ,
+        Capability.STATISTICS,
+        Capability.HOT_CONNECT,
+        Capability.TRAJECTORIES_ON_DEVICE,
+        Capability.DEVICE_WATCHDOG,
+    }
+)
 
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
     """All capabilities but the torque mode; trajectories run as splines on the engine."""
     return BackendInfo(
-        name="wmx",
         summary="WMX3 motion engine with its EtherCAT master",
+        api_version=1,
         capabilities=CAPABILITIES,
         options=WmxOptions,
     )
 
 
 @hookimpl
-def robotd_open_device(context: DeviceContext) -> DeviceDriver:
+def robotd_open_device(context: DeviceContext[WmxOptions]) -> DeviceDriver:
     """The engine, not started yet."""
-    options = cast(WmxOptions, context.options)
-    return WmxDevice(Connection(context.robot, options, context.clock))
+    return WmxDevice(Connection(context.robot, context.options, context.clock))
 
 
 @hookimpl
-def robotd_axes(device: DeviceDriver, context: DeviceContext) -> AxisDriver:
+def robotd_axes(device: WmxDevice) -> AxisDriver:
     """The first axes of the engine, numbered as the engine does."""
-    return WmxAxes(cast(WmxDevice, device).connection)
+    return WmxAxes(device.connection)
 
 
 @hookimpl
-def robotd_io(device: DeviceDriver, context: DeviceContext) -> IoDriver:
+def robotd_io(device: WmxDevice) -> IoDriver:
     """The engine's two images."""
-    return WmxIo(cast(WmxDevice, device).connection)
+    return WmxIo(device.connection)
 
 
 @hookimpl
-def robotd_fieldbus(device: DeviceDriver, context: DeviceContext) -> FieldbusDriver:
+def robotd_fieldbus(device: WmxDevice) -> FieldbusDriver:
     """The engine's EtherCAT masters."""
-    return WmxFieldbus(cast(WmxDevice, device).connection)
+    return WmxFieldbus(device.connection)

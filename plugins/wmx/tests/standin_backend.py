@@ -42,9 +42,7 @@ class StandinBench(FaultInjector):
 @hookimpl
 def robotd_backend() -> BackendInfo:
     info = plugin.robotd_backend()
-    return replace(
-        info, name="wmx_standin", capabilities=info.capabilities | {Capability.SIMULATED}
-    )
+    return replace(info, capabilities=info.capabilities | {Capability.SIMULATED})
 
 
 @hookimpl

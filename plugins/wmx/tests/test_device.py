@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from robotd.device.axes import Move
+from robotd.device.bus_status import BusState
 from robotd.device.state import ConnectionState
 from robotd.errors import (
     ConnectError,
@@ -160,14 +161,14 @@ def test_enabling_makes_no_jump_where_the_arm_has_sagged(tmp_path: Path) -> None
 
 def test_registers_statistics_and_network(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
-        network = robot.fieldbus.network_state(0)
-        assert (network.state, len(network.slaves), network.total_axes) == (16, 7, 6)
-        assert (network.slaves[6].output_size, network.comm_period_us) == (8, 1000)
+        network = robot.fieldbus.status(0)
+        assert (network.state, len(network.nodes), network.axes) == (BusState.OPERATIONAL, 7, 6)
+        assert (network.nodes[6].output_size, network.period_s) == (8, pytest.approx(0.001))
         assert robot.fieldbus.read_register(0, 2, 0x0130, 2) == b"\x08\x00"
         port("slave_lost", 1)
-        assert robot.fieldbus.network_state(0).packet_loss > 0
+        assert robot.fieldbus.status(0).lost_frames > 0
         robot.fieldbus.reset_statistics(0)
-        assert robot.fieldbus.network_state(0).packet_loss == 0
+        assert robot.fieldbus.status(0).lost_frames == 0
         with pytest.raises(OperationError, match=r"wmx 8197"):
             robot.fieldbus.read_register(0, 1, 0, 1)
         assert "no answer from 1" in robot.connection.scan_network()

@@ -97,17 +97,17 @@ def test_a_lost_slave_says_why_and_hot_connect_brings_it_back(tmp_path: Path) ->
     with running(tmp_path) as robot:
         with broken_motion(robot, "slave_lost", 2) as execution:
             assert "joint3" in execution.message
-        network = robot.fieldbus.network_state(0)
-        [lost] = [slave for slave in network.slaves if slave.offline]
-        assert (lost.id, lost.al_code) == (2, 0x1B)
+        network = robot.fieldbus.status(0)
+        [lost] = [node for node in network.nodes if node.offline]
+        assert (lost.id, lost.error_code) == (2, 0x1B)
         assert lost.fault == "no process data within the sync manager's watchdog (AL status 0x001B)"
-        assert network.packet_loss > 0
+        assert network.lost_frames > 0
         with pytest.raises(ConnectError, match="joint3"):
             robot.enable_joints()
         robot.fieldbus.start_hot_connect(0)
-        assert robot.fieldbus.network_state(0).details["hot connect"] == "running"
+        assert robot.fieldbus.status(0).details["hot connect"] == "running"
         eventually(lambda: not robot.image.offline[2])
-        assert robot.fieldbus.network_state(0).details["hot connect"] == "idle"
+        assert robot.fieldbus.status(0).details["hot connect"] == "idle"
         assert not robot.image.servo_on[2]
         works_again(robot)
 
@@ -118,7 +118,7 @@ def test_a_hot_connect_that_fails_says_why(tmp_path: Path) -> None:
         port("slave_lost", 2)
         robot.fieldbus.start_hot_connect(0)
         told = "aborted: a new slave did not start"
-        eventually(lambda: robot.fieldbus.network_state(0).details["hot connect"] == told)
+        eventually(lambda: robot.fieldbus.status(0).details["hot connect"] == told)
         assert robot.image.offline[2]
         assert robot.image.servo_on[0]
 

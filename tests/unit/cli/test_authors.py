@@ -20,8 +20,7 @@ LYING = """
     @hookimpl
     def robotd_backend():
         return BackendInfo(
-            name="{name}", summary="a test",
-            capabilities=frozenset({Capability.AXES, Capability.IO}),
+            summary="a test", api_version=1, capabilities=frozenset({Capability.HOT_CONNECT})
         )
 
     @hookimpl
@@ -53,7 +52,10 @@ def test_the_doctor_finds_a_driver_that_was_declared_and_is_not_there(install: I
     install("lying", LYING)
     result = robotd("backends", "--check", "lying")
     assert result.exit_code == ExitCode.PLUGIN
-    assert "declares 'io' and makes no driver for it" in result.output
+    assert (
+        "'hot_connect' is declared, but there is no FieldbusDriver for start_hot_connect()"
+        in result.output
+    )
     assert "'lying' (plugin_acme of acme 1.2)" in result.output
     assert "1 problem" in result.output
 

@@ -95,7 +95,7 @@ def test_what_options_know_of_the_robot_is_checked(
 
         @hookimpl
         def robotd_backend():
-            return BackendInfo("acme", "a test", frozenset(), options=Options)
+            return BackendInfo("a test", 1, options=Options)
     """
     install("acme", source)
     path = tmp_path / "robot.yaml"

@@ -108,7 +108,7 @@ def test_a_backend_that_logs_while_it_loads_does_not_spoil_the_json(
 
         @hookimpl
         def robotd_backend():
-            return BackendInfo(name="noisy", summary="", capabilities=frozenset())
+            return BackendInfo(summary="", api_version=1)
     """
     install("noisy", source, distribution="noisy")
     result = robotd("backends", "--json")

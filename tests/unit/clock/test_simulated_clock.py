@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -208,8 +209,8 @@ def test_real_time_cannot_be_stepped() -> None:
 
 def test_a_real_robot_refuses_simulated_time() -> None:
     backend: Backend = load_backend("sim")
-    info = backend.info
-    backend.info = type(info)(info.name, info.summary, frozenset(), options=info.options)
+    backend.info = replace(backend.info, capabilities=frozenset())
+    backend.capabilities = frozenset()
     descriptor = build_robot("cr3a", "sim").descriptor
     for clock in (SteppedClock(), PacedClock()):
         with pytest.raises(Unsupported, match="simulated time: not supported by the sim backend"):

@@ -19,7 +19,6 @@ from robotd.device.axes import Move
 from robotd.device.state import Operation
 from robotd.motion import Tolerances, TrajectoryRequest
 from robotd.motion.profile import Profile
-from robotd.plugin.fault_isolation import unguarded
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_sim.faults import Faults
@@ -99,7 +98,7 @@ class Harness:
         self.connection = self.robot.connection
         self.follower = self.robot.follower
         self.mixer = self.robot.control_loop._mixer
-        self.simulation: Simulation = unguarded(self.connection._driver).simulation  # type: ignore[attr-defined]
+        self.simulation: Simulation = self.connection._driver.wrapped.simulation  # type: ignore[attr-defined]
         self.faults = Faults(self.simulation)
         self.setpoints = Setpoints()
         self._tap()

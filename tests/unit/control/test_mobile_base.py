@@ -218,7 +218,7 @@ def test_standing_commands_claim_nothing_and_say_nothing(harness: Harness) -> No
 
 def test_moving_wheels_are_nobody_elses(harness: Harness) -> None:
     harness.drive(0.5, 0.0, 0.5)
-    with pytest.raises(NotReady, match="left wheel is in use by mobile base"):
+    with pytest.raises(NotReady, match="left wheel: in use by mobile base"):
         harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
 
 

@@ -14,6 +14,7 @@ from tests.unit.control.harness import PERIOD_S, Harness
 
 from robotd.arrays import FloatArray
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.device.state import Underrun
 
 SWING = ([0.8, -0.6, 0.45], [-0.4, 0.4, 0.2], [0.5, 0.2, -0.3], [0.0, 0.0, 0.0])
 SWING_S = 0.8
@@ -108,7 +109,7 @@ def test_stall_upon_stall_does_not_feed_on_itself(stalls: list[tuple[int, int]])
 
 
 def test_a_drive_that_stands_starts_where_it_stands(harness: Harness) -> None:
-    harness.follower._execution = partial(TrajectoryExecution, goes_on=False)
+    harness.follower._execution = partial(TrajectoryExecution, underrun=Underrun.HOLD)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         harness.run(0.3)
         harness.stall(0.03)

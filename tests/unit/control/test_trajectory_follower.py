@@ -256,7 +256,7 @@ def test_a_refused_goal_at_rest_touches_no_axis(harness: Harness) -> None:
 
 
 def test_a_goal_is_refused_while_somebody_else_has_the_axes(harness: Harness) -> None:
-    text = "joint1 is in use by somebody else"
+    text = "joint1: in use by somebody else"
     claim = harness.robot.axes.claimed("somebody else", [0, 1, 2])
     with claim, pytest.raises(NotReady, match=text), harness.goal(FAR):
         pass
@@ -272,7 +272,7 @@ def test_a_goal_is_refused_while_the_axis_moves_otherwise(harness: Harness) -> N
 
 def test_the_axes_are_free_again_after_the_block(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
-        with pytest.raises(NotReady, match="joint1 is in use by follow_joint_trajectory"):
+        with pytest.raises(NotReady, match="joint1: in use by follow_joint_trajectory"):
             harness.move(0, 0.0)
         harness.end(execution)
     assert not harness.axes_in(Operation.STREAM)

@@ -238,7 +238,7 @@ def test_jogs_are_checked_and_start_together(harness: Harness) -> None:
         ("offline", True, "^joint1: drive is offline$"),
         ("amp_alarm", True, "^joint1: amplifier alarm 0$"),
         ("servo_on", False, "^joint1: servo is off$"),
-        ("mode", CommandMode.VELOCITY, "^joint1 is in velocity mode, not in position mode$"),
+        ("mode", CommandMode.VELOCITY, "^joint1: in velocity mode, not in position mode$"),
     ],
 )
 def test_a_state_that_forbids_motion_is_named(
@@ -251,14 +251,14 @@ def test_a_state_that_forbids_motion_is_named(
 
 
 def test_a_jog_needs_velocity_mode(harness: Harness) -> None:
-    text = "^joint1 is in position mode, not in velocity mode$"
+    text = "^joint1: in position mode, not in velocity mode$"
     refused(harness, NotReady, text, lambda: harness.axes.jog([Jog(0, PROFILE)]))
 
 
 def test_claimed_axes_refuse_everybody_but_a_stop(harness: Harness) -> None:
     with harness.axes.claimed("the test", [0, 1]):
         harness.refresh()
-        text = "^joint1 is in use by the test$"
+        text = "^joint1: in use by the test$"
         for name in ("clear_alarm", "set_command_mode", "home", "move"):
             refused(harness, NotReady, text, lambda name=name: ONE_AXIS[name](harness.axes, 0))
         harness.axes.move([Move(2, 0.5, PROFILE)])
@@ -327,3 +327,20 @@ def test_axes_with_trajectories_on_the_device_are_claimed_and_not_streamed() -> 
     with harness.axes.claimed("somebody", [0]):
         assert harness.axes.rejection(0, CommandMode.POSITION) is not None
     assert not any("stream" in str(call[0]) for call in harness.driver.calls)
+
+
+@pytest.mark.parametrize("given", [None, 0])
+def test_an_error_of_the_driver_gets_the_name_of_its_axis_once(given: int | None) -> None:
+    harness = Harness().make_ready()
+    harness.driver.failures["servo"] = NotReady("the drive is in alarm 16", axis=given)
+    with pytest.raises(NotReady) as caught:
+        harness.axes.servo(0, True)
+    assert str(caught.value) == "joint1: the drive is in alarm 16"
+    assert caught.value.axis == 0
+
+
+def test_an_unsupported_feature_is_not_the_fault_of_an_axis() -> None:
+    harness = Harness().make_ready()
+    harness.driver.failures["servo"] = Unsupported("servo", "fake")
+    with pytest.raises(Unsupported, match=r"^servo: not supported by the fake backend$"):
+        harness.axes.servo(0, True)

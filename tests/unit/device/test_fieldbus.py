@@ -13,7 +13,7 @@ from robotd.errors import InvalidArgument, NotReady, Unsupported
 
 
 def test_the_network_is_told(harness: Harness) -> None:
-    assert [slave.id for slave in harness.fieldbus.network_state(0).slaves] == [0, 1]
+    assert [slave.id for slave in harness.fieldbus.status(0).nodes] == [0, 1]
 
 
 def test_registers_are_read(harness: Harness) -> None:
@@ -42,7 +42,7 @@ def test_registers_that_are_not_there_are_refused(
 
 def commands(fieldbus: Fieldbus, master: int) -> dict[Capability | None, Callable[[], object]]:
     return {
-        None: lambda: fieldbus.network_state(master),
+        None: lambda: fieldbus.status(master),
         Capability.REGISTER_READ: lambda: fieldbus.read_register(master, 0, 0, 1),
         Capability.STATISTICS: lambda: fieldbus.reset_statistics(master),
         Capability.HOT_CONNECT: lambda: fieldbus.start_hot_connect(master),

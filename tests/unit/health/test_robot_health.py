@@ -9,7 +9,7 @@ import pytest
 
 from robotd.clock import FakeClock
 from robotd.control.loop_statistics import LoopReport
-from robotd.device.drivers import NetworkState, SlaveInfo
+from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState
 from robotd.health.part_status import (
@@ -46,6 +46,9 @@ def test_the_engine(state: ConnectionState, ready: bool, level: Level) -> None:
     assert status.values["state"] == state.value
 
 
+OP = BusState.OPERATIONAL
+
+
 def test_an_engine_without_fresh_values_says_why() -> None:
     status = engine_status(ConnectionState.UNKNOWN, "canopen", "the bus is off", ready=False)
     assert status.message == "the device gives no fresh values: the bus is off"
@@ -63,7 +66,7 @@ def test_the_device_adds_its_words_to_an_alarm() -> None:
 
 
 def test_what_else_a_fieldbus_knows_is_shown() -> None:
-    network = NetworkState(16, details={"bus load (%)": "23"})
+    network = BusStatus(OP, details={"bus load (%)": "23"})
     assert fieldbus_status("fieldbus", network, losing=False).values["bus load (%)"] == "23"
 
 
@@ -130,37 +133,35 @@ def test_what_cannot_be_known_is_stale(state: ConnectionState) -> None:
         assert state.value in status.message
 
 
-def slave(number: int, state: int = 16, **details: int | bool | str) -> SlaveInfo:
-    return SlaveInfo(number, state, **details)  # type: ignore[arg-type]
+def node(number: int, state: BusState = OP, **details: int | bool | str) -> BusNode:
+    return BusNode(number, state, **details)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("slaves", "losing", "level", "message"),
+    ("nodes", "losing", "level", "message"),
     [
-        ((slave(0), slave(1)), False, Level.OK, "2 slaves in Op"),
-        ((slave(0), slave(1, 8)), False, Level.WARN, "slave 1 is in Safeop"),
-        ((slave(0),), True, Level.WARN, "packets are being lost"),
-        ((slave(0, 0, offline=True),), False, Level.ERROR, "slave 0 is offline"),
-        ((slave(0, al_code=0x1B),), False, Level.ERROR, "slave 0 has AL code 0x001b"),
-        ((slave(3, fault="EMCY 0x3210"),), False, Level.ERROR, "slave 3 has a fault: EMCY 0x3210"),
+        ((node(0), node(1)), False, Level.OK, "2 nodes operational"),
+        ((node(0), node(1, BusState.INPUTS_ONLY)), False, Level.WARN, "node 1 is inputs only"),
+        ((node(0),), True, Level.WARN, "packets are being lost"),
+        ((node(0, BusState.UNKNOWN, offline=True),), False, Level.ERROR, "node 0 is offline"),
+        ((node(0, error_code=0x1B),), False, Level.ERROR, "node 0 has error code 0x001b"),
+        ((node(3, fault="EMCY 0x3210"),), False, Level.ERROR, "node 3 has a fault: EMCY 0x3210"),
         (
-            (slave(3, offline=True, fault="no heartbeat"),),
+            (node(3, offline=True, fault="no heartbeat"),),
             False,
             Level.ERROR,
-            "slave 3 is offline: no heartbeat",
+            "node 3 is offline: no heartbeat",
         ),
         (
-            (slave(0, 0, offline=True), slave(1, 2)),
+            (node(0, BusState.UNKNOWN, offline=True), node(1, BusState.CONFIGURABLE)),
             True,
             Level.ERROR,
-            "slave 0 is offline; slave 1 is in Preop; packets are being lost",
+            "node 0 is offline; node 1 is configurable; packets are being lost",
         ),
     ],
 )
-def test_the_fieldbus(
-    slaves: tuple[SlaveInfo, ...], losing: bool, level: Level, message: str
-) -> None:
-    status = fieldbus_status("fieldbus", NetworkState(16, slaves=slaves), losing=losing)
+def test_the_fieldbus(nodes: tuple[BusNode, ...], losing: bool, level: Level, message: str) -> None:
+    status = fieldbus_status("fieldbus", BusStatus(OP, nodes=nodes), losing=losing)
     assert (status.level, status.message) == (level, message)
 
 
@@ -247,3 +248,15 @@ def test_what_changes_is_noticed(robot: Robot, change: Callable[[Robot], object]
     assert health.fingerprint() == before
     change(robot)
     assert health.fingerprint() != before
+
+
+def test_an_alarm_of_the_controller_is_an_error_of_the_engine_told_once() -> None:
+    image = healthy()
+    image.set_controller_alarm(17, "emergency stop")
+    assert image.controller_fault == "controller alarm 17 (emergency stop)"
+    assert axis(image).message == "controller alarm 17"
+    status = engine_status(UP, "acme", image.controller_fault, ready=True)
+    assert (status.level, status.message) == (Level.ERROR, "controller alarm 17 (emergency stop)")
+    image.set_controller_alarm(0)
+    assert image.controller_fault == ""
+    assert not image.amp_alarm.any()

@@ -20,7 +20,7 @@ DESCRIBE = """
 @hookimpl
 def robotd_backend():
     {body}
-    return BackendInfo(name="odd", summary="", capabilities=frozenset())
+    return BackendInfo(summary="", api_version=1)
 """
 
 

@@ -14,9 +14,9 @@ from robotd.clock import MonotonicClock, wait_until
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
-from robotd.errors import DeviceTimeout, NotReady, OperationError
+from robotd.errors import DeviceTimeout, NotReady, OperationError, Unsupported
 from robotd.plugin import fault_isolation
-from robotd.plugin.fault_isolation import isolated, unguarded
+from robotd.plugin.fault_isolation import isolated
 from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 
 PLUGIN = "'odd' (plugin_acme of acme 1.2)"
@@ -24,17 +24,17 @@ PLUGIN = "'odd' (plugin_acme of acme 1.2)"
 
 def test_calls_pass_with_their_arguments_and_results() -> None:
     device, axes, io = FakeDevice(), FakeAxes(2), FakeIo()
-    isolated(device, DeviceDriver, PLUGIN).open("/dev/bus", name="me")
+    isolated(device, DeviceDriver, PLUGIN, "odd").open("/dev/bus", name="me")
     assert device.calls == [("open", "/dev/bus", "me")]
-    isolated(axes, AxisDriver, PLUGIN).servo(1, on=True, timeout_s=2.0)
+    isolated(axes, AxisDriver, PLUGIN, "odd").servo(1, on=True, timeout_s=2.0)
     assert axes.calls == [("servo", 1, True, 2.0)]
-    behind = isolated(io, IoDriver, PLUGIN)
+    behind = isolated(io, IoDriver, PLUGIN, "odd")
     behind.write_outputs(2, b"\x05")
     assert behind.read_outputs(2, 1) == b"\x05"
     assert (behind.input_bytes, behind.output_bytes) == (8, 8)
-    fieldbus = isolated(FakeFieldbus(), FieldbusDriver, PLUGIN)
-    assert fieldbus.masters == 1
-    assert len(fieldbus.network_state(0).slaves) == 2
+    fieldbus = isolated(FakeFieldbus(), FieldbusDriver, PLUGIN, "odd")
+    assert fieldbus.buses == 1
+    assert len(fieldbus.status(0).nodes) == 2
 
 
 def test_what_the_cycle_calls_takes_no_other_thread() -> None:
@@ -47,7 +47,7 @@ def test_what_the_cycle_calls_takes_no_other_thread() -> None:
         def stream(self, position: FloatArray, velocity: FloatArray) -> None:
             threads.append(threading.current_thread())
 
-    behind = isolated(Axes(2), AxisDriver, PLUGIN)
+    behind = isolated(Axes(2), AxisDriver, PLUGIN, "odd")
     behind.read(ProcessImage(2))
     behind.stream(np.zeros(2), np.zeros(2))
     assert threads == [threading.current_thread()] * 2
@@ -69,7 +69,7 @@ def test_what_is_not_timed_names_the_plugin_too(fake: Any, contract: Any, method
 
     setattr(fake, method, fail)
     with pytest.raises(OperationError) as caught:
-        getattr(isolated(fake, contract, PLUGIN), method)()
+        getattr(isolated(fake, contract, PLUGIN, "odd"), method)()
     says = f"plugin {PLUGIN}: {contract.__name__}.{method} failed: ZeroDivisionError: no scale"
     assert str(caught.value) == says
 
@@ -77,12 +77,12 @@ def test_what_is_not_timed_names_the_plugin_too(fake: Any, contract: Any, method
 def test_a_property_that_raises_names_the_plugin() -> None:
     class Odd(FakeFieldbus):
         @property
-        def masters(self) -> int:
+        def buses(self) -> int:
             raise OSError("no bus")
 
     with pytest.raises(OperationError) as caught:
-        _ = isolated(Odd(), FieldbusDriver, PLUGIN).masters
-    says = f"plugin {PLUGIN}: FieldbusDriver.masters failed: OSError: no bus"
+        _ = isolated(Odd(), FieldbusDriver, PLUGIN, "odd").buses
+    says = f"plugin {PLUGIN}: FieldbusDriver.buses failed: OSError: no bus"
     assert str(caught.value) == says
 
 
@@ -96,7 +96,7 @@ def test_a_device_that_does_not_answer_is_in_unknown_state(monkeypatch: pytest.M
             return super().state()
 
     monkeypatch.setattr(fault_isolation, "ANSWER_BUDGET_S", 0.02)
-    behind = isolated(Silent(), DeviceDriver, PLUGIN)
+    behind = isolated(Silent(), DeviceDriver, PLUGIN, "odd")
     first = threading.Thread(target=behind.state)
     first.start()
     try:
@@ -120,7 +120,7 @@ def test_a_device_that_cannot_say_why_is_told_and_asked_no_more(
             return "bus off"
 
     monkeypatch.setattr(fault_isolation, "ANSWER_BUDGET_S", 0.02)
-    behind = isolated(Silent(), DeviceDriver, PLUGIN)
+    behind = isolated(Silent(), DeviceDriver, PLUGIN, "odd")
     told = [behind.fault() for _ in range(3)]
     assert told == [f"plugin {PLUGIN}: DeviceDriver.fault does not return"] * 3
     assert len(asked) == 1
@@ -132,14 +132,14 @@ def test_a_fault_that_raises_is_a_text() -> None:
     device = FakeDevice()
     device.fault = lambda: {}["bus"]  # type: ignore[method-assign]
     says = f"plugin {PLUGIN}: DeviceDriver.fault failed: KeyError: 'bus'"
-    assert isolated(device, DeviceDriver, PLUGIN).fault() == says
+    assert isolated(device, DeviceDriver, PLUGIN, "odd").fault() == says
 
 
 def test_a_foreign_error_becomes_one_of_robotd_with_the_plugins_name() -> None:
     axes = FakeAxes(1)
     axes.failures["servo"] = KeyError("bus")
     with pytest.raises(OperationError) as caught:
-        isolated(axes, AxisDriver, PLUGIN).servo(0, True, 1.0)
+        isolated(axes, AxisDriver, PLUGIN, "odd").servo(0, True, 1.0)
     assert str(caught.value) == f"plugin {PLUGIN}: AxisDriver.servo failed: KeyError: 'bus'"
     assert isinstance(caught.value.__cause__, KeyError)
 
@@ -148,14 +148,14 @@ def test_a_driver_cannot_end_the_process() -> None:
     axes = FakeAxes(1)
     axes.read = lambda image: sys.exit(3)  # type: ignore[method-assign]
     with pytest.raises(OperationError, match=r"AxisDriver\.read failed: SystemExit: 3"):
-        isolated(axes, AxisDriver, PLUGIN).read(ProcessImage(1))
+        isolated(axes, AxisDriver, PLUGIN, "odd").read(ProcessImage(1))
 
 
 def test_an_error_of_robotd_passes_as_it_is() -> None:
     axes = FakeAxes(1)
     axes.failures["move"] = NotReady("servo is off")
     with pytest.raises(NotReady, match=r"^servo is off$"):
-        isolated(axes, AxisDriver, PLUGIN).move(0, 1.0, None)  # type: ignore[arg-type]
+        isolated(axes, AxisDriver, PLUGIN, "odd").move(0, 1.0, None)  # type: ignore[arg-type]
 
 
 def test_a_call_that_does_not_return_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,7 +170,7 @@ def test_a_call_that_does_not_return_is_given_up(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(fault_isolation, "GRACE_S", 0.02)
     monkeypatch.setattr(fault_isolation, "COMMAND_BUDGET_S", 0.05)
-    behind = isolated(Endless(1), AxisDriver, PLUGIN)
+    behind = isolated(Endless(1), AxisDriver, PLUGIN, "odd")
     try:
         with pytest.raises(DeviceTimeout) as caught:
             behind.servo(0, True, timeout_s=0.03)
@@ -183,7 +183,13 @@ def test_a_call_that_does_not_return_is_given_up(monkeypatch: pytest.MonkeyPatch
         released.set()
 
 
-def test_the_plugin_gets_its_own_driver_back() -> None:
+def test_the_drivers_of_the_plugin_can_be_looked_at() -> None:
     device = FakeDevice()
-    assert unguarded(isolated(device, DeviceDriver, PLUGIN)) is device
-    assert unguarded(device) is device
+    assert isolated(device, DeviceDriver, PLUGIN, "odd").wrapped is device  # type: ignore[attr-defined]
+
+
+def test_a_feature_that_is_not_there_names_the_backend() -> None:
+    axes = FakeAxes(1)
+    axes.failures["home"] = Unsupported("homing")
+    with pytest.raises(Unsupported, match=r"^homing: not supported by the odd backend$"):
+        isolated(axes, AxisDriver, PLUGIN, "odd").home(0, 1.0)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from robotd.api import API_VERSION, DeviceContext
+from robotd.api import API_VERSION, BackendOptions, Capability, DeviceContext
 from robotd.descriptor import RobotDescriptor
-from robotd.errors import ConnectError, DescriptorError, PluginError
+from robotd.errors import ConnectError, DescriptorError, PluginError, Unsupported
 from robotd.plugin.manager import (
     PLUGINS,
     Backend,
@@ -28,15 +28,15 @@ IMPORTS = "from robotd.api import BackendInfo, BackendOptions, hookimpl\n"
 
 def backend_source(*hooks: str, **info: str) -> str:
     """A backend's module: its description with ``info``, then ``hooks`` without their marks."""
-    fields = {"name": "'odd'", "summary": "''", "capabilities": "frozenset()"} | info
+    fields = {"summary": "''", "api_version": "1"} | info
     arguments = ", ".join(f"{key}={value}" for key, value in fields.items())
     describe = f"def robotd_backend(): return BackendInfo({arguments})"
     return IMPORTS + "".join(f"@hookimpl\n{hook}\n" for hook in (describe, *hooks))
 
 
-def context(**changes: object) -> DeviceContext:
+def context(**changes: object) -> DeviceContext[BackendOptions]:
     values = {"schema": 1, "name": "bench", "axes": 2} | changes
-    return DeviceContext(RobotDescriptor.model_validate(values))
+    return DeviceContext(RobotDescriptor.model_validate(values), BackendOptions())
 
 
 def rejection(name: str = "odd") -> str:
@@ -48,7 +48,7 @@ def rejection(name: str = "odd") -> str:
 def test_a_backend_is_found_with_its_origin_and_described(install: Install) -> None:
     install("odd")
     backend = load_backend("odd")
-    assert backend.info.name == "odd"
+    assert backend.name == "odd"
     assert backend.info.api_version == API_VERSION
     assert str(backend.origin) == "'odd' (plugin_acme of acme 1.2)"
 
@@ -98,9 +98,46 @@ def test_another_api_version_is_refused_with_both_versions(install: Install, ver
     assert "acme" in text
 
 
-def test_a_backend_that_calls_itself_otherwise_is_refused(install: Install) -> None:
-    install("odd", backend_source(name="'even'"))
-    assert "calls itself 'even'" in rejection()
+def test_a_backend_without_an_api_version_is_refused(install: Install) -> None:
+    source = backend_source().replace("api_version=1", "")
+    install("odd", source)
+    assert "missing 1 required positional argument: 'api_version'" in rejection()
+
+
+def test_the_version_is_told_first_where_the_hooks_are_another_versions_too(
+    install: Install,
+) -> None:
+    hook = "def robotd_tool_changer(device): ..."
+    install("odd", backend_source(hook, api_version="2"))
+    assert "is written for robotd plugin API 2, this is API 1" in rejection()
+
+
+def test_a_name_that_this_api_does_not_have_hints_at_the_version(install: Install) -> None:
+    install("odd", "from robotd.api import ToolDriver")
+    text = rejection()
+    assert "cannot import name 'ToolDriver'" in text
+    assert text.endswith("is it written for another plugin API? This is API 1")
+
+
+def test_a_refused_plugin_leaves_no_trace_for_the_next_one(install: Install) -> None:
+    install("odd", backend_source("def robotd_opn_device(context): ..."), distribution="one")
+    rejection()
+    install("even", backend_source(), distribution="two")
+    assert load_backend("even").name == "even"
+
+
+@pytest.mark.parametrize("capability", ["AXES", "IO", "FIELDBUS"])
+def test_a_derived_capability_is_not_declared(install: Install, capability: str) -> None:
+    source = "from robotd.api import Capability\n" + backend_source(
+        capabilities=f"frozenset({{Capability.{capability}}})"
+    )
+    install("odd", source)
+    assert f"declares {capability.lower()}: these are derived from its hooks" in rejection()
+
+
+def test_the_hooks_say_what_is_there(install: Install) -> None:
+    backend = make_backend(install, "def robotd_io(): return None")
+    assert backend.capabilities == {Capability.AXES, Capability.IO}
 
 
 @pytest.mark.parametrize(
@@ -160,19 +197,19 @@ def make_backend(install: Install, *hooks: str, **info: str) -> Backend:
 def test_a_device_hook_of_the_wrong_type_is_refused(install: Install) -> None:
     backend = make_backend(install, "def robotd_open_device(context): return 5")
     with pytest.raises(PluginError, match="robotd_open_device returned int, not a DeviceDriver"):
-        backend.open_device(context())
+        backend.drivers(context())
 
 
 def test_a_missing_device_hook_is_refused(install: Install) -> None:
     backend = make_backend(install)
     with pytest.raises(PluginError, match="does not answer the hook robotd_open_device"):
-        backend.open_device(context())
+        backend.drivers(context())
 
 
 def test_a_hook_that_raises_becomes_a_plugin_error(install: Install) -> None:
     backend = make_backend(install, "def robotd_open_device(context): raise KeyError('bus')")
     with pytest.raises(PluginError, match="robotd_open_device failed: KeyError: 'bus'") as caught:
-        backend.open_device(context())
+        backend.drivers(context())
     assert isinstance(caught.value.__cause__, KeyError)
 
 
@@ -181,15 +218,103 @@ def test_an_error_of_robotd_passes_unchanged(install: Install) -> None:
     source = backend_source(hook).replace("BackendOptions,", "BackendOptions, ConnectError,")
     install("odd", source)
     with pytest.raises(ConnectError, match=r"^no bus$"):
-        load_backend("odd").open_device(context())
+        load_backend("odd").drivers(context())
+
+
+DRIVERS = (
+    "def robotd_open_device(): return FakeDevice()",
+    "def robotd_axes(device): return FakeAxes(2)",
+)
+FAKES = "from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus\n"
+
+
+def make_complete(install: Install, *hooks: str, before: str = "", **info: str) -> Backend:
+    """A backend with a device and axes."""
+    needed = FAKES + "from robotd.api import *\n" + before
+    source = needed + backend_source(*DRIVERS, *hooks, **info)
+    install("odd", source)
+    return load_backend("odd")
 
 
 def test_hooks_may_be_left_out_or_answer_none(install: Install) -> None:
-    backend = make_backend(install, "def robotd_io(): return None")
-    made = context()
-    device = object()
-    assert backend.io(device, made) is None  # type: ignore[arg-type]
-    assert backend.fieldbus(device, made) is None  # type: ignore[arg-type]
+    backend = make_complete(install, "def robotd_io(): return None")
+    drivers = backend.drivers(context())
+    assert drivers.io is None
+    assert drivers.fieldbus is None
+    assert drivers.make_fault_injector() is None
+    assert drivers.capabilities(frozenset()) == {Capability.AXES}
+
+
+def test_a_hook_gets_the_object_that_the_device_hook_returned(install: Install) -> None:
+    seen = "def robotd_io(device):\n    seen.append(type(device))"
+    backend = make_complete(install, seen, before="seen = []\n")
+    backend.drivers(context())
+    assert [kind.__name__ for kind in sys.modules["plugin_acme"].seen] == ["FakeDevice"]
+
+
+BARE = """
+class Bare(AxisDriver):
+    def read(self, image): ...
+    def servo(self, axis, on, timeout_s): ...
+    def clear_alarm(self, axis, timeout_s): ...
+    def move(self, axis, target, profile): ...
+    def stop(self, axes): ...
+    def begin_stream(self, axes): ...
+    def stream(self, position, velocity): ...
+    def end_stream(self, axes): ...
+"""
+
+
+@pytest.mark.parametrize(
+    ("capability", "lacks"),
+    [
+        ("VELOCITY_MODE", "Bare has no method jog()"),
+        ("TORQUE_MODE", "Bare has no method set_command_mode()"),
+        ("HOMING", "Bare has no method home()"),
+        ("SCALING", "Bare has no method set_polarity()"),
+        ("TRAJECTORIES_ON_DEVICE", "Bare has no method follow()"),
+        ("STATISTICS", "there is no FieldbusDriver for reset_statistics()"),
+        ("HOT_CONNECT", "there is no FieldbusDriver for start_hot_connect()"),
+    ],
+)
+def test_a_capability_without_its_method_is_refused(
+    install: Install, capability: str, lacks: str
+) -> None:
+    declared = f"frozenset({{Capability.{capability}}})"
+    before = BARE + "FakeAxes = lambda axes: Bare()\n"
+    backend = make_complete(install, before=before, capabilities=declared)
+    with pytest.raises(PluginError) as caught:
+        backend.drivers(context())
+    assert f"'{capability.lower()}' is declared, but {lacks}" in str(caught.value)
+
+
+def test_methods_that_no_capability_needs_may_be_left_out(install: Install) -> None:
+    backend = make_complete(install, before=BARE + "FakeAxes = lambda axes: Bare()\n")
+    axes = backend.drivers(context()).axes
+    with pytest.raises(Unsupported, match=r"^homing: not supported by the odd backend$"):
+        axes.home(0, 1.0)
+
+
+def test_setpoints_have_to_go_somewhere(install: Install) -> None:
+    before = BARE.replace("begin_stream", "begin_streem") + "FakeAxes = lambda axes: Bare()\n"
+    backend = make_complete(install, before=before)
+    with pytest.raises(PluginError, match=r"setpoints are streamed, but Bare has no.*begin_stream"):
+        backend.drivers(context())
+
+
+def test_the_result_of_the_options_check_reaches_the_device(install: Install) -> None:
+    model = (
+        "checks = []\n"
+        "class Options(BackendOptions):\n"
+        "    def check_robot(self, robot):\n"
+        "        checks.append(robot.name)\n"
+        "        return {'planned for': robot.name}\n"
+    )
+    backend = make_complete(install, before=model, options="Options")
+    made = backend.context(context().robot)
+    assert made.options == {"planned for": "bench"}
+    backend.drivers(made)
+    assert sys.modules["plugin_acme"].checks == ["bench"]
 
 
 def test_options_are_validated_by_the_backends_own_model(install: Install) -> None:
@@ -197,10 +322,10 @@ def test_options_are_validated_by_the_backends_own_model(install: Install) -> No
     source = backend_source(options="Options").replace("@hookimpl", f"{model}@hookimpl", 1)
     install("odd", source)
     backend = load_backend("odd")
-    assert backend.options(context().robot).model_dump() == {"bitrate_hz": 500000}
+    assert backend.context(context().robot).options.model_dump() == {"bitrate_hz": 500000}
     wrong = context(backends={"odd": {"bitrat_hz": 1}}).robot
     with pytest.raises(DescriptorError, match="did you mean 'bitrate_hz'"):
-        backend.options(wrong)
+        backend.context(wrong)
 
 
 def test_plugins_of_the_other_group_load_each_on_its_own(install: Install, tmp_path: Path) -> None:

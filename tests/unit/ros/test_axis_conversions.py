@@ -18,9 +18,8 @@ from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
-from wmx_ros2_message.srv import EcatGetNetworkState, SetAxis, SetAxisGearRatio
+from wmx_ros2_message.srv import SetAxis, SetAxisGearRatio
 
-from robotd.device.drivers import NetworkState, SlaveInfo
 from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRejected
 from robotd.motion.profile import Profile
@@ -70,39 +69,14 @@ def test_gear_ratios_are_positive_and_finite_or_refused(num: float, den: float) 
 def test_outcome_names_every_axis_once() -> None:
     results: dict[int, Exception | None] = {
         2: None,
-        0: InvalidArgument("joint1: mode 9 is unknown"),
-        1: InvalidArgument("joint2 is in use"),
+        0: InvalidArgument("mode 9 is unknown", axis=0),
+        1: InvalidArgument("in use"),
     }
     names = ("joint1", "joint2", "joint3")
     response = axis_conversions.fill_outcome(SetAxis.Response(), names, results)
     assert not response.success
-    assert response.message == "joint3: ok; joint1: mode 9 is unknown; joint2: is in use"
+    assert response.message == "joint3: ok; joint1: mode 9 is unknown; joint2: in use"
     assert axis_conversions.fill_outcome(SetAxis.Response(), names, {1: None}).success
-
-
-def test_network_state_reaches_every_field_of_the_response() -> None:
-    slaves = [
-        SlaveInfo(*range(first, first + 5), True, True, True, True, *range(first, first + 10))
-        for first in (1, 20)
-    ]
-    state = NetworkState(*range(1, 16), slaves=tuple(slaves))
-    response = axis_conversions.fill_network_state(EcatGetNetworkState.Response(), state)
-    for name in response.get_fields_and_field_types():
-        value = getattr(response, name)
-        if name.startswith("slave_"):
-            assert len(value) == 2, name
-            assert all(value), name
-        else:
-            assert value, name
-    assert (response.master_state, response.over_cycle, response.num_of_slaves) == (1, 15, 2)
-    assert list(response.slave_num_of_axes) == [slave.axes for slave in slaves]
-
-
-def test_network_state_says_what_the_backend_cannot_fill() -> None:
-    state = NetworkState(8, note="no statistics")
-    assert axis_conversions.fill_network_state(EcatGetNetworkState.Response(), state).message == (
-        "no statistics"
-    )
 
 
 def goal(**point: Any) -> Any:

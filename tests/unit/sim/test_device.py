@@ -22,9 +22,9 @@ from robotd_sim.options import SimOptions
 
 def test_the_backend_describes_itself() -> None:
     info = robotd_sim.robotd_backend()
-    assert info.name == "sim"
     assert Capability.DEVICE_WATCHDOG in info.capabilities
     assert Capability.TORQUE_MODE not in info.capabilities
+    assert info.api_version == 1
     assert info.options is SimOptions
 
 

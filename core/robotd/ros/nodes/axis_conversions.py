@@ -1,4 +1,4 @@
-"""Core types ↔ messages of axes and fieldbus: pure, and refusing what does not fit together."""
+"""Conversions between core types and messages of axes."""
 
 from __future__ import annotations
 
@@ -7,49 +7,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from robotd.device.axes import Jog, Move
-from robotd.device.drivers import NetworkState
-from robotd.errors import InvalidArgument
+from robotd.errors import InvalidArgument, reason_of
 from robotd.motion.profile import Profile
-
-# Response field of EcatGetNetworkState → attribute of NetworkState, and of SlaveInfo.
-_NETWORK = {
-    "master_state": "state",
-    "master_mode": "mode",
-    "comm_period": "comm_period_us",
-    "total_axes": "total_axes",
-    "total_input_size": "input_size",
-    "total_output_size": "output_size",
-    "ring_num": "rings",
-    "total_rxpdo_size": "rx_pdo_size",
-    "total_txpdo_size": "tx_pdo_size",
-    "tx_delay": "tx_delay",
-    "min_tx_delay": "min_tx_delay",
-    "max_tx_delay": "max_tx_delay",
-    "packet_loss": "packet_loss",
-    "packet_timeout": "packet_timeout",
-    "over_cycle": "over_cycle",
-}
-_SLAVE = {
-    "slave_ids": "id",
-    "slave_states": "state",
-    "slave_al_codes": "al_code",
-    "slave_positions": "position",
-    "slave_addresses": "address",
-    "slave_offline": "offline",
-    "slave_inaccessible": "inaccessible",
-    "slave_new": "new",
-    "slave_reverse": "reverse",
-    "slave_vendor_ids": "vendor_id",
-    "slave_product_codes": "product_code",
-    "slave_revision_nos": "revision",
-    "slave_serial_nos": "serial",
-    "slave_aliases": "alias",
-    "slave_input_addrs": "input_address",
-    "slave_input_sizes": "input_size",
-    "slave_output_addrs": "output_address",
-    "slave_output_sizes": "output_size",
-    "slave_num_of_axes": "axes",
-}
 
 
 def axis_numbers(index: Iterable[int], count: int) -> list[int]:
@@ -125,23 +84,7 @@ def fill_outcome(
     """``success`` when every axis succeeded, and what happened to each in ``message``."""
     response.success = not any(results.values())
     response.message = "; ".join(
-        f"{names[axis]}: {'ok' if error is None else _without_name(str(error), names[axis])}"
+        f"{names[axis]}: {'ok' if error is None else reason_of(error)}"
         for axis, error in results.items()
     )
-    return response
-
-
-def _without_name(text: str, name: str) -> str:
-    return text.removeprefix(f"{name}: ").removeprefix(f"{name} ")
-
-
-def fill_network_state(response: Any, state: NetworkState) -> Any:
-    """Every field of an EcatGetNetworkState response; the slaves' arrays in parallel."""
-    for field, attribute in _NETWORK.items():
-        setattr(response, field, getattr(state, attribute))
-    for field, attribute in _SLAVE.items():
-        setattr(response, field, [getattr(slave, attribute) for slave in state.slaves])
-    response.num_of_slaves = len(state.slaves)
-    response.success = True
-    response.message = state.note or f"{len(state.slaves)} slaves"
     return response

@@ -15,7 +15,7 @@ from wmx_ros2_message.srv import (
 
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.nodes.axis_conversions import fill_network_state
+from robotd.ros.nodes.ethercat_conversions import fill_network_state
 from robotd.ros.services import add_service
 
 
@@ -34,7 +34,7 @@ class WmxEthercatNode(Node):
             add_service(self, host, service_type, f"wmx/ecat/{name}", handler)
 
     def _get_network_state(self, request: Any, response: Any) -> Any:
-        return fill_network_state(response, self._fieldbus.network_state(request.master_id))
+        return fill_network_state(response, self._fieldbus.status(request.master_id))
 
     def _register_read(self, request: Any, response: Any) -> Any:
         data = self._fieldbus.read_register(

@@ -46,9 +46,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what the backend does not claim to have."""
     mark = item.get_closest_marker("needs")
-    info = item.config.stash[STAND].backend.info
-    if mark and mark.args[0] not in info.capabilities:
-        pytest.skip(f"the {info.name} backend does not declare {mark.args[0]}")
+    backend = item.config.stash[STAND].backend
+    if mark and mark.args[0] not in backend.capabilities:
+        pytest.skip(f"the {backend.name} backend does not have {mark.args[0]}")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -15,15 +15,12 @@ from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
-from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot
-from robotd.testing.conformance.parts import Parts
 from robotd.testing.conformance.recording import Recorder, Recording
 
 TRAVEL_RAD = 0.3  # the farthest that a check moves an axis
@@ -43,20 +40,25 @@ class Harness:
     thread, as when the robot is served.
 
     Attributes:
-        robot, parts: the robot, and the drivers behind it.
-        bench: None where the backend offers none.
+        robot, drivers: the robot, and the drivers behind it.
+        fault_injector: None where the backend offers none.
         clock: the time that the device lives by.
         stepped: time is simulated.
     """
 
     def __init__(
-        self, backend: Backend, descriptor: RobotDescriptor, *, real_time: bool = False
+        self,
+        backend: Backend,
+        descriptor: RobotDescriptor,
+        *,
+        lives_by_clock: bool,
+        real_time: bool = False,
     ) -> None:
-        self.parts = Parts(backend)
-        self.stepped = not real_time and _lives_by_clock(backend, descriptor)
+        self.stepped = not real_time and lives_by_clock
         self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
-        self.robot = Robot(descriptor, cast(Backend, self.parts), self.clock)
-        self.fault_injector: FaultInjector | None = self.parts.made_bench
+        self.drivers = backend.drivers(backend.context(descriptor, self.clock))
+        self.robot = Robot(descriptor, backend, self.clock, self.drivers)
+        self.fault_injector = self.drivers.make_fault_injector()
         self.period_s = 1.0 / descriptor.cycle.rate_hz
         self.image = self.robot.image
         self.count = len(self.robot.axes)
@@ -218,7 +220,7 @@ class Harness:
                 self.holds(lambda: execution.done)
 
     def can(self, capability: Capability) -> bool:
-        return capability in self.robot.backend.capabilities
+        return capability in self.robot.capabilities
 
     def may_rescale(self) -> bool:
         """A change of scale or home can be undone: by a parameter file, or it is no real drive."""
@@ -227,11 +229,3 @@ class Harness:
 
 MakeHarness = Callable[..., Harness]
 """The fixture ``make_harness``: its keywords are those of ``KitTarget.build``."""
-
-
-def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
-    """The device is simulated and has no time but the clock that it is given."""
-    context = DeviceContext(descriptor, backend.options(descriptor))
-    injector = backend.fault_injector(backend.open_device(context), context)
-    simulated = Capability.SIMULATED in backend.info.capabilities
-    return simulated and injector is not None and injector.lives_by_clock

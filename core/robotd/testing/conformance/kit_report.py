@@ -34,7 +34,7 @@ class Report:
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print it after the failures."""
-        name, robot = self._stand.backend.info.name, self._stand.descriptor.name
+        name, robot = self._stand.backend.name, self._stand.descriptor.name
         terminalreporter.write_sep("=", f"conformance of the {name} backend on {robot}", bold=True)
         for line in self.lines():
             terminalreporter.write_line(line)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from robotd.descriptor import RobotDescriptor, default_search_path, load_robot_descriptor
+from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import Unsupported
-from robotd.plugin.manager import load_backend, load_plugins, register_all
+from robotd.plugin.manager import Backend, load_backend, load_plugins, register_all
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
 PLAIN_ROBOT = {
@@ -43,12 +44,12 @@ class KitTarget:
     def __init__(self, backend: str, robot: str | None) -> None:
         self.backend = load_backend(backend)
         self.descriptor = _find(robot) if robot else RobotDescriptor.model_validate(PLAIN_ROBOT)
-        self.backend.options(self.descriptor)
+        self.lives_by_clock = _lives_by_clock(self.backend, self.descriptor)
         self._shared: Harness | None = None
 
     def build(self, **options: Any) -> Harness:
         """A rig, not brought up."""
-        return Harness(self.backend, self.descriptor, **options)
+        return Harness(self.backend, self.descriptor, lives_by_clock=self.lives_by_clock, **options)
 
     def shared(self) -> Harness:
         """The shared rig, ready for a check; a new one where the last check broke it."""
@@ -73,6 +74,13 @@ class KitTarget:
             harness.down()
 
 
+def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
+    """The device is simulated and has no time but the clock that it is given."""
+    injector = backend.drivers(backend.context(descriptor)).make_fault_injector()
+    simulated = Capability.SIMULATED in backend.capabilities
+    return simulated and injector is not None and injector.lives_by_clock
+
+
 def _find(robot: str) -> RobotDescriptor:
     """A robot of robotd, of a plugin, or a file."""
     robots, _ = register_all(load_plugins()[0])
@@ -82,17 +90,16 @@ def _find(robot: str) -> RobotDescriptor:
 class FaultInjectorOrSkip:
     """A bench on which "cannot do that" skips the check."""
 
-    def __init__(self, injector: FaultInjector) -> None:
+    def __init__(self, injector: FaultInjector, backend: str) -> None:
         self._fault_injector = injector
+        self._backend = backend
 
     @classmethod
     def of(cls, harness: Harness) -> FaultInjector:
         """The bench of ``rig``; skips where there is none."""
         if harness.fault_injector is None:
-            pytest.skip(
-                f"the {harness.robot.backend.name} backend offers no bench (robotd_fault_injector)"
-            )
-        return cast(FaultInjector, cls(harness.fault_injector))
+            pytest.skip(f"the {harness.robot.backend.name} backend has no fault injector")
+        return cast(FaultInjector, cls(harness.fault_injector, harness.robot.backend.name))
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         method = getattr(self._fault_injector, name)
@@ -101,6 +108,6 @@ class FaultInjectorOrSkip:
             try:
                 return method(*arguments)
             except Unsupported as error:
-                pytest.skip(str(error))
+                pytest.skip(str(Unsupported(error.feature, self._backend)))
 
         return call

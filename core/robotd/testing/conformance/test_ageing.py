@@ -8,10 +8,10 @@ from contextlib import suppress
 import numpy as np
 
 from robotd.control.trajectory_execution import Outcome
+from robotd.device.drivers import DeviceDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.state import ConnectionState
 from robotd.errors import Unsupported
-from robotd.plugin.fault_isolation import unguarded
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
@@ -65,7 +65,7 @@ def test_a_dead_bus_does_not_look_alive(make_harness: MakeHarness) -> None:
 
 def test_the_device_says_at_once_why_it_is_silent(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    device = unguarded(harness.parts.device)
+    device: DeviceDriver = vars(harness.drivers.device)["wrapped"]
 
     def said() -> str:
         began_s = time.perf_counter()
@@ -107,7 +107,7 @@ def test_nothing_is_fresh_after_communication_stopped(make_harness: MakeHarness)
     harness.robot.connection.stop_communication()
     harness.let(0.05)
     last = harness.image.fresh_ns
-    harness.parts.driver.read(harness.image)
+    harness.drivers.axes.read(harness.image)
     harness.let(0.2)
-    harness.parts.driver.read(harness.image)
+    harness.drivers.axes.read(harness.image)
     assert harness.image.fresh_ns == last

@@ -21,12 +21,12 @@ from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 
 
 def test_a_device_that_is_made_is_idle(make_harness: MakeHarness) -> None:
-    assert make_harness().parts.device.state() is ConnectionState.IDLE
+    assert make_harness().drivers.device.state() is ConnectionState.IDLE
 
 
 def test_the_states_follow_the_calls(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    device = harness.parts.device
+    device = harness.drivers.device
     harness.begin()
     seen = []
     calls: list[Callable[[], None]] = [
@@ -57,7 +57,7 @@ def test_every_call_may_come_twice(make_harness: MakeHarness) -> None:
 
 
 def test_closing_a_device_twice_or_unopened_is_no_error(make_harness: MakeHarness) -> None:
-    device = make_harness().parts.device
+    device = make_harness().drivers.device
     device.close()
     device.open()
     device.close()
@@ -77,7 +77,7 @@ def test_calls_out_of_order_are_refused_or_have_no_effect(make_harness: MakeHarn
 
 
 def test_communication_without_an_open_device_is_refused(make_harness: MakeHarness) -> None:
-    device = make_harness().parts.device
+    device = make_harness().drivers.device
     with pytest.raises(RobotdError):
         device.start_communication(1.0)
     assert device.state() is ConnectionState.IDLE
@@ -117,7 +117,7 @@ def test_a_start_that_times_out_is_undone(make_harness: MakeHarness) -> None:
         connection.start_communication()
     except RobotdError:
         harness.let(1.0)
-        late = harness.parts.device.state()
+        late = harness.drivers.device.state()
         assert late is ConnectionState.RUNNING, f"{late.value} after a start that failed"
     connection.settings = settings
     connection.start_communication()
@@ -127,7 +127,7 @@ def test_a_start_that_times_out_is_undone(make_harness: MakeHarness) -> None:
 def test_servos_are_off_after_communication_stopped(make_harness: MakeHarness) -> None:
     harness = make_harness()
     harness.up()
-    harness.parts.device.stop_communication(10.0)
+    harness.drivers.device.stop_communication(10.0)
     harness.periods(3)
     harness.robot.connection.start_communication()
     harness.until(lambda: harness.robot.connection.ready, "the engine is ready again")
@@ -142,7 +142,7 @@ def test_closing_while_axes_move_is_orderly(make_harness: MakeHarness) -> None:
     harness.let(0.15)
     harness.robot.shutdown()
     assert harness.robot.connection.state is ConnectionState.SHUTDOWN
-    assert harness.parts.device.state() is ConnectionState.IDLE
+    assert harness.drivers.device.state() is ConnectionState.IDLE
 
 
 def test_a_scan_is_one_line_for_people(harness: Harness) -> None:

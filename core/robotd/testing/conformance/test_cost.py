@@ -48,25 +48,25 @@ def check(harness: Harness, what: str, call: Callable[[], object]) -> None:
 
 def test_read_does_not_block(harness: Harness) -> None:
     image = ProcessImage(harness.count)
-    check(harness, "read", lambda: harness.parts.driver.read(image))
+    check(harness, "read", lambda: harness.drivers.axes.read(image))
 
 
 def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
     image = ProcessImage(harness.count)
     harness.move(harness.all, harness.image.position_command + harness.travel(), 0.3)
-    check(harness, "read", lambda: harness.parts.driver.read(image))
+    check(harness, "read", lambda: harness.drivers.axes.read(image))
     harness.rest()
 
 
 def test_stream_does_not_block(harness: Harness) -> None:
     position, velocity = harness.image.position_command.copy(), np.zeros(harness.count)
     with harness.robot.axes.claimed("conformance", harness.all):
-        check(harness, "stream", lambda: harness.parts.driver.stream(position, velocity))
+        check(harness, "stream", lambda: harness.drivers.axes.stream(position, velocity))
     harness.rest()
 
 
 def test_state_does_not_block(harness: Harness) -> None:
-    check(harness, "state", harness.parts.device.state)
+    check(harness, "state", harness.drivers.device.state)
 
 
 def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
@@ -75,7 +75,7 @@ def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
               if isinstance(value, np.ndarray)}  # fmt: skip
     reasons = image.reason
     harness.periods(1)
-    harness.parts.driver.read(image)
+    harness.drivers.axes.read(image)
     assert {name: id(getattr(image, name)) for name in arrays} == arrays
     assert image.reason is reasons
     assert [type(reason) for reason in reasons] == [str] * harness.count

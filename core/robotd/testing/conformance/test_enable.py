@@ -53,7 +53,7 @@ def test_a_move_by_hand_is_seen(harness: Harness, injector: FaultInjector) -> No
 
 
 def test_servo_returns_when_the_drive_says_so(harness: Harness) -> None:
-    driver = harness.parts.driver
+    driver = harness.drivers.axes
     for on in (False, True, True, False, False, True):
         for axis in harness.all:
             driver.servo(axis, on, 5.0)
@@ -76,7 +76,7 @@ def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
     with pytest.raises(NotReady):
         harness.move([0], start + harness.travel())
     with pytest.raises(OperationError):
-        harness.parts.driver.move(0, float(start[0] + harness.travel()[0]), Profile(0.5, 2.0, 2.0))
+        harness.drivers.axes.move(0, float(start[0] + harness.travel()[0]), Profile(0.5, 2.0, 2.0))
     harness.let(0.3)
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 

@@ -25,7 +25,7 @@ FEATURES = MappingProxyType[Capability, Callable[[Robot], object]]({
     Capability.SCALING: lambda robot: robot.axes.set_polarity(0, 1),
     Capability.PARAMETERS_FILE: lambda robot: robot.connection.dump_parameters(0),
     Capability.IO: lambda robot: robot.io.output_bytes(0, 1),
-    Capability.FIELDBUS: lambda robot: robot.fieldbus.network_state(0),
+    Capability.FIELDBUS: lambda robot: robot.fieldbus.status(0),
     Capability.REGISTER_READ: lambda robot: robot.fieldbus.read_register(0, 0, 0, 1),
     Capability.STATISTICS: lambda robot: robot.fieldbus.reset_statistics(0),
     Capability.HOT_CONNECT: lambda robot: robot.fieldbus.start_hot_connect(0),
@@ -46,30 +46,18 @@ def test_the_backend_describes_itself(target: KitTarget) -> None:
     assert isinstance(info, BackendInfo)
     assert info.summary.strip()
     assert "\n" not in info.summary
-    assert Capability.AXES in info.capabilities, "a backend without axes cannot drive a robot"
 
 
 def test_an_unknown_option_is_refused(target: KitTarget) -> None:
     section = {"no_such_option_of_any_backend": 1}
-    changed = target.descriptor.model_copy(update={"backends": {target.backend.info.name: section}})
+    changed = target.descriptor.model_copy(update={"backends": {target.backend.name: section}})
     with pytest.raises(DescriptorError, match="no_such_option_of_any_backend"):
-        target.backend.options(changed)
-
-
-def test_the_drivers_are_those_that_were_declared(make_harness: MakeHarness) -> None:
-    parts = make_harness().parts
-    declared = parts.info.capabilities
-    assert (parts.io_driver is not None) >= (Capability.IO in declared)
-    assert (parts.fieldbus_driver is not None) >= (Capability.FIELDBUS in declared)
+        target.backend.context(changed)
 
 
 def test_what_is_not_declared_is_not_supported(harness: Harness) -> None:
-    makes_driver = {
-        Capability.IO: harness.parts.io_driver is not None,
-        Capability.FIELDBUS: harness.parts.fieldbus_driver is not None,
-    }
     for capability, use in FEATURES.items():
-        if not harness.can(capability) and not makes_driver.get(capability):
+        if not harness.can(capability):
             with pytest.raises(Unsupported, match="not supported by the"):
                 use(harness.robot)
 
@@ -102,8 +90,8 @@ def test_a_driver_without_communication_refuses_by_robotds_errors(
     make_harness: MakeHarness,
 ) -> None:
     harness = make_harness()
-    driver = harness.parts.driver
-    harness.parts.device.open()
+    driver = harness.drivers.axes
+    harness.drivers.device.open()
     profile = Profile(0.5, 2.0, 2.0)
     for call in commands(driver, profile):
         with pytest.raises((OperationError, TimeoutError)):

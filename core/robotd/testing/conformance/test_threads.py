@@ -43,7 +43,7 @@ def together(*works: Callable[[], None], seconds: float = SECONDS) -> list[BaseE
 def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
     """A rig in real time whose reads are watched: durations, and what they raised."""
     harness = make_harness(real_time=True)
-    read, durations_s, failures = harness.parts.driver.read, list[float](), list[str]()
+    read, durations_s, failures = harness.drivers.axes.read, list[float](), list[str]()
 
     def watched(image: object) -> None:
         try:
@@ -53,7 +53,7 @@ def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
             failures.append(f"{type(error).__name__}: {error}")
             raise
 
-    harness.parts.driver.read = watched  # type: ignore[method-assign]
+    harness.drivers.axes.read = watched  # type: ignore[method-assign]
     harness.up()
     return harness, durations_s, failures
 
@@ -140,26 +140,26 @@ def observers(harness: Harness) -> list[Callable[[], None]]:
     works: list[Callable[[], None]] = [lambda: look(harness)]
     if harness.can(Capability.FIELDBUS):
         works.append(lambda: ask_fieldbus(harness))
-    if harness.can(Capability.IO) and harness.parts.io_driver is not None:
+    if harness.can(Capability.IO) and harness.drivers.io is not None:
         works.append(lambda: read_io(harness))
     return works
 
 
 def look(harness: Harness) -> None:
-    harness.parts.device.state()
+    harness.drivers.device.state()
     harness.image.copy()
     time.sleep(0.001)
 
 
 def ask_fieldbus(harness: Harness) -> None:
-    driver = harness.parts.fieldbus_driver
+    driver = harness.drivers.fieldbus
     assert driver is not None
-    driver.network_state(0)
+    driver.status(0)
     time.sleep(0.005)
 
 
 def read_io(harness: Harness) -> None:
-    driver = harness.parts.io_driver
+    driver = harness.drivers.io
     assert driver is not None
     driver.read_outputs(0, driver.output_bytes)
     driver.read_inputs(0, driver.input_bytes)

@@ -176,7 +176,7 @@ def test_a_new_goal_takes_over_without_a_jump(jointed: Harness) -> None:
 
 
 def test_no_joint_leaps_after_the_cycle_has_stood(jointed: Harness) -> None:
-    """``AxisDriver.goes_on`` says where a joint is by then."""
+    """``AxisDriver.underrun`` says where a joint is by then."""
     harness, joints = jointed, list(jointed.robot.joint_axes)
     periods = count()
 

@@ -134,7 +134,7 @@ def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -
 
     def setpoint(image: ProcessImage) -> None:
         share = min((harness.clock.now_ns() - began_ns) * 1e-9 / 0.3, 1.0)
-        harness.parts.driver.stream(unknown, share * speeds)
+        harness.drivers.axes.stream(unknown, share * speeds)
 
     claim = harness.robot.axes.claimed("conformance", harness.all, CommandMode.VELOCITY)
     with claim, harness.each_period(setpoint):
@@ -213,7 +213,7 @@ def jog(harness: Harness, speeds: np.ndarray) -> None:
 
 def stream_ramp(harness: Harness, start: np.ndarray, end: np.ndarray, seconds: float) -> None:
     """Stream a smooth way from ``start`` to ``end`` on every axis, as the cycle does it."""
-    driver, clock, began_ns = harness.parts.driver, harness.clock, harness.clock.now_ns()
+    driver, clock, began_ns = harness.drivers.axes, harness.clock, harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
         share = min((clock.now_ns() - began_ns) * 1e-9 / seconds + harness.period_s / seconds, 1.0)

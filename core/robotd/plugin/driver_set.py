@@ -1,0 +1,106 @@
+"""Drivers of one device, and the check that declared features have their methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+from robotd.device.fault_injector import FaultInjector
+from robotd.plugin.fault_isolation import isolated
+
+_METHODS: dict[Capability, tuple[tuple[type, str], ...]] = {
+    Capability.VELOCITY_MODE: ((AxisDriver, "jog"), (AxisDriver, "set_command_mode")),
+    Capability.TORQUE_MODE: ((AxisDriver, "set_command_mode"),),
+    Capability.HOMING: ((AxisDriver, "home"),),
+    Capability.SCALING: ((AxisDriver, "set_polarity"), (AxisDriver, "set_gear_ratio")),
+    Capability.TRAJECTORIES_ON_DEVICE: ((AxisDriver, "follow"),),
+    Capability.PARAMETERS_FILE: (
+        (DeviceDriver, "load_parameters"),
+        (DeviceDriver, "dump_parameters"),
+    ),
+    Capability.REGISTER_READ: ((FieldbusDriver, "read_register"),),
+    Capability.STATISTICS: ((FieldbusDriver, "reset_statistics"),),
+    Capability.HOT_CONNECT: ((FieldbusDriver, "start_hot_connect"),),
+}
+"""Methods that a declared capability needs; without the capability they are never called."""
+
+_STREAMING = tuple((AxisDriver, name) for name in ("begin_stream", "stream", "end_stream"))
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """Drivers that a backend made for one device.
+
+    Attributes:
+        device, axes: always there.
+        io, fieldbus: None where this robot has none.
+        make_fault_injector: makes the fault injector of this device, or None.
+    """
+
+    device: DeviceDriver
+    axes: AxisDriver
+    io: IoDriver | None
+    fieldbus: FieldbusDriver | None
+    make_fault_injector: Callable[[], FaultInjector | None]
+
+    def capabilities(self, declared: frozenset[Capability]) -> frozenset[Capability]:
+        """Return the declared capabilities and those that follow from the drivers."""
+        derived = {Capability.AXES}
+        derived |= {Capability.IO} if self.io is not None else set()
+        derived |= {Capability.FIELDBUS} if self.fieldbus is not None else set()
+        return declared | derived
+
+    def missing(self, declared: frozenset[Capability]) -> list[str]:
+        """Return what the declared capabilities need and the drivers lack, as texts."""
+        found = [
+            f"'{capability}' is declared, but {self._text(contract, name)}"
+            for capability in sorted(declared & _METHODS.keys())
+            for contract, name in _METHODS[capability]
+            if not self._has(contract, name)
+        ]
+        if Capability.TRAJECTORIES_ON_DEVICE not in declared:
+            found += [
+                f"'{Capability.TRAJECTORIES_ON_DEVICE}' is not declared, so setpoints are"
+                f" streamed, but {self._text(contract, name)}"
+                for contract, name in _STREAMING
+                if not self._has(contract, name)
+            ]
+        return found
+
+    def undeclared(self, declared: frozenset[Capability]) -> list[str]:
+        """Return capabilities whose methods are there although they are not declared."""
+        return [
+            str(capability)
+            for capability, methods in _METHODS.items()
+            if capability not in declared
+            and capability is not Capability.TORQUE_MODE  # its method serves the velocity mode too
+            and all(self._has(contract, name) for contract, name in methods)
+        ]
+
+    def isolated(self, plugin: str, backend: str) -> Drivers:
+        """Return the same drivers behind fault isolation; see ``fault_isolation.isolated``."""
+        return replace(
+            self,
+            device=isolated(self.device, DeviceDriver, plugin, backend),
+            axes=isolated(self.axes, AxisDriver, plugin, backend),
+            io=self.io and isolated(self.io, IoDriver, plugin, backend),
+            fieldbus=self.fieldbus and isolated(self.fieldbus, FieldbusDriver, plugin, backend),
+        )
+
+    def _made(self) -> Iterator[object]:
+        yield from (self.device, self.axes, self.io, self.fieldbus)
+
+    def _driver(self, contract: type) -> object | None:
+        return next((made for made in self._made() if isinstance(made, contract)), None)
+
+    def _has(self, contract: type, name: str) -> bool:
+        driver = self._driver(contract)
+        return driver is not None and getattr(type(driver), name) is not getattr(contract, name)
+
+    def _text(self, contract: type, name: str) -> str:
+        driver = self._driver(contract)
+        if driver is None:
+            return f"there is no {contract.__name__} for {name}()"
+        return f"{type(driver).__name__} has no method {name}()"
