@@ -47,7 +47,7 @@ def test_no_drive_gets_a_leap_after_the_cycle_has_stood(open_rig: OpenRig) -> No
         transmit, targets = axis.transmit, list[float]()
 
         def noted(*arguments: Any) -> None:
-            targets.append(axis.position)
+            targets.append(axis.setpoint.position)
             transmit(*arguments)
 
         axis.transmit = noted  # type: ignore[method-assign]

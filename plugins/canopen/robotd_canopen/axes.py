@@ -78,7 +78,7 @@ class CanopenAxes(AxisDriver):
         self._off(axis)
         drive = self._master.axes[axis]
         drive.scaling.counts_per_unit = numerator / denominator
-        drive.profile_written.clear()
+        drive.objects.forget()
 
     def home(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].home(timeout_s)
@@ -100,5 +100,5 @@ class CanopenAxes(AxisDriver):
 
     def _off(self, axis: int) -> None:
         drive = self._master.axes[axis]
-        if drive.powered:
+        if drive.report.powered:
             raise NotReady(f"{drive.node.name}: its scale cannot be changed while the servo is on")

@@ -1,61 +1,45 @@
-"""One axis as the cycle sees it: what is sent with each SYNC, and what the answers mean.
+"""One axis, put together from its parts, and what the control loop does with it in each SYNC.
 
-The fields are set by worker threads (``commands.py``), one command at a time, and acted upon
-by the cycle. Nothing here blocks.
+Each part is the only writer of its own fields: ``DriveReport`` (received), ``PowerStage``,
+``ModeControl``, ``Setpoint``, ``Activity``, ``ProfileEstimate``, ``RpdoWriter`` (sent) and
+``DriveObjects`` (sent by SDO). Workers give commands (``commands.py``), one at a time for each
+axis; the control loop acts on them. Nothing here blocks.
 """
 
 from __future__ import annotations
 
-import math
 import threading
 
 from robotd.api import CommandMode, Operation, ProcessImage, Profile, get_logger
+from robotd_canopen.activity import Activity
 from robotd_canopen.bus import Bus
-from robotd_canopen.estimate import Estimate
-from robotd_canopen.feedback import (
-    DEMAND,
-    ERROR_CODE,
-    INPUTS,
-    MODE,
-    STATUSWORD,
-    VELOCITY,
-    Feedback,
-)
-from robotd_canopen.frame import Frame
-from robotd_canopen.handshake import Handshake, Phase
+from robotd_canopen.drive_objects import DriveObjects
+from robotd_canopen.drive_report import DriveReport
+from robotd_canopen.feedback import Feedback
+from robotd_canopen.handshake import Phase
 from robotd_canopen.layout import AxisLayout
-from robotd_canopen.modes import CYCLIC, OperationMode, rest_mode
-from robotd_canopen.modes import VELOCITY as VELOCITY_MODES
+from robotd_canopen.mode_control import ModeControl
+from robotd_canopen.modes import OperationMode, rest_mode
 from robotd_canopen.node import Node
-from robotd_canopen.scaling import Scaling, wrapped
-from robotd_canopen.states import FAULTY, POWERED, Control, DriveState, Status, drive_state
+from robotd_canopen.power_stage import PowerStage
+from robotd_canopen.profile_estimate import ProfileEstimate
+from robotd_canopen.rpdo_writer import RpdoWriter
+from robotd_canopen.scaling import Scaling
+from robotd_canopen.setpoint import Setpoint
+from robotd_canopen.states import Control, DriveState, Status
 
-CONTROLWORD, OPERATION_MODE, TARGET_POSITION = 0x6040, 0x6060, 0x607A
-TARGET_VELOCITY, INTERPOLATION = 0x60FF, 0x60C1
 log = get_logger("canopen")
 
-_RESTS_RAD_S = 0.01  # measured speed of a standing axis
 _GENERIC_ERROR = 0x1000  # of a drive that has no number for its fault
-_RESTING = 3  # SYNCs at that speed that make a standstill
 
 
 class Axis:
-    """Number ``number`` of the robot's axes.
+    """Axis ``number`` of the robot.
 
     Attributes:
-        node: the drive's node.
-        control: controlword of the state machine; ``bits`` are added to it.
-        mode: mode of operation that is asked for.
-        position, velocity: setpoint, rad (or m) and per second.
-        target_counts: target of a profile position move.
-        deceleration: ramp of the stop that runs, or of the velocity that changes.
-        operation, command_mode, home_done, complete: as in the image.
-        following: setpoints come from ``stream``.
-        wanted: the servo is meant to be on.
-        sent: controlword of the last frame.
-        lost: why the servo went off by itself; "" if it did not.
-        state, status, displayed_mode: what the drive said, of one moment.
-        profile_written: ramps and speeds that the drive has by SDO, by object.
+        layout, node, scaling: options and PDOs, the drive's node, and its units.
+        lock: held by the worker whose command runs.
+        report, power, mode, setpoint, activity, estimate, rpdos, objects: the parts.
     """
 
     def __init__(
@@ -64,283 +48,180 @@ class Axis:
         options = layout.options
         self.number, self.layout, self.node, self.scaling = number, layout, node, scaling
         self.lock = threading.RLock()
-        self.command_mode = CommandMode.POSITION
-        self.control = int(Control.DISABLE_VOLTAGE)
-        self.bits = 0
-        self.mode = rest_mode(options, self.command_mode)
-        self.position, self.velocity = math.nan, 0.0
-        self.target_counts = 0
-        self.target_velocity = 0.0
-        self.acceleration = self.deceleration = options.stop_deceleration_rad_s2
-        self.operation = Operation.IDLE
-        self.home_done = self.complete = self.following = self.wanted = False
-        self.sent = -1
-        self.lost = ""
-        self.estimate = Estimate()
-        self.handshake = Handshake()
-        self._planned: tuple[float, Profile] | None = None
-        self.profile_written: dict[int, int] = {}
-        self.state = DriveState.UNKNOWN
-        self.status = self.displayed_mode = 0
-        self._feedback = feedback
-        self._resting = 0
-        self._frames = [
-            (
-                pdo,
-                Frame(pdo.cob_id, bytes(pdo.layout.size)),
-                [entry.base for entry in pdo.entries],
-                (
-                    pdo.holds(CONTROLWORD) or pdo.holds(OPERATION_MODE),
-                    pdo.holds(TARGET_VELOCITY),
-                    pdo.holds(TARGET_POSITION),
-                ),
-            )
-            for pdo in layout.rpdos
-        ]
+        self.report = DriveReport(number, layout, node, feedback, scaling)
+        self.power = PowerStage()
+        self.mode = ModeControl(rest_mode(options, CommandMode.POSITION))
+        self.setpoint = Setpoint(options.stop_deceleration_rad_s2)
+        self.activity = Activity()
+        self.estimate = ProfileEstimate(options.quick_stop_deceleration_rad_s2)
+        self.rpdos = RpdoWriter(layout, scaling)
+        self.objects = DriveObjects(layout, node.sdo)
 
     @property
-    def powered(self) -> bool:
-        return self.state in POWERED
-
-    @property
-    def measured(self) -> float:
-        """Position, rad or m."""
-        return float(self._feedback.counts[self.number]) * self.scaling.position
-
-    def demand(self) -> float:
-        """The drive's own position command; where it does not report one, the measured one."""
-        if any(pdo.holds(DEMAND) for pdo in self.layout.tpdos):
-            return self._feedback.demand(self.number) * self.scaling.position
-        return self.measured
-
-    def error_code(self) -> int:
-        return self._said(ERROR_CODE)
+    def streaming(self) -> bool:
+        """Setpoints come from ``AxisDriver.stream``."""
+        return self.activity.streaming
 
     def transmit(self, bus: Bus, period_s: float, periods: int = 1) -> None:
-        """Cycle: this SYNC's RPDOs, to take effect with the next SYNC.
+        """Control loop: this SYNC's RPDOs, to take effect with the next SYNC.
 
         ``periods`` have passed since the SYNC before; the drive's own profiles have gone on.
         """
         self.estimate.advance(periods * period_s)
         self._advance(period_s)
-        word = self.control | self.bits
-        if self.mode is OperationMode.INTERPOLATED_POSITION and self.powered:
+        word = self.power.control | self.mode.bits
+        interpolated = self.mode.requested is OperationMode.INTERPOLATED_POSITION
+        if interpolated and self.report.powered:
             word |= Control.ENABLE_INTERPOLATION
-        for pdo, message, bases, holds in self._frames:
-            if self._is_needed(*holds):
-                values = [self._value(base, word) for base in bases]
-                pdo.layout.pack_into(message.data, 0, *values)
-                bus.send(message)
-        self.sent = word
+        self.rpdos.send(bus, word, self.mode, self.setpoint)
 
     def observe(self, image: ProcessImage) -> None:
-        """Cycle: interpret what the drive said last, and write this axis' part of ``image``."""
-        number, online = self.number, self.node.online
-        self.status = self._said(STATUSWORD)
-        self.displayed_mode = self._said(MODE)
-        known = online and self._feedback.heard(number)
-        self.state = drive_state(self.status) if known else DriveState.UNKNOWN
-        if known:
+        """Control loop: act on the drive's report, and write this axis' part of ``image``."""
+        report = self.report
+        report.update()
+        if report.known:
             self._watch_power()
             self._watch_operation()
-        elif self.operation is not Operation.IDLE:
+        elif not self.activity.is_idle:
             self.hold()
-        powered, alarm = self.powered, self.state in FAULTY
-        image.offline[number] = not known
-        image.servo_on[number] = powered
-        image.amp_alarm[number] = alarm
-        image.alarm_code[number] = (self.error_code() or _GENERIC_ERROR) if alarm else 0
-        image.reason[number] = self._reason(known=known, alarm=alarm)
-        image.home_done[number] = self.home_done
-        image.motion_complete[number] = self.complete
-        image.mode[number] = self.command_mode
-        image.operation[number] = self.operation
-        self._report_command(image, known=known)
-        inputs = self._said(INPUTS)
-        ends = bool(inputs & 1), bool(inputs & 2)  # as the drive counts
-        low, high = ends if self.scaling.polarity > 0 else (ends[1], ends[0])
-        image.negative_limit[number], image.positive_limit[number] = low, high
-        image.home_switch[number] = inputs & 4
-
-    def brake(self, deceleration: float) -> None:
-        """Stop what runs in the way of its mode; an idle axis is left alone."""
-        if self.operation in (Operation.IDLE, Operation.STOPPING):
-            return
-        self.deceleration = deceleration
-        self.following = False
-        self.complete = False
-        self._resting = 0
-        self.target_velocity = 0.0
-        self.operation = Operation.STOPPING
-        self.estimate.stop(deceleration)
-        if self.mode is OperationMode.PROFILE_POSITION:
-            self.handshake.cancel()
-            self.bits = self.handshake.bits
-        elif self.mode is OperationMode.HOMING:
-            self.control = int(Control.QUICK_STOP)
-
-    @property
-    def syncs(self) -> int:
-        """SYNCs sent so far."""
-        return self._feedback.syncs
-
-    def resume(self) -> None:
-        """The drive answers again and has kept its state: the command is where it stands."""
-        self.position, self.velocity, self.target_velocity = self.demand(), 0.0, 0.0
-        self.hold()
-
-    def rebase(self) -> None:
-        """The drive has set its position anew."""
-        self._feedback.rebase(self.number)
-
-    def begin_move(self, target: float, profile: Profile) -> None:
-        """A profile position move to ``target``; the cycle hands it over to the drive."""
-        self.deceleration = profile.deceleration
-        self.target_counts = self.scaling.counts(target)
-        halted = self.mode is OperationMode.PROFILE_POSITION and bool(self.bits & Control.HALT)
-        if self.mode is not OperationMode.PROFILE_POSITION:
-            self.estimate.rest(self.position)
-        self._planned = target, profile
-        self.handshake.begin(halted=halted)
-        self.bits = self.handshake.bits
-        self.operation = Operation.POSITION
-        self.mode = OperationMode.PROFILE_POSITION
+        self._fill(image)
 
     def follow(self, position: float, velocity: float) -> None:
-        """Cycle: a streamed setpoint; the position does not count in a velocity mode."""
-        self.velocity = velocity
-        if self.mode in VELOCITY_MODES:
-            self.target_velocity = velocity
-        else:
-            self.position = position
+        """Control loop: a streamed setpoint; the position does not count in a velocity mode."""
+        self.setpoint.follow(position, velocity, by_velocity=self.mode.is_velocity)
 
-    def forget(self) -> None:
-        """The drive has been configured anew: nothing is known of it, and it is off."""
-        self._feedback.forget(self.number)
-        self.control, self.bits, self.wanted, self.lost = int(Control.DISABLE_VOLTAGE), 0, False, ""
-        self.profile_written.clear()
-        self.home_done = False
-        self.hold()
+    def begin_move(self, target: float, profile: Profile) -> None:
+        """Worker: a profile position move; the control loop hands ``target`` over to the drive."""
+        self.setpoint.deceleration = profile.deceleration
+        self.setpoint.target_counts = self.scaling.counts(target)
+        if self.mode.requested is not OperationMode.PROFILE_POSITION:
+            self.estimate.rest(self.setpoint.position)
+        self.estimate.plan(target, profile)
+        self.mode.begin_target()
+        self.activity.begin(Operation.POSITION)
+
+    def brake(self, deceleration: float) -> None:
+        """Stop what runs in the way of its mode; an idle axis is left alone. Any thread."""
+        if self.activity.operation in (Operation.IDLE, Operation.STOPPING):
+            return
+        self.setpoint.deceleration = deceleration
+        self.setpoint.target_velocity = 0.0
+        self.activity.begin_stop()
+        self.estimate.stop(deceleration)
+        if self.mode.requested is OperationMode.PROFILE_POSITION:
+            self.mode.cancel_target()
+        elif self.mode.requested is OperationMode.HOMING:
+            self.power.command(Control.QUICK_STOP)
 
     def hold(self) -> None:
-        """Idle from now on, where the command stands."""
-        self.operation = Operation.IDLE
-        self.following = False
-        self.velocity = 0.0
+        """Idle from now on, at the present command."""
+        self.activity.end()
+        self.setpoint.velocity = 0.0
+
+    def resume(self) -> None:
+        """Control loop: the drive answers again; the command is its own."""
+        self.setpoint.stand_at(self.report.demand())
+        self.hold()
+
+    def forget(self) -> None:
+        """Worker: the drive has been configured anew: nothing is known of it, and it is off."""
+        self.report.forget()
+        self.power.reset()
+        self.mode.clear_bits()
+        self.objects.forget()
+        self.activity.home_done = False
+        self.hold()
 
     def _advance(self, period_s: float) -> None:
-        """The setpoint of the next SYNC, as far as nobody streams it."""
-        if self.operation is Operation.POSITION:
-            self._shake_hands(period_s)
-        if self.operation is Operation.IDLE:
-            self.estimate.rest(self.position)
-        if not self.powered:
-            self.position, self.velocity, self.target_velocity = self.measured, 0.0, 0.0
-        elif self.mode in CYCLIC and self.operation is Operation.STOPPING:
-            self.velocity = _towards(self.velocity, 0.0, self.deceleration * period_s)
-            self.position += self.velocity * period_s
-        elif self.mode is OperationMode.CYCLIC_VELOCITY and not self.following:
-            slower = abs(self.target_velocity) < abs(self.velocity)
-            ramp = self.deceleration if slower else self.acceleration
-            self.velocity = _towards(self.velocity, self.target_velocity, ramp * period_s)
+        """The setpoint of the next SYNC, unless it is streamed."""
+        operation, setpoint = self.activity.operation, self.setpoint
+        if operation is Operation.POSITION:
+            self._advance_target(period_s)
+            operation = self.activity.operation
+        if operation is Operation.IDLE:
+            self.estimate.rest(setpoint.position)
+        if not self.report.powered:
+            setpoint.stand_at(self.report.position)
+        elif self.mode.is_cyclic_position and operation is Operation.STOPPING:
+            setpoint.brake(period_s)
+        elif self.mode.requested is OperationMode.CYCLIC_VELOCITY and not self.streaming:
+            setpoint.ramp(period_s)
 
-    def _said(self, index: int) -> int:
-        """What the drive said last of the profile object ``index``."""
-        return int(self._feedback.columns[index][self.number])
-
-    def _reason(self, *, known: bool, alarm: bool) -> str:
-        """Why the axis cannot move, beginning with the node; "" if it can."""
-        node = self.node
-        if not known:
-            return f"node {node.id}: {node.fault or 'its PDOs have not come yet'}"
-        if alarm:
-            return f"node {node.id}: {node.alarm_text(self.error_code())}"
-        return f"node {node.id}: {self.lost}" if self.lost else ""
-
-    def _is_needed(self, common: bool, velocity: bool, target: bool) -> bool:
-        """Whether an RPDO is sent in the present mode, by what it holds."""
-        if velocity and not common:
-            return self.mode in VELOCITY_MODES
-        return common or not target or self.mode is OperationMode.PROFILE_POSITION
-
-    def _value(self, base: int, word: int) -> int:
-        """What the mapped object ``base`` holds now."""
-        if base == CONTROLWORD:
-            return word
-        if base == OPERATION_MODE:
-            return int(self.mode)
-        if base == TARGET_VELOCITY:
-            cyclic = self.mode is OperationMode.CYCLIC_VELOCITY
-            return self.scaling.velocity_units(self.velocity if cyclic else self.target_velocity)
-        if base == TARGET_POSITION and self.mode is OperationMode.PROFILE_POSITION:
-            return wrapped(self.target_counts)
-        if base in (TARGET_POSITION, INTERPOLATION) and math.isfinite(self.position):
-            return wrapped(self.scaling.counts(self.position))
-        return 0
+    def _advance_target(self, period_s: float) -> None:
+        """The handshake of a move; the estimate begins when the drive is asked."""
+        phase = self.mode.advance_target(self.report, period_s)
+        if phase is Phase.ASKING:
+            self.estimate.begin_planned()
+        elif phase is Phase.FAILED:
+            log.error("the drive does not take the target", node=self.node.name)
+            self.hold()
 
     def _watch_power(self) -> None:
-        """A drive that leaves its power stage by itself is not switched on again by us."""
-        if self.wanted and not self.powered:
-            self.wanted = False
-            self.control, self.bits = int(Control.DISABLE_VOLTAGE), 0
-            self.lost = f"statusword 0x{self.status:04X} ({self.state.value})"
-        if not self.powered and self.operation is not Operation.IDLE:
+        if self.power.watch(self.report):
+            self.mode.clear_bits()
+        if not self.report.powered and not self.activity.is_idle:
             self.hold()
-            self.complete = False
+            self.activity.complete = False
 
     def _watch_operation(self) -> None:
-        match self.operation:
+        match self.activity.operation:
             case Operation.POSITION if self._is_reached():
-                self.position = self.target_counts * self.scaling.position
-                self.complete = True
+                self.setpoint.position = self.setpoint.target_counts * self.scaling.position
+                self.activity.complete = True
                 self.hold()
-            case Operation.VELOCITY if self.target_velocity == 0 and self._stands():
+            case Operation.VELOCITY if self.setpoint.target_velocity == 0 and self._is_at_rest():
                 self.hold()
-            case Operation.STOPPING if self._stands():
-                self.position = self.position if self.mode in CYCLIC else self.demand()
+            case Operation.STOPPING if self._is_at_rest():
+                if not self.mode.is_cyclic_position:
+                    self.setpoint.position = self.report.demand()
                 self.hold()
             case _:
                 pass
 
     def _is_reached(self) -> bool:
-        taken = self.handshake.phase is Phase.DONE
-        return taken and bool(self.status & Status.TARGET_REACHED)
+        return self.mode.target_taken and bool(self.report.statusword & Status.TARGET_REACHED)
 
-    def _shake_hands(self, period_s: float) -> None:
-        """One SYNC of the handshake; the estimate begins when the drive is asked."""
-        before = self.handshake.phase
-        in_mode = self.displayed_mode == OperationMode.PROFILE_POSITION
-        self.handshake.advance(self.status, in_mode=in_mode, period_s=period_s)
-        self.bits, phase = self.handshake.bits, self.handshake.phase
-        if phase is Phase.ASKING and before is Phase.ENTERING and self._planned is not None:
-            hardest = self.layout.options.quick_stop_deceleration_rad_s2
-            self.estimate.move(*self._planned, hardest)
-        if phase is Phase.FAILED:
-            log.error("the drive does not take the target", node=self.node.name)
-            self.hold()
-
-    def _stands(self) -> bool:
+    def _is_at_rest(self) -> bool:
         """The command is at 0 (where it is ours) and the motor has been slow for some SYNCs."""
-        ours = self.mode in CYCLIC or self.mode is OperationMode.CYCLIC_VELOCITY
-        if ours and self.velocity != 0.0 and self.state is DriveState.OPERATION_ENABLED:
-            self._resting = 0
-            return False
-        measured = self._said(VELOCITY) * self.scaling.velocity
-        self._resting = self._resting + 1 if abs(measured) < _RESTS_RAD_S else 0
-        return self._resting >= _RESTING
+        enabled = self.report.state is DriveState.OPERATION_ENABLED
+        commanded = self.mode.is_ours and self.setpoint.velocity != 0.0 and enabled
+        return self.activity.is_at_rest(self.report.velocity, commanded=commanded)
 
-    def _report_command(self, image: ProcessImage, *, known: bool) -> None:
-        number = self.number
-        if not known:
-            return
-        ours = self.mode in CYCLIC or self.mode is OperationMode.CYCLIC_VELOCITY
-        idle = self.operation is Operation.IDLE
-        position = self.position if self.mode in CYCLIC or idle else self.estimate.position
-        if not self.powered or self.mode in VELOCITY_MODES or self.mode is OperationMode.HOMING:
-            position = self.measured
-        image.position_command[number] = position
-        image.velocity_command[number] = self.velocity if ours else self.estimate.velocity
+    def _fill(self, image: ProcessImage) -> None:
+        number, report, activity = self.number, self.report, self.activity
+        alarm = report.in_alarm
+        image.offline[number] = not report.known
+        image.servo_on[number] = report.powered
+        image.amp_alarm[number] = alarm
+        image.alarm_code[number] = (report.error_code or _GENERIC_ERROR) if alarm else 0
+        image.reason[number] = self._reason()
+        image.home_done[number] = activity.home_done
+        image.motion_complete[number] = activity.complete
+        image.mode[number] = self.mode.command_mode
+        image.operation[number] = activity.operation
+        negative, positive, home = report.switches
+        image.negative_limit[number], image.positive_limit[number] = negative, positive
+        image.home_switch[number] = home
+        if report.known:
+            self._fill_command(image)
 
+    def _fill_command(self, image: ProcessImage) -> None:
+        """Position and velocity command: ours, the estimate of the drive's, or the measured one."""
+        mode, setpoint = self.mode, self.setpoint
+        own = mode.is_cyclic_position or self.activity.is_idle
+        position = setpoint.position if own else self.estimate.position
+        homing = mode.requested is OperationMode.HOMING
+        if not self.report.powered or mode.is_velocity or homing:
+            position = self.report.position
+        image.position_command[self.number] = position
+        velocity = setpoint.velocity if mode.is_ours else self.estimate.velocity
+        image.velocity_command[self.number] = velocity
 
-def _towards(value: float, target: float, step: float) -> float:
-    return min(target, value + step) if value < target else max(target, value - step)
+    def _reason(self) -> str:
+        """Why the axis cannot move, beginning with the node; "" if it can."""
+        node = self.node
+        if not self.report.known:
+            return f"node {node.id}: {node.fault or 'its PDOs have not come yet'}"
+        if self.report.in_alarm:
+            return f"node {node.id}: {node.alarm_text(self.report.error_code)}"
+        return f"node {node.id}: {self.power.lost}" if self.power.lost else ""

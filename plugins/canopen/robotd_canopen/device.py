@@ -72,10 +72,10 @@ class CanopenDevice(DeviceDriver):
         master = self.master
         if master.state is ConnectionState.IDLE:
             return
-        live = [axis for axis in master.axes if axis.node.online and axis.powered]
+        live = [axis for axis in master.axes if axis.node.online and axis.report.powered]
         for axis in live:
             axis.brake(axis.layout.options.stop_deceleration_rad_s2)
-        wait_until(lambda: all(axis.operation.value == 0 for axis in live), timeout_s, master.clock)
+        wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, master.clock)
         for axis in live:
             self._try(axis.node, partial(Commands(axis, master.clock).disable, _IDLE_S))
         online = [node for node in master.nodes.values() if node.online]

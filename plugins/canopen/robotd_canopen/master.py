@@ -120,14 +120,14 @@ class Master:
         self._watch(now_ns)
         fill(image, self.axes, self.feedback)
         self._date(image)
-        if not any(axis.following for axis in self.axes):
+        if not any(axis.streaming for axis in self.axes):
             self._transmit()
 
     def stream(self, position: Sequence[float], velocity: Sequence[float]) -> None:
         """Cycle: setpoints for the axes that follow."""
         self._stream_ns = self.clock.now_ns()
         for axis in self.axes:
-            if axis.following:
+            if axis.streaming:
                 axis.follow(position[axis.number], velocity[axis.number])
         self._transmit()
 
@@ -168,7 +168,7 @@ class Master:
         self._read_ns = now_ns
         self.supervision.watch(elapsed_ns)
         if now_ns - self._stream_ns > self._stream_timeout_ns:
-            names = [axis.node.name for axis in self.axes if axis.following]
+            names = dict.fromkeys(axis.node.name for axis in self.axes if axis.streaming)
             if names:
                 limit_s = self.options.stream_timeout_s
                 self.supervision.fail(f"{', '.join(names)}: no setpoint for {limit_s:g} s")

@@ -1,4 +1,4 @@
-"""What a drive's own profile commands between two of its reports.
+"""Estimated command of a profile that the drive runs by itself, between two of its reports.
 
 A drive that makes the ramps itself reports its demand rarely and without a velocity. The
 profile is the trapezoid of CiA 402 (object 0x6086 = 0) with the ramps that it was given, so it
@@ -12,33 +12,48 @@ from collections.abc import Sequence
 from robotd.api import Profile, Segment, profile_to_position, profile_to_rest, profile_to_velocity
 
 
-class Estimate:
-    """One axis' profile, in rad or m; advanced by the cycle, replaced by workers."""
+class ProfileEstimate:
+    """Profile of one axis, in rad or m. Advanced by the control loop, replaced by workers.
 
-    def __init__(self) -> None:
+    Args:
+        max_deceleration: with which a drive brakes that is too fast to stop at its target.
+
+    Attributes:
+        position, velocity: command at the SYNC that was sent last.
+    """
+
+    def __init__(self, max_deceleration: float) -> None:
         self.position = self.velocity = 0.0
         self._segments: Sequence[Segment] = ()
         self._elapsed_s = 0.0
+        self._max_deceleration = max_deceleration
+        self._planned: tuple[float, Profile] | None = None
 
     def rest(self, position: float) -> None:
         """Stand at ``position``."""
         self._segments, self.position, self.velocity = (), position, 0.0
 
-    def move(self, target: float, profile: Profile, hardest: float) -> None:
-        """To ``target``; a drive that is too fast to stop there brakes with ``hardest``."""
-        self._begin(profile_to_position(self.position, self.velocity, target, profile, hardest))
+    def plan(self, target: float, profile: Profile) -> None:
+        """Worker: a move to ``target`` that begins when the drive is asked for it."""
+        self._planned = target, profile
+
+    def begin_planned(self) -> None:
+        """Control loop: the drive has been asked for the planned move."""
+        if self._planned is not None:
+            state = self.position, self.velocity
+            self._begin(profile_to_position(*state, *self._planned, self._max_deceleration))
 
     def run(self, velocity: float, acceleration: float, deceleration: float) -> None:
-        """To the signed ``velocity``, which is then held."""
+        """Change to the signed ``velocity``, which is then held."""
         ramps = acceleration, deceleration
         self._begin(profile_to_velocity(self.position, self.velocity, velocity, *ramps))
 
     def stop(self, deceleration: float) -> None:
-        """To rest."""
+        """Change to rest."""
         self._begin(profile_to_rest(self.position, self.velocity, deceleration))
 
     def advance(self, period_s: float) -> None:
-        """Cycle: one SYNC later."""
+        """Control loop: advance by the time between two SYNCs."""
         segments = self._segments
         if not segments:
             return

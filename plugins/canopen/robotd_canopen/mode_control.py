@@ -1,0 +1,74 @@
+"""Mode of operation of one axis, with the controlword bits that belong to it."""
+
+from __future__ import annotations
+
+from robotd.api import CommandMode
+from robotd_canopen.drive_report import DriveReport
+from robotd_canopen.handshake import Handshake, Phase
+from robotd_canopen.modes import CYCLIC, OperationMode
+from robotd_canopen.modes import VELOCITY as VELOCITY_MODES
+from robotd_canopen.states import Control
+
+
+class ModeControl:
+    """Requested mode of operation. Set by workers; the control loop runs the handshake.
+
+    Attributes:
+        requested: mode of operation (object 0x6060).
+        command_mode: position or velocity, as the user has set it.
+        bits: bits of the controlword whose meaning depends on the mode.
+    """
+
+    def __init__(self, requested: OperationMode) -> None:
+        self.requested = requested
+        self.command_mode = CommandMode.POSITION
+        self.bits = 0
+        self._handshake = Handshake()
+
+    @property
+    def is_cyclic_position(self) -> bool:
+        """The setpoint is a position in each SYNC."""
+        return self.requested in CYCLIC
+
+    @property
+    def is_velocity(self) -> bool:
+        return self.requested in VELOCITY_MODES
+
+    @property
+    def is_ours(self) -> bool:
+        """Each SYNC carries a setpoint; the drive makes no ramp of its own."""
+        return self.requested in CYCLIC or self.requested is OperationMode.CYCLIC_VELOCITY
+
+    @property
+    def target_taken(self) -> bool:
+        """The handshake is complete: the drive has its target."""
+        return self._handshake.phase is Phase.DONE
+
+    def clear_bits(self) -> None:
+        self.bits = 0
+
+    def halt(self) -> None:
+        """Profile position: keep the drive halted."""
+        if self.requested is OperationMode.PROFILE_POSITION:
+            self.bits |= Control.HALT
+
+    def begin_target(self) -> None:
+        """Worker: hand a new target over; the control loop does it, SYNC by SYNC."""
+        in_mode = self.requested is OperationMode.PROFILE_POSITION
+        self._handshake.begin(halted=in_mode and bool(self.bits & Control.HALT))
+        self.bits = self._handshake.bits
+        self.requested = OperationMode.PROFILE_POSITION
+
+    def cancel_target(self) -> None:
+        """Halt a profile position move, whatever its handshake has reached."""
+        self._handshake.cancel()
+        self.bits = self._handshake.bits
+
+    def advance_target(self, report: DriveReport, period_s: float) -> Phase | None:
+        """Control loop: one SYNC of the handshake; the phase that begins with it, None: none."""
+        before = self._handshake.phase
+        in_mode = report.displayed_mode == OperationMode.PROFILE_POSITION
+        self._handshake.advance(report.statusword, in_mode=in_mode, period_s=period_s)
+        self.bits = self._handshake.bits
+        phase = self._handshake.phase
+        return phase if phase is not before else None
