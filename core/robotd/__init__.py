@@ -1,4 +1,4 @@
-"""robotd: one ROS 2 surface for a robot, whatever drives it.
+"""robotd: plugin-based robot driver framework for ROS 2.
 
 ``with open_robot("cr3a", "sim") as robot:`` gives a started robot without ROS.
 """
@@ -39,7 +39,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the robot, and numpy with it, only for those who ask for it."""
+    """Import the robot, and NumPy with it, on first use."""
     if name not in __all__:
         raise AttributeError(f"module 'robotd' has no attribute {name!r}")
     from robotd import robot

@@ -1,4 +1,4 @@
-"""Names for the array types that travel between the layers."""
+"""Array types used at the boundaries between layers."""
 
 from __future__ import annotations
 

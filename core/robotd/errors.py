@@ -17,6 +17,7 @@ A backend's own errors inherit one of these. Every error carries its parts: ``re
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 MAX_SHOWN = 50
@@ -139,3 +140,16 @@ class DeviceTimeout(RobotdError, TimeoutError):
 def reason_of(error: Exception) -> str:
     """Return the text of ``error`` without its axis, for a text that names the axis already."""
     return error.reason if isinstance(error, RobotdError) else str(error)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ``; did you mean 'x'?`` for the nearest known name; "" when none is near."""
+    near = get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
+    """Return ``unknown node 'x'; did you mean 'y'? (available: y, z)``."""
+    names = list(known)
+    available = ", ".join(names) or "none"
+    return f"unknown {what} {name!r}{did_you_mean(name, names)} (available: {available})"

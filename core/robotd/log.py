@@ -1,6 +1,6 @@
-"""structlog, set up once: readable lines on a console, or one JSON object a line.
+"""Logging with structlog: console lines, or one JSON object per line.
 
-Logs go to standard error; standard output belongs to the commands' own answers.
+Logs go to standard error; standard output is for the output of commands.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from structlog.typing import FilteringBoundLogger, Processor
 
 
 class LogFormat(StrEnum):
-    """How a log line looks."""
+    """Format of log lines."""
 
     CONSOLE = "console"
     JSON = "json"
@@ -30,7 +30,7 @@ def configure_logging(
 ) -> None:
     """Set level (one of ``LEVELS``), format and stream for the whole process.
 
-    ``stream`` None is the standard error of now.
+    ``stream`` None is the current standard error.
     """
     stream = sys.stderr if stream is None else stream
     shared: list[Processor] = [
@@ -58,9 +58,9 @@ def configure_logging(
 
 
 def lossy(stream: TextIO) -> TextIO:
-    """``stream``, but losing what cannot be written: a full disk must not stop a robot.
+    """Wrap ``stream`` to discard output that cannot be written.
 
-    It may be full, or a pipe that nobody reads any more, or closed. Any thread.
+    A full disk, a closed stream or a broken pipe must not stop a robot. Any thread.
     """
     return cast(TextIO, _Lossy(stream))
 
@@ -81,5 +81,5 @@ class _Lossy:
 
 
 def get_logger(name: str) -> FilteringBoundLogger:
-    """A logger whose lines carry ``component=name``. Any thread may use it."""
+    """Return a logger whose lines carry ``component=name``. Any thread may use it."""
     return cast(FilteringBoundLogger, structlog.get_logger(component=name))

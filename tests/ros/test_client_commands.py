@@ -72,7 +72,10 @@ def test_move_moves_the_named_joints_only(cr3a: RobotProcess, client: Client) ->
     ("arguments", "reason"),
     [
         (["move", "joint1=3.3"], "position 3.3 rad exceeds 3.14 rad"),
-        (["move", "joint9=0"], "unknown joint 'joint9'; there is joint1, "),
+        (
+            ["move", "joint9=0"],
+            "unknown joint 'joint9'; did you mean 'joint1'? (available: joint1, ",
+        ),
         (["servo", "on", "7"], "axis 7 is outside 0..5"),
     ],
 )

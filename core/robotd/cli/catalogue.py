@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 from robotd.cli.layout import warn
@@ -63,11 +62,3 @@ def check_backend_overrides(overrides: Iterable[Override], backend: str) -> None
             raise DescriptorError(
                 f"the backend in use is {backend!r}", path=override.node.path, key=override.key
             )
-
-
-def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
-    """``unknown node 'x'; did you mean 'y'? (there is y, z)``."""
-    names = list(known)
-    near = get_close_matches(name, names, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"unknown {what} {name!r}{hint} (there is {', '.join(names) or 'none'})"

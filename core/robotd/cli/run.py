@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.catalogue import Catalogue, check_backend_overrides, load_catalogue, unknown_name
+from robotd.cli.catalogue import Catalogue, check_backend_overrides, load_catalogue
 from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
 from robotd.cli.preflight import import_ros, process_age_s
 from robotd.cli.report import reserve_report, write_report
@@ -23,7 +23,7 @@ from robotd.descriptor import (
     load_robot_descriptor,
     parse_override,
 )
-from robotd.errors import InvalidArgument, OperationError
+from robotd.errors import InvalidArgument, OperationError, unknown_name
 from robotd.log import lossy
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry

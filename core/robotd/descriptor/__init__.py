@@ -1,4 +1,4 @@
-"""Robot descriptors: the models, and how files become models."""
+"""Robot descriptors: models, and their loading from files."""
 
 from robotd.descriptor.load import (
     RobotSummary,

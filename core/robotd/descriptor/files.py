@@ -1,4 +1,4 @@
-"""Paths and files that are named by a user: nothing here is trusted, nothing crashes."""
+"""Paths and files named by a user: untrusted input, reported as DescriptorError."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from robotd.errors import DescriptorError
 
 
 def beside(file: Path, name: str) -> Path:
-    """The absolute path of ``name``, which ``file`` gives relative to itself."""
+    """Return the absolute path of ``name``, which is relative to the folder of ``file``."""
     return Path(os.path.normpath(file.absolute().parent / name))
 
 
 def is_file(path: Path) -> bool:
-    """Whether ``path`` is a regular file; False for names that the system refuses."""
+    """Return True for a regular file; False for names that the system rejects."""
     return stat.S_ISREG(_mode(path))
 
 
 def is_folder(path: Path) -> bool:
-    """Whether ``path`` is a folder; False for names that the system refuses."""
+    """Return True for a folder; False for names that the system rejects."""
     return stat.S_ISDIR(_mode(path))
 
 
 def read_limited(path: Path, max_bytes: int) -> bytes:
-    """The bytes of a regular file of at most ``max_bytes``. Raises DescriptorError."""
+    """Read a regular file of at most ``max_bytes``. Raises DescriptorError."""
     # Looked at before, because opening alone starts some devices; and after, because the name
     # may have come to mean another file. O_NONBLOCK: a named pipe would wait for its writer.
     if _mode(path) and not is_file(path):

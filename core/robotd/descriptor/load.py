@@ -1,4 +1,4 @@
-"""From a robot's name or file to its descriptor, with every mistake of the file at once."""
+"""Loads a robot's descriptor by name or file and reports every error at once."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from robotd.descriptor.files import beside, is_file, is_folder
 from robotd.descriptor.merge import merge
 from robotd.descriptor.model import RobotDescriptor
 from robotd.descriptor.overrides import FIXED_KEYS, Override, overridden
-from robotd.descriptor.problems import Model, did_you_mean, join, problems_of, validate
+from robotd.descriptor.problems import Model, join, problems_of, validate
 from robotd.descriptor.source import Node, read_yaml
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, unknown_name
 
 FILE_NAME = "robot.yaml"
 MAX_EXTENDS = 8
@@ -31,11 +31,11 @@ class RobotSummary:
     """A robot of the search path.
 
     Attributes:
-        name: what ``--robot`` is given: the name of the robot's folder.
+        name: value of ``--robot``: the name of the robot's folder.
         summary: one line from the file.
         variants: names of its variants, the default one first.
         path: its file.
-        problem: why it cannot be used; None for a sound one.
+        problem: why it cannot be used; None for a valid one.
     """
 
     name: str
@@ -46,13 +46,13 @@ class RobotSummary:
 
 
 def default_search_path() -> tuple[Path, ...]:
-    """The folder of the robots that come with robotd; empty where they are not installed."""
+    """Return the folder of the robots that robotd ships; empty where not installed."""
     spec = find_spec("robotd_robots")
     return tuple(Path(folder) for folder in (spec and spec.submodule_search_locations) or ())
 
 
 def list_robots(search_path: Sequence[Path] | None = None) -> tuple[RobotSummary, ...]:
-    """Every robot of the search path by name, broken ones included. Never raises."""
+    """Return every robot of the search path by name, invalid ones included. Never raises."""
     return tuple(_summarise(name, path) for name, path in _robots(search_path))
 
 
@@ -79,10 +79,7 @@ def load_robot_descriptor(
     names, default = _variants(tree)
     if variant is not None and variant not in names:
         raise DescriptorError(
-            f"unknown variant {variant!r}{did_you_mean(variant, names)}"
-            f" (there is {', '.join(names) or 'none'})",
-            path=tree.path,
-            key="variants",
+            unknown_name("variant", variant, names), path=tree.path, key="variants"
         )
     problems: list[DescriptorError] = []
     robots = {
@@ -98,8 +95,8 @@ def load_robot_descriptor(
 def validate_section(descriptor: RobotDescriptor, section: str, model: type[Model]) -> Model:
     """Validate a free mapping such as ``backends.sim`` by the model of a plugin.
 
-    A section that the file does not have is validated as an empty one. Raises DescriptorError
-    in the style of every other mistake of the file.
+    A missing section is validated as an empty one. Raises DescriptorError in the format of every
+    other error of the file.
     """
     keys = section.split(".")
     values: Any = getattr(descriptor, keys[0])
@@ -109,7 +106,7 @@ def validate_section(descriptor: RobotDescriptor, section: str, model: type[Mode
 
 
 def _variants(tree: Node) -> tuple[list[str], str | None]:
-    """Names of the variants, and the default one; what is malformed is left to the model.
+    """Return the variants' names and the default one; the model checks the rest.
 
     Raises DescriptorError: more than ``MAX_VARIANTS``.
     """
@@ -128,7 +125,7 @@ def _check(
     overrides: Sequence[Override],
     problems: list[DescriptorError],
 ) -> RobotDescriptor | None:
-    """The descriptor of one variant; None when there is something to add to ``problems``."""
+    """Return the descriptor of one variant; None after adding to ``problems``."""
     before = len(problems)
     tree = _overlaid(tree, variant, problems)
     tree = overridden(tree, overrides)
@@ -157,7 +154,7 @@ def _overlaid(tree: Node, variant: str | None, problems: list[DescriptorError]) 
 
 
 def _with_files(tree: Node, problems: list[DescriptorError]) -> Node:
-    """``tree`` with absolute paths of its files, each relative to the file that names it."""
+    """Return ``tree`` with absolute file paths, each resolved beside the file that names it."""
     children = dict(tree.value)
     for key in _FILE_KEYS:
         node = children.get(key)
@@ -165,14 +162,14 @@ def _with_files(tree: Node, problems: list[DescriptorError]) -> Node:
             continue  # absent or null; anything else is found by the model
         path = beside(node.path, node.value)
         if not is_file(path):
-            what = f"there is no file {str(path)!r}"
+            what = f"file {str(path)!r} does not exist"
             problems.append(DescriptorError(what, path=node.path, line=node.line, key=key))
         children[key] = replace(node, value=path)
     return replace(tree, value=children)
 
 
 def _extended(path: Path, above: tuple[Path, ...]) -> Node:
-    """The tree of ``path`` over that of the file that it extends."""
+    """Return the tree of ``path`` merged over that of the file that it extends."""
     tree = read_yaml(path)
     node = tree.value.pop("extends", None)
     if node is None:
@@ -187,7 +184,7 @@ def _extended(path: Path, above: tuple[Path, ...]) -> Node:
             f"extends itself or is too deep: {what}", path=path, line=node.line, key="extends"
         )
     if not is_file(base):
-        what = f"there is no file {str(base)!r}"
+        what = f"file {str(base)!r} does not exist"
         raise DescriptorError(what, path=path, line=node.line, key="extends")
     merged = merge(_extended(base, chain), tree)
     return replace(merged, path=path)
@@ -204,10 +201,7 @@ def _find(robot: str | Path, search_path: Sequence[Path] | None) -> Path:
     if found:
         raise DescriptorError(f"robot {robot!r} exists twice: {found[0]} and {found[1]}")
     names = sorted({name for name, _ in robots})
-    known = ", ".join(names) or "no robots at all"
-    raise DescriptorError(
-        f"unknown robot {robot!r}{did_you_mean(robot, names)} (the search path has {known})"
-    )
+    raise DescriptorError(unknown_name("robot", str(robot), names))
 
 
 def _robots(search_path: Sequence[Path] | None) -> Iterator[tuple[str, Path]]:

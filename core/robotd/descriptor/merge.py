@@ -1,4 +1,4 @@
-"""How an overlay (a variant, or a file that extends another) changes a base."""
+"""Merging of an overlay (a variant, or a file that extends another) into a base."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robotd.descriptor.source import Node
 
 
 def merge(base: Node, overlay: Node) -> Node:
-    """``base`` with ``overlay`` laid over it; neither is changed.
+    """Return ``base`` overridden by ``overlay``; neither is changed.
 
     Mappings merge key by key; scalars and lists replace what was there. A null deletes the key,
     which brings back its default. A null for a key that the base does not have stays a null, so

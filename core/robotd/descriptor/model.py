@@ -1,4 +1,4 @@
-"""What a robot descriptor may say: frozen models in which an unknown key is an error.
+"""Models of a robot descriptor: frozen, an unknown key is an error.
 
 Numbers are SI and every key ends in its unit. The descriptions below are the reference: the
 tables of the robots' README are made from them.
@@ -29,7 +29,7 @@ MAX_AXES = 128
 DEFAULT_RATE_HZ = 500.0
 
 Problem = tuple[tuple[str | int, ...], str, Any]
-"""Where (keys below the model), what is wrong, and the value that is."""
+"""Key path below the model, problem, and the value that has it."""
 
 
 def _ros_value(value: Any) -> Any:
@@ -63,7 +63,7 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def problems(self) -> Iterator[Problem]:
-        """What is wrong between keys that are each fine."""
+        """Yield cross-field validation errors."""
         yield from ()
 
     @model_validator(mode="after")
@@ -88,7 +88,7 @@ class CycleSettings(Section):
 
 
 class EngineSettings(Section):
-    """How patiently the device is opened, watched and closed."""
+    """Retries, time-outs and staleness limits of the device."""
 
     open_tries: int = Field(5, ge=1, le=1000, description="Attempts to open the device.")
     open_retry_s: NotNegative = Field(2.0, description="Pause between two attempts.")
@@ -257,7 +257,7 @@ class RobotDescriptor(Section):
     _variant: str | None = PrivateAttr(None)
 
     def of(self, tree: Node, variant: str | None) -> Self:
-        """Itself, with its origin: the merged tree, and the variant that was laid over it."""
+        """Set its origin, the merged tree and the applied variant; return itself."""
         self._tree, self._variant = tree, variant
         return self
 
@@ -300,7 +300,11 @@ class RobotDescriptor(Section):
                 yield ("ros_parameters", node), f"not in nodes ({', '.join(self.nodes)})", node
         if self.default_variant is not None and self.default_variant not in self.variants:
             known = ", ".join(self.variants) or "none"
-            yield ("default_variant",), f"unknown variant; there is {known}", self.default_variant
+            yield (
+                ("default_variant",),
+                f"unknown variant (available: {known})",
+                self.default_variant,
+            )
 
     def _drive_problems(self) -> Iterator[Problem]:
         joints = {joint.axis: index for index, joint in enumerate(self.joints)}

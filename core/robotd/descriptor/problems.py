@@ -1,21 +1,20 @@
-"""pydantic's findings, told as ``file:line: key.path: what is wrong (value ...)``."""
+"""Validation errors as ``file:line: key.path: problem (value ...)``."""
 
 from __future__ import annotations
 
 import types
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 from typing import Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from robotd.descriptor.source import Node
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, did_you_mean
 
 Model = TypeVar("Model", bound=BaseModel)
 
-_MAX_FINDINGS = 200  # more than a text shows; each costs a search for the nearest known word
+_MAX_FINDINGS = 200  # more than a text shows; each costs a search for the nearest known key
 _CONSEQUENCE = "default_factory_not_called"  # of another finding, which is reported
 _BOUNDS = {
     "greater_than": ("must be greater than {gt:g}", "gt"),
@@ -41,22 +40,16 @@ def validate(
 def problems_of(
     model: type[BaseModel], error: ValidationError, tree: Node | None, keys: Sequence[str | int]
 ) -> list[DescriptorError]:
-    """One DescriptorError per finding of ``error``, each with its place; of a flood the first."""
+    """Return one DescriptorError per finding of ``error``, at most ``_MAX_FINDINGS``."""
     findings = [found for found in error.errors() if found["type"] != _CONSEQUENCE]
     return [_problem(model, found, tree, keys) for found in findings[:_MAX_FINDINGS]]
 
 
 def join(problems: Iterable[DescriptorError]) -> DescriptorError:
-    """One error that lists each problem once, in the order of the file."""
+    """Return one error that lists each problem once, in the order of the file."""
     distinct = {str(problem): problem for problem in problems}.values()
     ordered = sorted(distinct, key=lambda problem: (str(problem.path), problem.line or 0))
     return DescriptorError.join(ordered)
-
-
-def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """``; did you mean 'x'?``, or nothing when no known word is near."""
-    near = get_close_matches(word, known, n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def _problem(
@@ -96,7 +89,7 @@ def _shown(value: Any) -> str:
 
 
 def _keys_at(model: type[BaseModel], loc: Sequence[str | int]) -> list[str]:
-    """The keys that the model at ``loc`` below ``model`` knows; none when it is no model."""
+    """Return the keys of the model at ``loc`` below ``model``; empty when it is no model."""
     current: Any = model
     for key in loc:
         if isinstance(current, type) and issubclass(current, BaseModel):

@@ -1,8 +1,8 @@
-"""YAML with a memory: every value knows the file and line it was written on.
+"""YAML loader that keeps file and line of every value.
 
-A strict subset of YAML: one document, string keys, no tags, no aliases, no key twice, and the
-plain scalars of JSON (so ``yes`` is a word and ``1e-3`` a number). What is refused is refused
-with its line, all of it at once. Everything has a limit, so that no file takes long.
+A strict subset of YAML: one document, string keys, no tags, no aliases, no duplicate keys, and
+the plain scalars of JSON (so ``yes`` is a string and ``1e-3`` a number). All errors are reported
+at once, each with its line. Size, depth and count are limited, so that no file takes long.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Node:
 
     Attributes:
         value: a scalar, a dict of nodes or a list of nodes.
-        path: the file that says so, or ``--set`` for a value of the command line.
+        path: the file that it comes from, or ``--set`` for a value of the command line.
         line: 1-based; for the value of a key, the line of the key; None outside a file.
     """
 
@@ -49,7 +49,7 @@ class Node:
     line: int | None
 
     def plain(self) -> Any:
-        """The value without its origin: scalars, dicts and lists all the way down."""
+        """Return the value without its origin: nested scalars, dicts and lists."""
         if isinstance(self.value, dict):
             return {key: child.plain() for key, child in self.value.items()}
         if isinstance(self.value, list):
@@ -57,7 +57,7 @@ class Node:
         return self.value
 
     def find(self, keys: Sequence[str | int]) -> Node:
-        """The node at ``keys``, or the last one on the way there."""
+        """Return the node at ``keys``, or its deepest existing ancestor."""
         node = self
         for key in keys:
             children = node.value
@@ -82,7 +82,7 @@ def read_yaml(path: Path) -> Node:
 
 
 def read_value(text: str, origin: Path) -> Node:
-    """Read one value as it would stand in a file: a scalar, a list or a mapping.
+    """Read one value in the syntax of a file: a scalar, a list or a mapping.
 
     Raises DescriptorError for text that is no YAML, with ``origin`` as the file.
     """
@@ -104,7 +104,7 @@ def _build(text: str, path: Path) -> Node:
 
 
 class _Builder:
-    """Builds nodes from parser events; collects what can be skipped, raises what cannot."""
+    """Builds nodes from parser events; collects recoverable errors, raises the others."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -23,7 +22,7 @@ from robotd.descriptor.wmx_parameter_table import (
     Parameter,
     Sections,
 )
-from robotd.errors import DescriptorError, NotReady
+from robotd.errors import DescriptorError, NotReady, did_you_mean
 
 N_AXES = 128
 MIN_GEAR_RATIO, MAX_GEAR_RATIO = 1e-6, 2**31 - 1
@@ -83,9 +82,8 @@ class WmxParameters:
         try:
             return self.columns[name]
         except KeyError:
-            near = get_close_matches(name, self.columns, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise KeyError(f"no WMX parameter {name!r}{hint}") from None
+            hint = did_you_mean(name, self.columns)
+            raise KeyError(f"unknown WMX parameter {name!r}{hint}") from None
 
     def axis(self, axis: int) -> Mapping[str, Scalar]:
         """All parameters of one axis by element name, as Python numbers."""

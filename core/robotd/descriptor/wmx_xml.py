@@ -12,7 +12,6 @@ import numpy as np
 from lxml import etree
 
 from robotd.descriptor.files import read_limited
-from robotd.descriptor.problems import did_you_mean
 from robotd.descriptor.wmx_parameter_table import (
     AXIS_SECTIONS,
     GLOBAL_SECTIONS,
@@ -30,7 +29,7 @@ from robotd.descriptor.wmx_parameters import (
     column_problems,
     gear_problems,
 )
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, did_you_mean
 
 MAX_BYTES = 4_000_000
 """A complete file has 1.1 MB."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
@@ -21,7 +20,7 @@ from robotd.descriptor import RobotDescriptor, validate_section
 from robotd.device.capabilities import DERIVED, Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
-from robotd.errors import PluginError, RobotdError
+from robotd.errors import PluginError, RobotdError, unknown_name
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.hookspecs import API_VERSION, BackendInfo, DeviceContext, RobotdHooks
@@ -245,11 +244,7 @@ def find_backend(name: str) -> tuple[PluginOrigin, EntryPoint]:
     matches = [(origin, entry) for origin, entry in found if origin.name == name]
     if not matches:
         known = sorted({origin.name for origin, _ in found})
-        near = get_close_matches(name, known, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise PluginError(
-            f"no backend named {name!r} is installed (installed: {', '.join(known)}){hint}"
-        )
+        raise PluginError(unknown_name("backend", name, known))
     if len(matches) > 1:
         both = " and ".join(str(origin) for origin, _ in matches)
         raise PluginError(f"two plugins offer the backend {name!r}: {both}; uninstall one")

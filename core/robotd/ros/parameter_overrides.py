@@ -14,8 +14,7 @@ from typing import Any
 import yaml
 from rclpy.node import Node
 
-from robotd.descriptor.problems import did_you_mean
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, did_you_mean
 from robotd.log import get_logger
 
 log = get_logger("ros")

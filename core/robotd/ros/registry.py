@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from robotd.descriptor.problems import did_you_mean
-from robotd.errors import DescriptorError, PluginError, RobotdError
+from robotd.errors import DescriptorError, PluginError, RobotdError, unknown_name
 from robotd.plugin.registry import NodeInfo, NodeRegistry
 
 if TYPE_CHECKING:
@@ -70,8 +69,7 @@ def select_nodes(names: Iterable[str], registry: NodeRegistry | None = None) -> 
     known = known_nodes(registry)
     for name in names:
         if name not in known:
-            hint = did_you_mean(name, [*known]) or f"; available: {', '.join(known)}"
-            raise DescriptorError(f"no node is named {name!r}{hint}", key="nodes")
+            raise DescriptorError(unknown_name("node", name, known), key="nodes")
     return {name: known[name] for name in names}
 
 

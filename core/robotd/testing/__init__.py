@@ -1,1 +1,1 @@
-"""What plugin authors and the project's own tests share."""
+"""Test tools for plugin authors, users and the project's own tests."""

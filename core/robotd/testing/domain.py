@@ -1,4 +1,4 @@
-"""A ROS domain that no other test of this computer uses at the moment."""
+"""Reservation of a ROS domain that no other test on this computer uses."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 
-FIRST, LAST = 1, 100  # 0 is everybody's; above 101 the ports meet those of the system
+FIRST, LAST = 1, 100  # 0 is the default of all; above 101 ports collide with ephemeral ones
 
 
 @contextmanager
 def own_domain() -> Iterator[int]:
-    """The number of a domain that is ours until the block ends. Any process, any thread.
+    """Reserve a domain until the block ends; yield its number. Any process, any thread.
 
     Raises RuntimeError when all are taken.
     """

@@ -1,4 +1,4 @@
-"""Drivers that obey at once and remember every call, for tests without a simulation.
+"""Fake drivers that execute at once and record every call.
 
 Each has ``calls``, a list of tuples: the method's name, then its arguments. ``failures`` maps
 the name of a method to the error that it raises instead of obeying.
@@ -27,21 +27,21 @@ Call = tuple[object, ...]
 
 
 class Recorder:
-    """Remembers calls and fails where it is told to."""
+    """Records calls and raises configured errors."""
 
     def __init__(self) -> None:
         self.calls: list[Call] = []
         self.failures: dict[str, Exception] = {}
 
     def record(self, name: str, *arguments: object) -> None:
-        """Note a call. Raises what ``failures`` has for ``name``."""
+        """Record a call. Raises the error that ``failures`` has for ``name``."""
         self.calls.append((name, *arguments))
         if name in self.failures:
             raise self.failures[name]
 
 
 class FakeDevice(Recorder, DeviceDriver):
-    """A device that changes its state at once.
+    """Fake device that changes its state at once.
 
     Args:
         failing_opens: how many times ``open`` raises ``failures["open"]`` before it works; None
@@ -93,7 +93,7 @@ class FakeDevice(Recorder, DeviceDriver):
 
 
 class FakeAxes(Recorder, AxisDriver):
-    """Axes that never move by themselves; ``image`` is what ``read`` copies out.
+    """Fake axes that never move by themselves; ``read`` copies from ``image``.
 
     A servo obeys at once, ``stream`` becomes the position, and a move only sets ``operation``:
     a test changes the arrays of ``image`` to make the axes do what it needs.
@@ -181,7 +181,7 @@ class FakeAxes(Recorder, AxisDriver):
 
 
 class FakeIo(Recorder, IoDriver):
-    """Two byte arrays that a test may change: ``inputs`` and ``outputs``."""
+    """Fake I/O on two byte arrays that a test may change: ``inputs`` and ``outputs``."""
 
     def __init__(self, input_bytes: int = 8, output_bytes: int = 8) -> None:
         super().__init__()

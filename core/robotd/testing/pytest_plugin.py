@@ -1,4 +1,4 @@
-"""The pytest plugin of robotd: options only, so that it costs other test suites nothing.
+"""pytest plugin of robotd: command-line options only, so that it loads at no cost.
 
 Fixtures and hooks of the conformance checks are in their own ``conftest.py``.
 """
@@ -9,7 +9,7 @@ import pytest
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Which backend, and which robot on it."""
+    """Add the options that choose backend and robot."""
     group = parser.getgroup("robotd")
     group.addoption("--robotd-backend", metavar="NAME", help="backend for the conformance checks")
     group.addoption(
@@ -20,5 +20,5 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Marks are known whatever the settings of pytest say."""
+    """Register the marker of the conformance checks."""
     config.addinivalue_line("markers", "needs(capability): a check of that capability of a backend")

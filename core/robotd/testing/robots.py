@@ -26,7 +26,7 @@ _LOG = pytest.StashKey[io.StringIO]()
 
 @pytest.fixture
 def robotd_log(request: pytest.FixtureRequest) -> Iterator[Callable[[], str]]:
-    """What robotd has logged in this test so far, as a function; shown when the test fails."""
+    """Function that returns robotd's log of this test; shown when the test fails."""
     stream, before = io.StringIO(), structlog.get_config()
     request.node.stash[_LOG] = stream
     configure_logging("info", stream=stream)
@@ -36,7 +36,7 @@ def robotd_log(request: pytest.FixtureRequest) -> Iterator[Callable[[], str]]:
 
 @pytest.fixture
 def robotd_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """A ROS domain of this test alone, in the environment for all that it starts."""
+    """ROS domain reserved for this test, also set in the environment."""
     with own_domain() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -47,7 +47,7 @@ def robotd_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 def robotd_robot(
     robotd_log: Callable[[], str], robotd_domain: int
 ) -> Iterator[Callable[..., RobotUnderTest]]:
-    """Starts robots: ``robotd_robot("cr3a", time_scale=5.0)``; they end with the test.
+    """Function that starts a robot: ``robotd_robot("cr3a", time_scale=5.0)``.
 
     The arguments are those of ``robotd.testing.served_robot.robot_under_test``.
     """

@@ -1,4 +1,4 @@
-"""A whole robot in a test: on the simulation, served on ROS in the test's own process."""
+"""Whole robot for a test: on the simulation, with ROS nodes in the test's process."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _FOLLOWER = "follow_joint_trajectory_server"
 
 
 class RobotUnderTest:
-    """What a test has of its robot. One test thread.
+    """A simulated robot with its ROS nodes, for one test thread.
 
     Attributes:
-        robot: all of it, without ROS: axes, engine, I/O, the process image.
-        domain_id: its ROS domain, which is in ``ROS_DOMAIN_ID`` too.
-        timeout_s: of every wait, in real time.
+        robot: the robot below ROS: axes, connection, I/O, process image.
+        domain_id: its ROS domain, also set in ``ROS_DOMAIN_ID``.
+        timeout_s: default time-out of every wait, in real time.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class RobotUnderTest:
 
     @property
     def time_s(self) -> float:
-        """Simulated time, as /clock has it."""
+        """Simulated time in seconds, as on /clock."""
         return self._clock.now_ns() / NANOSECONDS
 
     @property
@@ -56,35 +56,35 @@ class RobotUnderTest:
 
     @property
     def gripper_closed(self) -> bool:
-        """What the gripper's valve is told. Raises InvalidArgument where there is none."""
+        """Commanded state of the gripper. Raises InvalidArgument without a gripper."""
         gripper = self.robot.descriptor.gripper
         if gripper is None:
             raise InvalidArgument(f"{self.robot.descriptor.name} has no gripper")
         return self.robot.io.output_bit(gripper.output_byte, gripper.output_bit)
 
     def fail(self, axis: int, *, at_s: float = 0.0, code: int | None = None) -> None:
-        """Let the drive of an axis go into alarm ``code``, ``at_s`` simulated seconds from now."""
+        """Inject the alarm ``code`` into a drive, ``at_s`` simulated seconds from now."""
         keys: dict[str, Any] = {} if code is None else {"code": code}
         self.inject("amp_alarm", axis=axis, at_s=at_s, **keys)
 
     def inject(
         self, fault: str, *, at_s: float = 0.0, when: Mapping[str, Any] | None = None, **keys: Any
     ) -> None:
-        """Let a fault happen; ``docs/reference/scenario.md`` lists kinds and keys.
+        """Inject a fault; ``docs/reference/scenario.md`` lists kinds and keys.
 
-        Raises DescriptorError or InvalidArgument: there is no such fault, or it does not fit.
+        Raises DescriptorError or InvalidArgument: unknown fault, or it does not fit the robot.
         """
         self._faults.add(validate_fault({"at_s": at_s, "when": when, fault: keys}))
 
     def move(self, targets: Mapping[str, float], time_s: float = 1.0) -> tuple[bool, str]:
-        """Move joints over ROS, as a client does; waits for the end.
+        """Move joints over ROS, as a client does, and wait for the result.
 
         Args:
-            targets: rad or m by joint; others stay.
+            targets: rad or m by joint; others hold their position.
             time_s: duration, in simulated time.
 
         Returns:
-            Whether the goal was reached, and what the robot says of it.
+            True when the goal was reached, and the text of the result.
         """
         parameters = self.robot.descriptor.ros_parameters.get(_FOLLOWER, {})
         action = self.node.resolve_topic_name(str(parameters["joint_trajectory_action"]))
@@ -95,10 +95,9 @@ class RobotUnderTest:
     def wait_until(
         self, condition: Callable[[], Any], what: str = "", timeout_s: float | None = None
     ) -> Any:
-        """The first true answer of ``condition``, asked again and again; in real time.
+        """Poll ``condition`` in real time and return its first true value.
 
-        What came for ``node`` meanwhile has been handled. Raises AssertionError when there is
-        no true answer in time.
+        Callbacks of ``node`` are executed meanwhile. Raises AssertionError on time-out.
         """
         timeout_s = self.timeout_s if timeout_s is None else timeout_s
         deadline_s = time.monotonic() + timeout_s
@@ -112,39 +111,39 @@ class RobotUnderTest:
         return answer
 
     def wait_standstill(self, timeout_s: float | None = None) -> None:
-        """Until no axis executes anything and none moves. Raises as ``wait_until``."""
+        """Wait until no axis executes a command and none moves. Raises as ``wait_until``."""
         self.wait_until(lambda: standing(self.robot), "all axes stand", timeout_s)
 
     def pause(self) -> None:
-        """Let time stand."""
+        """Pause simulated time."""
         self._clock.pause()
 
     def resume(self) -> None:
-        """Let time pass again."""
+        """Resume simulated time."""
         self._clock.resume()
 
     def step(self, periods: int = 1) -> None:
-        """Let periods of the cycle pass, then let time stand."""
+        """Run control periods, then pause simulated time."""
         self.robot.step(periods)
 
     @cached_property
     def client(self) -> RosClient:
-        """A client in the same domain: ``client.call``, ``client.listen``, ``client.wait``."""
+        """Client in the same domain: ``client.call``, ``client.listen``, ``client.wait``."""
         client = RosClient(timeout_s=self.timeout_s)
         client.start()
         return client
 
     @property
     def node(self) -> Any:
-        """The client's node, for clients of a test's own; its callbacks run in waits."""
+        """Node of the client, for additional clients; its callbacks run during waits."""
         return self.client.node
 
     def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
-        """The response of a service. Raises as ``RosClient.call``."""
+        """Call a service and return its response. Raises as ``RosClient.call``."""
         return self.client.call(service_type, name, **request)
 
     def close(self) -> None:
-        """End the client; the robot is not ours to end."""
+        """Close the client; the robot keeps running."""
         if "client" in self.__dict__:
             self.client.close()
 

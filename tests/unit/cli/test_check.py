@@ -71,7 +71,7 @@ def test_a_broken_descriptor_does_not_hide_a_broken_backend(robotd: Robotd, edit
     result = robotd("check", "--robot", str(path), "--backend", "nope")
     assert result.exit_code == ExitCode.CONFIGURATION
     assert "did you mean 'summary'?" in result.stdout
-    assert "no backend named 'nope'" in result.stdout
+    assert "unknown backend 'nope'" in result.stdout
 
 
 def test_options_of_the_backend_are_checked(robotd: Robotd, tmp_path: Path) -> None:

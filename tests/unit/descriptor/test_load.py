@@ -85,7 +85,9 @@ def test_variants(robots: Path) -> None:
 def test_unknown_names_list_what_there_is(robots: Path) -> None:
     with pytest.raises(DescriptorError, match=r"unknown robot 'amr'; did you mean 'arm'\?"):
         load_robot_descriptor("amr", search_path=[robots])
-    with pytest.raises(DescriptorError, match=r"'tow'; did you mean 'two'\? \(there is one, two\)"):
+    with pytest.raises(
+        DescriptorError, match=r"'tow'; did you mean 'two'\? \(available: one, two\)"
+    ):
         load_robot_descriptor("arm", "tow", [robots])
     with pytest.raises(DescriptorError, match="cannot be read: No such file"):
         load_robot_descriptor(robots / "nothing.yaml")
@@ -123,12 +125,12 @@ def test_all_problems_come_at_once_with_line_key_and_value(robots: Path) -> None
         ("[manipulator_state]", "[other]", "not in nodes (other) (value 'manipulator_state')"),
         ("rate: 500", "rate: null", "ros_parameters.manipulator_state.rate: must be a boolean"),
         ("rate: 500", "rate: [1, 0.5]", "10: ros_parameters.manipulator_state.rate: must be a li"),
-        ("default_variant: one", "default_variant: x", "unknown variant; there is one, two"),
+        ("default_variant: one", "default_variant: x", "unknown variant (available: one, two)"),
         ("rate_hz: 100", "rate_hz: 5", "16: cycle.rate_hz: must be at least 10 (value 5)"),
         ("two: {", "two: {name: x, ", "17: variants.two.name: a variant cannot change this"),
         ("topic: null", "topik: null", "17: ros_parameters.manipulator_state.topik: must be a bo"),
         ("gripper: null", "griper: null", "17: griper: unknown key; did you mean 'gripper'?"),
-        ("schema: 1", "schema: 1\nurdf: x.urdf", "2: urdf: there is no file"),
+        ("schema: 1", "schema: 1\nurdf: x.urdf", "2: urdf: file"),
         ("schema: 1", "schema: 1\naxes: 2", "must be less than axes (2) (value 3)"),
     ],
 )

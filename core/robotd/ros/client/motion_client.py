@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from robotd.clock import NANOSECONDS
-from robotd.errors import DeviceTimeout, InvalidArgument, OperationError
+from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd.ros.client.ros_client import RosClient
 
 JOINT_STATES = "joint_states"
@@ -91,7 +91,7 @@ def move(
     """
     for name in targets:
         if name not in arm.positions:
-            raise InvalidArgument(f"unknown joint {name!r}; there is {', '.join(arm.positions)}")
+            raise InvalidArgument(unknown_name("joint", name, arm.positions))
     actions = ActionClient(client.node, FollowJointTrajectory, arm.action)
     try:
         client.wait(actions.server_is_ready, f"action {arm.action}")
@@ -176,7 +176,7 @@ def _check_only_one(client: RosClient, settled_s: float) -> None:
     servers = _action_servers(client.node)
     if len(servers) > 1:
         listing = ", ".join(f"{action} (of {node})" for action, node in servers)
-        raise OperationError(f"several arms: choose one by --action; there is {listing}")
+        raise OperationError(f"several arms: choose one by --action (available: {listing})")
 
 
 def _action_servers(node: Node) -> list[tuple[str, str]]:

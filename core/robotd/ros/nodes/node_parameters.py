@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robotd.descriptor import RobotDescriptor
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, did_you_mean
 
 _KINDS = {
     bool: ("true or false", "truth values"),
@@ -118,8 +117,7 @@ class Parameters:
         """Refuse what the descriptor gives and the node does not have."""
         for name in self._defaults:
             if name not in self._declared:
-                near = get_close_matches(name, self._declared, 1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
+                hint = did_you_mean(name, self._declared)
                 raise self.error(name, f"the node has no such parameter{hint}")
 
     def error(self, name: str, what: str) -> DescriptorError:
