@@ -60,6 +60,10 @@ test: $(ready) ## run the tests; ARGS go to pytest, e.g. ARGS="tests/unit -k lim
 	@$(say) 'pytest $(ARGS)'
 	exec .venv/bin/python -m pytest $(ARGS)
 
+coverage: $(ready) ## run the unit and contract tests and report their coverage
+	@$(say) 'tools.coverage $(ARGS)'
+	exec .venv/bin/python -m tools.coverage $(ARGS)
+
 backends: $(ready) ## run the conformance checks and the tests of CANopen and WMX
 	@$(say) 'pytest tests/conformance tests/canopen'
 	.venv/bin/python -m pytest tests/conformance tests/canopen $(ARGS)
@@ -137,4 +141,4 @@ $(stamps)/docs: $(ready)
 	$(pip) install --editable '.[docs]'
 	touch $@
 
-.PHONY: help run test backends lint docs bench soak kill venv clean
+.PHONY: help run test coverage backends lint docs bench soak kill venv clean

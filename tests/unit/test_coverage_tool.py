@@ -1,0 +1,31 @@
+"""The coverage table counts lines by package and compares the total with the floor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tools.coverage import report
+
+
+def file(covered: int, missing: int) -> dict[str, Any]:
+    return {"summary": {"covered_lines": covered, "missing_lines": missing}}
+
+
+FILES = {
+    "core/robotd/a.py": file(6, 4),
+    "core/robotd/ros/nodes/b.py": file(10, 0),
+    "plugins/sim/robotd_sim/c.py": file(0, 0),
+}
+
+
+def test_packages_and_total_are_shown() -> None:
+    text, is_reached = report(FILES, 80.0)
+    lines = [line.split() for line in text.splitlines()]
+    assert ["core/robotd", "10", "60.0", "%"] in lines
+    assert ["core/robotd/ros", "10", "100.0", "%"] in lines
+    assert ["total", "20", "80.0", "%", "floor", "80", "%"] in lines
+    assert is_reached
+
+
+def test_below_the_floor() -> None:
+    assert not report(FILES, 80.1)[1]

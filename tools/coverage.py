@@ -1,0 +1,76 @@
+"""``make coverage``: run the unit and contract tests, report line coverage, enforce a floor.
+
+SlipCover measures by instrumented bytecode. On Python 3.11 it adds 24 % of processor time to the
+tests of plugins, descriptor and control (48 s to 59 s); coverage.py adds 150 % (120 s), and tests
+with time limits fail. Processes that tests start are not measured, so the figure is a lower bound:
+the nodes of ``robotd.ros`` are tested over DDS, in processes of their own.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+RESULT = ROOT / "build" / "coverage.json"
+SOURCES = ("core/robotd", "plugins/canopen", "plugins/servo_model", "plugins/sim")
+FLOOR_PERCENT = 80.0
+"""Lowest accepted coverage of all sources; raise it when the figure has grown for good."""
+
+_SLIPCOVER = ("-m", "slipcover", "--source", ",".join(SOURCES), "--json", "--out", str(RESULT))
+_PYTEST = ("-m", "pytest", "-W", "ignore:Module already imported", "tests/unit", "tests/contract")
+
+
+def run_tests(arguments: Sequence[str]) -> int:
+    """Run the tests with ``arguments`` for pytest; return their exit status."""
+    RESULT.parent.mkdir(exist_ok=True)
+    command = [sys.executable, *_SLIPCOVER, *_PYTEST, *arguments]
+    return subprocess.run(command, cwd=ROOT, check=False).returncode
+
+
+def by_package(files: Mapping[str, Any]) -> dict[str, tuple[int, int]]:
+    """Return covered and all lines of each package, two folders deep, sorted by name."""
+    found: dict[str, tuple[int, int]] = {}
+    for name, file in files.items():
+        package = "/".join(Path(name).parent.parts[:3])
+        covered, lines = found.get(package, (0, 0))
+        summary = file["summary"]
+        covered += summary["covered_lines"]
+        lines += summary["covered_lines"] + summary["missing_lines"]
+        found[package] = (covered, lines)
+    return dict(sorted(found.items()))
+
+
+def report(files: Mapping[str, Any], floor_percent: float = FLOOR_PERCENT) -> tuple[str, bool]:
+    """Return a table of packages with the total, and whether the total reaches the floor."""
+    packages = by_package(files)
+    covered, lines = (sum(column) for column in zip(*packages.values(), strict=True))
+    percent = 100.0 * covered / lines
+    rows = [
+        f"{name:32} {count:6} {100.0 * hit / count:5.1f} %"
+        for name, (hit, count) in packages.items()
+        if count
+    ]
+    total = f"{'total':32} {lines:6} {percent:5.1f} %   floor {floor_percent:g} %"
+    return "\n".join(
+        [f"{'package':32} {'lines':>6} covered", *rows, total]
+    ), percent >= floor_percent
+
+
+def main() -> None:
+    """Run and report; with ``--report`` only report the last run."""
+    arguments = sys.argv[1:]
+    status = 0 if arguments == ["--report"] else run_tests(arguments)
+    text, is_reached = report(json.loads(RESULT.read_text(encoding="utf-8"))["files"])
+    print(text)
+    if not is_reached:
+        print(f"coverage is below the floor of {FLOOR_PERCENT:g} %: test what you added")
+    sys.exit(status or not is_reached)
+
+
+if __name__ == "__main__":
+    main()
