@@ -13,7 +13,7 @@ from typing import Self
 import yaml
 
 from robotd.descriptor import load_robot_descriptor
-from robotd_canopen.scan import sdo_of
+from robotd_canopen.bus_scan import sdo_of
 from robotd_canopen.sdo import Sdo
 
 GROUP = "239.74.163.9"

@@ -6,7 +6,7 @@ import pytest
 from tests.canopen.conftest import SMALL, OpenRig
 
 from robotd.errors import ConnectError
-from robotd_canopen.scan import scan_bus
+from robotd_canopen.bus_scan import scan_bus
 
 
 def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:

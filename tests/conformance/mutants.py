@@ -32,7 +32,15 @@ from robotd.api import (
     hookimpl,
     read_wmx_parameters,
 )
-from robotd_sim import SimAxes, SimBench, SimDevice, SimFieldbus, SimIo, SimOptions, Simulation
+from robotd_sim import (
+    SimAxes,
+    SimDevice,
+    SimFaultInjector,
+    SimFieldbus,
+    SimIo,
+    SimOptions,
+    Simulation,
+)
 
 DEGREES = 180.0 / np.pi
 
@@ -72,7 +80,7 @@ class Mutant:
 
     @hookimpl
     def robotd_fault_injector(self, device: SimDevice) -> FaultInjector:
-        return SimBench(device.simulation)
+        return SimFaultInjector(device.simulation)
 
 
 # Units and signs

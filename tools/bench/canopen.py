@@ -30,7 +30,7 @@ from robotd_canopen.frame import Frame
 from robotd_canopen.layout import plan_network
 from robotd_canopen.options import BusOptions, CanopenOptions
 from robotd_canopen.scaling import Scaling
-from robotd_canopen.sync import SyncProducer
+from robotd_canopen.sync_producer import SyncProducer
 
 FRAMES = 5_000
 RUNS = 5

@@ -18,7 +18,7 @@ from robotd.descriptor import RobotDescriptor, load_robot_descriptor, read_wmx_p
 from robotd.errors import DescriptorError, RobotdError
 from robotd.plugin.manager import load_backend
 from robotd.scenario import load_scenario, nested, validate_fault
-from robotd_canopen.dictionary import read_eds
+from robotd_canopen.object_dictionary import read_eds
 
 ROOT = Path(__file__).parents[2]
 

@@ -18,7 +18,7 @@ from robotd.api import (
     IoDriver,
     hookimpl,
 )
-from robotd_canopen.options import CanopenOptions
+from robotd_canopen.section import CanopenSection
 
 if TYPE_CHECKING:
     from robotd_canopen.device import CanopenDevice
@@ -42,7 +42,7 @@ def robotd_backend() -> BackendInfo:
         summary="CiA 402 servo drives and CiA 401 I/O modules on a CAN bus",
         api_version=1,
         capabilities=CAPABILITIES,
-        options=CanopenOptions,
+        options=CanopenSection,
     )
 
 
@@ -83,6 +83,6 @@ def robotd_fieldbus(device: CanopenDevice) -> FieldbusDriver:
 @hookimpl
 def robotd_fault_injector(device: CanopenDevice) -> FaultInjector:
     """The world around simulated drives."""
-    from robotd_canopen.fault_injector import CanopenBench
+    from robotd_canopen.fault_injector import CanopenFaultInjector
 
-    return CanopenBench(device)
+    return CanopenFaultInjector(device)

@@ -16,7 +16,6 @@ from robotd_canopen.bus import Bus
 from robotd_canopen.drive_objects import DriveObjects
 from robotd_canopen.drive_report import DriveReport
 from robotd_canopen.feedback import Feedback
-from robotd_canopen.handshake import Phase
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.mode_control import ModeControl
 from robotd_canopen.modes import OperationMode, rest_mode
@@ -25,8 +24,9 @@ from robotd_canopen.power_stage import PowerStage
 from robotd_canopen.profile_estimate import ProfileEstimate
 from robotd_canopen.rpdo_writer import RpdoWriter
 from robotd_canopen.scaling import Scaling
+from robotd_canopen.set_point_handshake import Phase
 from robotd_canopen.setpoint import Setpoint
-from robotd_canopen.states import Control, DriveState, Status
+from robotd_canopen.state_machine import Control, DriveState, Status
 
 log = get_logger("canopen")
 

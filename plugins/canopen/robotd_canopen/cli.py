@@ -49,7 +49,7 @@ def canopen() -> None:
 @click.option("--timeout", "timeout_s", default=0.5, show_default=True, help="Seconds to wait.")
 def scan(interface: str, channel: str, bitrate: int, timeout_s: float) -> None:
     """List the nodes of a bus with identity and NMT state."""
-    from robotd_canopen.scan import scan_bus
+    from robotd_canopen.bus_scan import scan_bus
 
     found = scan_bus(interface, channel, bitrate, timeout_s)
     for node in found:
@@ -69,7 +69,7 @@ def sdo() -> None:
 @click.argument("sub", type=NUMBER, default=0)
 def read(interface: str, channel: str, bitrate: int, node: int, index: int, sub: int) -> None:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
-    from robotd_canopen.scan import describe_value, sdo_of
+    from robotd_canopen.bus_scan import describe_value, sdo_of
 
     with sdo_of(interface, channel, bitrate, node) as client:
         click.echo(describe_value(client.upload(index, sub)))
@@ -93,7 +93,7 @@ def write(
     size: int | None,
 ) -> None:
     """Write VALUE to object INDEX:SUB of NODE, and print what it is afterwards."""
-    from robotd_canopen.scan import describe_value, sdo_of
+    from robotd_canopen.bus_scan import describe_value, sdo_of
 
     with sdo_of(interface, channel, bitrate, node) as client:
         length = size or len(client.upload(index, sub))
@@ -113,9 +113,9 @@ def simulate(robot: str, variant: str | None, interface: str, channel: str, port
     Faults are typed in, one a line: "help" lists them.
     """
     from robotd.api import load_robot_descriptor, validate_section
-    from robotd_canopen.inject import HELP, inject
+    from robotd_canopen.fault_commands import HELP, inject
     from robotd_canopen.options import BusOptions, CanopenOptions
-    from robotd_canopen.simulate import simulated_network
+    from robotd_canopen.simulated_robot import simulated_network
 
     descriptor = load_robot_descriptor(robot, variant)
     options = validate_section(descriptor, "backends.canopen", CanopenOptions)

@@ -18,7 +18,7 @@ from robotd.api import (
 )
 from robotd_canopen.axis import Axis
 from robotd_canopen.modes import CYCLIC, STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
-from robotd_canopen.states import TOWARDS_ENABLED, Control, DriveState, Status
+from robotd_canopen.state_machine import TOWARDS_ENABLED, Control, DriveState, Status
 
 _HERE = (35, 37)  # homing methods that take the present position
 _STEP_S = 1.0  # for a change of mode or a handshake

@@ -20,8 +20,8 @@ from robotd_canopen.commands import Commands
 from robotd_canopen.master import Master
 from robotd_canopen.nmt import NmtCommand
 from robotd_canopen.node import Node
-from robotd_canopen.simulate import simulated_network
 from robotd_canopen.simulated import SimulatedNetwork
+from robotd_canopen.simulated_robot import simulated_network
 
 log = get_logger("canopen")
 

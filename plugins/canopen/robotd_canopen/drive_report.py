@@ -14,7 +14,7 @@ from robotd_canopen.feedback import (
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import Node
 from robotd_canopen.scaling import Scaling
-from robotd_canopen.states import FAULTY, POWERED, DriveState, drive_state
+from robotd_canopen.state_machine import FAULTY, POWERED, DriveState, drive_state
 
 
 class DriveReport:

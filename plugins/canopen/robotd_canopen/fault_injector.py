@@ -9,7 +9,7 @@ from robotd_canopen.device import CanopenDevice
 from robotd_canopen.simulated import Drive, DriveNode, IoNode, SimulatedNetwork
 
 
-class CanopenBench(FaultInjector):
+class CanopenFaultInjector(FaultInjector):
     """What can be done with drives in this process; on real ones nothing. Any thread."""
 
     def __init__(self, device: CanopenDevice) -> None:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from robotd_canopen.bus import Handler
 from robotd_canopen.layout import AxisLayout
-from robotd_canopen.leap import LeapFilter
 from robotd_canopen.modes import OperationMode
 from robotd_canopen.pdo import Pdo
+from robotd_canopen.position_plausibility import PositionPlausibility
 from robotd_canopen.scaling import SPAN, Scaling, wrapped
 
 STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
@@ -81,7 +81,7 @@ class Feedback:
         leaps, position = None, 0
         if known and pdo.holds(POSITION):
             horizon_s = _HORIZON * float(self.limits[slot]) * self._sync_period_s
-            leaps = LeapFilter(scaling, horizon_s, partial(self._counts_anew, axis, slot))
+            leaps = PositionPlausibility(scaling, horizon_s, partial(self._counts_anew, axis, slot))
             position = [entry.base for entry in pdo.entries].index(POSITION)
 
         def receive(data: bytearray) -> None:

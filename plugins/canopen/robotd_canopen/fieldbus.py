@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robotd.api import BusNode, BusState, BusStatus, ConnectionState, FieldbusDriver
-from robotd_canopen.details import details
+from robotd_canopen.diagnostic_values import diagnostic_values
 from robotd_canopen.master import Master
 from robotd_canopen.nmt import NmtState
 from robotd_canopen.node import Node
@@ -34,7 +34,7 @@ class CanopenFieldbus(FieldbusDriver):
             timeouts=sum(node.lost_heartbeats for node in nodes),
             nodes=tuple(self._node(position, node) for position, node in enumerate(nodes)),
             note=self._note(),
-            details=details(network),
+            details=diagnostic_values(network),
             extra={
                 "rx_pdo_size": self._size(Direction.RECEIVE),
                 "tx_pdo_size": self._size(Direction.TRANSMIT),

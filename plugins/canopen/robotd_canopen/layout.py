@@ -11,7 +11,7 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import DescriptorError, RobotDescriptor
 from robotd_canopen.bus_load import bus_load
-from robotd_canopen.dictionary import (
+from robotd_canopen.object_dictionary import (
     GENERIC_DRIVE,
     GENERIC_IO,
     describe,

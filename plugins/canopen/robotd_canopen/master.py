@@ -20,14 +20,14 @@ from robotd_canopen.bring_up import BringUp
 from robotd_canopen.bus import Bus
 from robotd_canopen.emcy import EmergencyLog
 from robotd_canopen.feedback import Feedback
-from robotd_canopen.image import fill
+from robotd_canopen.image_writer import fill_image
 from robotd_canopen.io_image import IoImage
 from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.node import Node
 from robotd_canopen.options import NodeOptions
 from robotd_canopen.scaling import Scaling
 from robotd_canopen.supervision import Supervision
-from robotd_canopen.sync import SyncProducer
+from robotd_canopen.sync_producer import SyncProducer
 
 _DRIVE, _IO = 402, 401
 _LONGEST_PERIODS = 2  # what counts of a period that took longer
@@ -118,7 +118,7 @@ class Master:
             self.feedback.syncs = self.sync.count
             self._transmitted = False
         self._watch(now_ns)
-        fill(image, self.axes, self.feedback)
+        fill_image(image, self.axes, self.feedback)
         self._date(image)
         if not any(axis.streaming for axis in self.axes):
             self._transmit()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from robotd.api import CommandMode
 from robotd_canopen.drive_report import DriveReport
-from robotd_canopen.handshake import Handshake, Phase
 from robotd_canopen.modes import CYCLIC, OperationMode
 from robotd_canopen.modes import VELOCITY as VELOCITY_MODES
-from robotd_canopen.states import Control
+from robotd_canopen.set_point_handshake import Handshake, Phase
+from robotd_canopen.state_machine import Control
 
 
 class ModeControl:

@@ -9,9 +9,9 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import Clock, OperationError, RobotdError, wait_until
 from robotd_canopen.bus import Bus
-from robotd_canopen.dictionary import startup_writes
 from robotd_canopen.emcy import Emergency, EmergencyLog, error_text
 from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
+from robotd_canopen.object_dictionary import startup_writes
 from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
 from robotd_canopen.sdo import Sdo, SdoAbort

@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections import Counter
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from robotd.api import BackendOptions, RobotDescriptor
-
-if TYPE_CHECKING:
-    from robotd_canopen.layout import NetworkLayout
+from robotd.api import BackendOptions
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NodeId = Annotated[int, Field(ge=1, le=127)]
@@ -208,12 +205,6 @@ class CanopenOptions(BackendOptions):
         if problems:
             raise ValueError("; ".join(dict.fromkeys(problems)))
         return self
-
-    def check_robot(self, robot: RobotDescriptor) -> NetworkLayout:
-        """Plan the network, which takes the robot and the EDS files. Raises DescriptorError."""
-        from robotd_canopen.layout import plan_network
-
-        return plan_network(robot, self)
 
 
 def _twice(values: Any) -> list[Any]:

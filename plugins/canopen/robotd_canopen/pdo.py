@@ -10,7 +10,7 @@ from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from robotd.api import OperationError
-from robotd_canopen.dictionary import describe, on_axis, variable
+from robotd_canopen.object_dictionary import describe, on_axis, variable
 from robotd_canopen.options import (
     AxisOptions,
     IoOptions,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robotd_canopen.drive_report import DriveReport
-from robotd_canopen.states import Control
+from robotd_canopen.state_machine import Control
 
 
 class PowerStage:

@@ -16,7 +16,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from robotd.api import DeviceTimeout, OperationError
 from robotd_canopen.bus import Bus
-from robotd_canopen.dictionary import describe, variable
+from robotd_canopen.object_dictionary import describe, variable
 
 _REQUEST, _RESPONSE = 0x600, 0x580
 

@@ -9,7 +9,7 @@ from robotd_canopen.axis import Axis
 from robotd_canopen.bus import Bus
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.node import RESET, Node
-from robotd_canopen.outage import OutageLog, Return, causes
+from robotd_canopen.outage_log import OutageLog, Return, causes
 
 log = get_logger("canopen")
 

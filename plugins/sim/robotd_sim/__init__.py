@@ -18,7 +18,7 @@ from robotd.api import (
 )
 from robotd_sim.axes import SimAxes
 from robotd_sim.device import SimDevice
-from robotd_sim.fault_injector import SimBench
+from robotd_sim.fault_injector import SimFaultInjector
 from robotd_sim.fieldbus import SimFieldbus
 from robotd_sim.io import SimIo
 from robotd_sim.options import SimOptions
@@ -77,4 +77,4 @@ def robotd_fieldbus(device: SimDevice) -> FieldbusDriver:
 @hookimpl
 def robotd_fault_injector(device: SimDevice) -> FaultInjector:
     """Hands, plugs and sensors."""
-    return SimBench(device.simulation)
+    return SimFaultInjector(device.simulation)

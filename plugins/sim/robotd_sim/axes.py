@@ -19,7 +19,7 @@ from robotd.api import (
     Unsupported,
     wait_until,
 )
-from robotd_sim.readout import Readout
+from robotd_sim.image_writer import Readout
 from robotd_sim.simulation import Simulation
 
 _OVERRIDABLE = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)

@@ -7,7 +7,7 @@ from robotd_sim.faults import Faults
 from robotd_sim.simulation import Simulation
 
 
-class SimBench(FaultInjector):
+class SimFaultInjector(FaultInjector):
     """Everything that a bench can do. Any thread may call."""
 
     lives_by_clock = True

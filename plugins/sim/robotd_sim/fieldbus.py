@@ -10,8 +10,8 @@ from robotd.api import (
     NotReady,
     OperationError,
 )
-from robotd_sim.esc import MEMORY_BYTES, memory
 from robotd_sim.simulation import Simulation
+from robotd_sim.slave_controller import MEMORY_BYTES, memory
 
 
 class SimFieldbus(FieldbusDriver):

@@ -20,8 +20,8 @@ from robotd.api import (
     profile_to_velocity,
 )
 from robotd_servo_model.world import FOREVER, World
-from robotd_sim.state import AxisStates
-from robotd_sim.stream import Stream
+from robotd_sim.axis_states import AxisStates
+from robotd_sim.setpoint_stream import Stream
 
 _STANDS = 1e-3  # a last setpoint slower than this (rad/s) ends a stream at rest
 _ROUNDING = 1e-6  # part of a tick by which computed times may be late

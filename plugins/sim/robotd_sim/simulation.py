@@ -26,14 +26,14 @@ from robotd.api import (
     require_same_scaling,
 )
 from robotd_servo_model import Mechanics, Servo, World
-from robotd_sim.guards import Guards
+from robotd_sim.axis_states import AxisStates
 from robotd_sim.io_image import IoImage
+from robotd_sim.limit_guards import Guards
 from robotd_sim.motion import Motion
 from robotd_sim.network import Network
 from robotd_sim.options import SimOptions
 from robotd_sim.power import Power
 from robotd_sim.scaling import Scaling, gains, wrap32
-from robotd_sim.state import AxisStates
 
 
 class Simulation:

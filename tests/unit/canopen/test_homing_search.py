@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd_canopen.simulated.homing import METHODS, Phase, Search
+from robotd_canopen.simulated.homing_search import METHODS, Phase, Search
 from robotd_canopen.simulated.scale import Switches
 
 SWITCHES = Switches(negative_limit=-1.0, positive_limit=1.0, home=0.5, home_width=0.1)

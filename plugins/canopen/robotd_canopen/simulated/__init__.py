@@ -4,13 +4,13 @@ Nothing here knows the backend: dictionaries come from EDS files, SDO and EMCY f
 ``canopen`` library, everything else is CiA 301, 401 and 402 from the slave's side.
 """
 
+from robotd_canopen.simulated.device_nodes import DriveNode, IoNode
 from robotd_canopen.simulated.drive import Drive, DriveModel
-from robotd_canopen.simulated.faults import Faults
-from robotd_canopen.simulated.machine import Machine
-from robotd_canopen.simulated.modules import DriveNode, IoNode
+from robotd_canopen.simulated.motors import Motors
 from robotd_canopen.simulated.network import SimulatedNetwork
-from robotd_canopen.simulated.node import SimulatedNode
+from robotd_canopen.simulated.node_faults import Faults
 from robotd_canopen.simulated.scale import Scale, Switches
+from robotd_canopen.simulated.simulated_node import SimulatedNode
 
 __all__ = [
     "Drive",
@@ -18,7 +18,7 @@ __all__ = [
     "DriveNode",
     "Faults",
     "IoNode",
-    "Machine",
+    "Motors",
     "Scale",
     "SimulatedNetwork",
     "SimulatedNode",

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from robotd_canopen.simulated.faults import Faults
-from robotd_canopen.simulated.machine import Machine
-from robotd_canopen.simulated.motion import Mode, Motion
+from robotd_canopen.simulated.mode_motion import Mode, Motion
+from robotd_canopen.simulated.motors import Motors
+from robotd_canopen.simulated.node_faults import Faults
 from robotd_canopen.simulated.scale import NO_SWITCHES, Scale, Switches
-from robotd_canopen.simulated.words import TRANSITIONS, State, command, resets_fault
+from robotd_canopen.simulated.statusword import TRANSITIONS, State, command, resets_fault
 
 _STEP = 0x800  # from one axis of a drive to the next
 _REMOTE, _TARGET_REACHED, _LIMIT, _MODE_BIT, _ERROR_BIT = 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13
@@ -46,7 +46,7 @@ class Drive:
         self,
         model: DriveModel,
         values: dict[tuple[int, int], int],
-        machine: Machine,
+        machine: Motors,
         faults: Faults,
         emergency: Callable[[int, int], None],
     ) -> None:

@@ -16,9 +16,9 @@ import canopen
 
 from robotd.api import NANOSECONDS, request_realtime
 from robotd_canopen.frame import Frame
-from robotd_canopen.simulated.machine import Machine
-from robotd_canopen.simulated.modules import DriveNode
-from robotd_canopen.simulated.node import SimulatedNode
+from robotd_canopen.simulated.device_nodes import DriveNode
+from robotd_canopen.simulated.motors import Motors
+from robotd_canopen.simulated.simulated_node import SimulatedNode
 
 log = logging.getLogger(__name__)
 
@@ -49,14 +49,14 @@ class SimulatedNetwork(canopen.Network):
         self,
         bus: can.BusABC,
         nodes: Sequence[SimulatedNode],
-        machine: Machine | None = None,
+        machine: Motors | None = None,
         *,
         realtime_priority: int = 0,
     ) -> None:
         super().__init__(bus)
         self._bus = bus
         self.members: Mapping[int, SimulatedNode] = {node.number: node for node in nodes}
-        self._machine = machine or Machine([], time.monotonic_ns())
+        self._machine = machine or Motors([], time.monotonic_ns())
         self._calls: queue.SimpleQueue[Action] = queue.SimpleQueue()
         self._delayed: list[tuple[int, int, int, bytes]] = []
         self._count = 0

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robotd_canopen.simulated.drive import Drive, DriveModel
-from robotd_canopen.simulated.machine import Machine
-from robotd_canopen.simulated.node import OPERATIONAL, SimulatedNode
+from robotd_canopen.simulated.motors import Motors
+from robotd_canopen.simulated.simulated_node import OPERATIONAL, SimulatedNode
 
 _OUTPUTS, _INPUTS = 0x6200, 0x6000
 _MAX_BYTES = 8
@@ -21,7 +21,7 @@ class DriveNode(SimulatedNode):
         self,
         node_id: int,
         eds: Path,
-        machine: Machine,
+        machine: Motors,
         models: Sequence[DriveModel],
         identity: dict[int, int] | None = None,
     ) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
-from robotd_canopen.sync import SyncProducer
+from robotd_canopen.sync_producer import SyncProducer
 
 PERIOD_NS = 4_000_000
 START_NS = 10**12

@@ -6,7 +6,7 @@ _EARLY = 2  # half a period before the next line: an event that is its own
 _EASE = 256  # events in which the grid comes to events that are all late
 
 
-class Grid:
+class SyncTiming:
     """Lines one period apart, through the events that were least late.
 
     Events are late but never early. Counted by lines, the periods that pass are those of the clock:
@@ -24,7 +24,7 @@ class Grid:
         """A line is at ``now_ns``; 0: at the next event."""
         self.time_ns = now_ns
 
-    def pass_to(self, now_ns: int) -> int:
+    def note_event(self, now_ns: int) -> int:
         """An event at ``now_ns``: how many periods have passed since the one before, 1 at first."""
         elapsed_ns, period_ns = now_ns - self.time_ns, self.period_ns
         if not self.time_ns:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, SimulatedNode
-from robotd_canopen.simulated.node import STOPPED
+from robotd_canopen.simulated.simulated_node import STOPPED
 
 HELP = """\
 NODE silence              sends and hears nothing

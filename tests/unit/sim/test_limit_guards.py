@@ -4,7 +4,7 @@ import pytest
 from tests.unit.sim.harness import PROFILE, Harness, harness
 
 from robotd.api import Operation, OperationError, Profile
-from robotd_sim.guards import LimitType
+from robotd_sim.limit_guards import LimitType
 
 
 def homed(**options: float) -> Harness:

@@ -10,10 +10,10 @@ import numpy as np
 
 from robotd.api import FloatArray, WmxParameters
 from robotd_servo_model.world import World
+from robotd_sim.axis_states import AxisStates, Flags
 from robotd_sim.motion import Motion
 from robotd_sim.options import LimitSwitches
 from robotd_sim.power import Power
-from robotd_sim.state import AxisStates, Flags
 
 
 class LimitType(IntEnum):

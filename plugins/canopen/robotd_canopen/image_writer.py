@@ -11,7 +11,7 @@ from robotd_canopen.axis import Axis
 from robotd_canopen.feedback import TORQUE, VELOCITY, Feedback
 
 
-def fill(image: ProcessImage, axes: Sequence[Axis], feedback: Feedback) -> None:
+def fill_image(image: ProcessImage, axes: Sequence[Axis], feedback: Feedback) -> None:
     """Cycle: measured values of axes that answer, and the state of all; not ``fresh_ns``."""
     feedback.unwrap()
     for axis in axes:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from robotd_canopen.scaling import Scaling, wrapped
 
 
-class LeapFilter:
+class PositionPlausibility:
     """Keeps one axis' positions that cannot be out; the receive thread.
 
     What is measured becomes the command when the servo goes on or off: believed garbage would be
@@ -17,11 +17,11 @@ class LeapFilter:
     Args:
         scaling: of the axis; its ``velocity_limit`` says how far it can go.
         horizon_s: longest time between two positions that are both believed.
-        may_leap: the drive is new, or sets its position at this moment.
+        may_jump: the drive is new, or sets its position at this moment.
     """
 
-    def __init__(self, scaling: Scaling, horizon_s: float, may_leap: Callable[[], bool]) -> None:
-        self._scaling, self._horizon_s, self._may_leap = scaling, horizon_s, may_leap
+    def __init__(self, scaling: Scaling, horizon_s: float, may_jump: Callable[[], bool]) -> None:
+        self._scaling, self._horizon_s, self._may_leap = scaling, horizon_s, may_jump
         self._last = self._suspect = 0
 
     def check(self, count: int) -> None:

@@ -11,8 +11,8 @@ from functools import partial
 
 from robotd.api import RobotdError
 from robotd_canopen.bus import Bus
-from robotd_canopen.dictionary import empty_dictionary
 from robotd_canopen.nmt import NmtState, heartbeat_state
+from robotd_canopen.object_dictionary import empty_dictionary
 from robotd_canopen.options import BusOptions
 from robotd_canopen.sdo import Sdo
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from robotd.api import Profile, Segment, profile_to_position, profile_to_rest, profile_to_velocity
-from robotd_canopen.simulated.homing import METHODS, Phase, Search
-from robotd_canopen.simulated.machine import Machine
+from robotd_canopen.simulated.homing_search import METHODS, Phase, Search
+from robotd_canopen.simulated.motors import Motors
 from robotd_canopen.simulated.scale import Scale, Switches
 
 _SET_POINT, _IMMEDIATE, _RELATIVE, _HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
@@ -44,7 +44,7 @@ class Motion:
     """
 
     def __init__(
-        self, motor: int, scale: Scale, machine: Machine, get: Get, switches: Switches
+        self, motor: int, scale: Scale, machine: Motors, get: Get, switches: Switches
     ) -> None:
         self.mode = Mode.NONE
         self._switches = switches

@@ -11,7 +11,7 @@ from robotd_canopen.master import Master
 _SHOWN = 5  # latest emergencies
 
 
-def details(network: Master) -> Mapping[str, str]:
+def diagnostic_values(network: Master) -> Mapping[str, str]:
     """Loads, counters, SYNC, and the latest emergencies. Any thread."""
     bus, counters = network.bus, network.bus.counters
     silent = [

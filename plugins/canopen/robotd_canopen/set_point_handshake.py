@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
-from robotd_canopen.states import Control, Status
+from robotd_canopen.state_machine import Control, Status
 
 _LOW_SYNCS = 2  # frames with the bit low before it may rise again
 _LIMIT_S = 1.0

@@ -17,8 +17,8 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.objectdictionary.datatypes import INTEGER_TYPES, SIGNED_TYPES
 from canopen.sdo.exceptions import SdoAbortedError
 
-from robotd_canopen.simulated.faults import Faults
-from robotd_canopen.simulated.pdo import PdoSet
+from robotd_canopen.simulated.node_faults import Faults
+from robotd_canopen.simulated.simulated_pdo import PdoSet
 
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
 _COMMANDS = {1: OPERATIONAL, 2: STOPPED, 128: PRE_OPERATIONAL}

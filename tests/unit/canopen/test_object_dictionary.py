@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from robotd.api import DescriptorError
-from robotd_canopen.dictionary import MAX_BYTES, eds_path, read_eds
+from robotd_canopen.object_dictionary import MAX_BYTES, eds_path, read_eds
 
 GENERIC = eds_path(None, None, "generic_402.eds")
 

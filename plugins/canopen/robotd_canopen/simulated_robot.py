@@ -8,13 +8,13 @@ from collections import defaultdict
 import can
 
 from robotd.api import RobotDescriptor
-from robotd_canopen.dictionary import GENERIC_DRIVE, GENERIC_IO, eds_path
+from robotd_canopen.object_dictionary import GENERIC_DRIVE, GENERIC_IO, eds_path
 from robotd_canopen.options import AxisOptions, CanopenOptions, Identity
 from robotd_canopen.simulated import (
     DriveModel,
     DriveNode,
     IoNode,
-    Machine,
+    Motors,
     Scale,
     SimulatedNetwork,
     SimulatedNode,
@@ -27,7 +27,7 @@ _RATED_NM = 100.0  # where the descriptor has no rated torque
 def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> SimulatedNetwork:
     """All drives and modules of the section on a bus of their own, not started yet."""
     folder = robot.path.parent if robot.path is not None else None
-    machine = Machine([0.0] * len(options.axes), time.monotonic_ns())
+    machine = Motors([0.0] * len(options.axes), time.monotonic_ns())
     rated = {joint.axis: joint.rated_torque_nm for joint in robot.joints}
     by_node: dict[int, list[tuple[int, AxisOptions]]] = defaultdict(list)
     for motor, axis in enumerate(options.axes):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from robotd.api import NANOSECONDS
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
-from robotd_canopen.grid import Grid
 from robotd_canopen.nmt import NmtState
+from robotd_canopen.sync_timing import SyncTiming
 
 _SYNC, _HEARTBEAT = 0x080, 0x700
 
@@ -30,7 +30,7 @@ class SyncProducer:
         self.count = self.before_ns = self.jitter_ns = 0
         self.periods = 1
         self._bus = bus
-        self._grid = Grid(round(period_s * NANOSECONDS))
+        self._timing = SyncTiming(round(period_s * NANOSECONDS))
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
         self._heartbeat_due_ns = self._sent_ns = 0
         self._sync_frame = Frame(_SYNC, b"")
@@ -38,7 +38,7 @@ class SyncProducer:
 
     @property
     def time_ns(self) -> int:
-        return self._grid.time_ns
+        return self._timing.time_ns
 
     def begin(self) -> None:
         """Worker: communication starts; the pause before is no jitter."""
@@ -55,9 +55,9 @@ class SyncProducer:
 
     def _note(self, now_ns: int) -> None:
         if self._sent_ns:
-            deviation_ns = abs(now_ns - self._sent_ns - self._grid.period_ns)
+            deviation_ns = abs(now_ns - self._sent_ns - self._timing.period_ns)
             self.jitter_ns = max(self.jitter_ns, deviation_ns)
         self._sent_ns = now_ns
         self.count += 1
-        self.before_ns = self._grid.time_ns
-        self.periods = self._grid.pass_to(now_ns)
+        self.before_ns = self._timing.time_ns
+        self.periods = self._timing.note_event(now_ns)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotd.api import FloatArray
 from robotd_servo_model.world import FOREVER, World
-from robotd_sim.state import Flags
+from robotd_sim.axis_states import Flags
 
 
 class Stream:

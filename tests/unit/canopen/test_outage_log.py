@@ -10,7 +10,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from robotd_canopen.node import Node
-from robotd_canopen.outage import OutageLog, Return, causes
+from robotd_canopen.outage_log import OutageLog, Return, causes
 
 PERIOD_NS = 4_000_000
 Lines = list[MutableMapping[str, Any]]

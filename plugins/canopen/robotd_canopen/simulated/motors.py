@@ -14,7 +14,7 @@ from math import ceil, floor
 import numpy as np
 
 from robotd.api import NANOSECONDS, Segment
-from robotd_canopen.grid import Grid
+from robotd_canopen.sync_timing import SyncTiming
 from robotd_servo_model import FOREVER, Mechanics, Servo, World
 
 TICK_S = 0.001
@@ -37,7 +37,7 @@ class DriveClock:
         self.set(deadline_ns)
 
 
-class Machine:
+class Motors:
     """n motors in rad (or m); used by the thread of the simulated network alone.
 
     Attributes:
@@ -48,7 +48,7 @@ class Machine:
         axes = max(1, len(initial))
         self.servo = Servo(_mechanics(axes), TICK_S)
         self._clock = DriveClock(now_ns)
-        self._grid = Grid(round(TICK_S * NANOSECONDS), now_ns)
+        self._timing = SyncTiming(round(TICK_S * NANOSECONDS), now_ns)
         self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
         self._velocity, self._torque = self.servo.measure()
@@ -58,13 +58,13 @@ class Machine:
 
     def synchronise(self, now_ns: int, period_s: float) -> None:
         """A SYNC has come at ``now_ns``: a period has passed, more if some were lost, or none."""
-        self._grid.period_ns = round(period_s * NANOSECONDS)
-        self._advance(self._grid.pass_to(now_ns) * self._grid.period_ns)
+        self._timing.period_ns = round(period_s * NANOSECONDS)
+        self._advance(self._timing.note_event(now_ns) * self._timing.period_ns)
 
     def free_run(self, now_ns: int) -> None:
         """There is no SYNC: time goes on by itself."""
-        elapsed_ns = now_ns - self._grid.time_ns
-        self._grid.begin(now_ns)
+        elapsed_ns = now_ns - self._timing.time_ns
+        self._timing.begin(now_ns)
         self._advance(elapsed_ns)
 
     def position(self, axis: int) -> float:
