@@ -183,7 +183,8 @@ class Robot:
 
         Wheels are put into velocity mode before.
         """
-        results = each((*self.joint_axes, *self.wheel_axes), self._enable)
+        with self.connection.step.running("switching the servos on"):
+            results = each((*self.joint_axes, *self.wheel_axes), self._enable)
         failures = {
             f"{self.descriptor.name} → {self.axes.names[axis]}": reason_of(error)
             for axis, error in results.items()

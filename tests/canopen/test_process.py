@@ -99,7 +99,7 @@ def test_loss_and_return_are_one_log_line_each(drives: DrivesProcess, tmp_path: 
         harness.robot.connection.start_communication()
     found = [line for line in lines if line["log_level"] in ("warning", "error")]
     lost, returned = found
-    assert lost["event"] == "nodes lost, all axes stop"
+    assert lost["event"] == "device lost"
     assert lost["reason"].startswith("joint1 (node 1): TPDO")
     assert "start communication" in returned["event"]
     assert returned["nodes"].endswith("joint6 (node 6), I/O module (node 16)")

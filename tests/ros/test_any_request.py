@@ -54,6 +54,7 @@ SERVICES = {
     "ecat/reset_statistics": EcatResetStatistics,
     "ecat/start_hotconnect": EcatStartHotconnect,
     "engine/get_status": Trigger,
+    "engine/get_fault": Trigger,
     "engine/scan_network": Trigger,
     "engine/set_device": SetEngine,
     "engine/set_comm": SetBool,

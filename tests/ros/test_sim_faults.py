@@ -153,10 +153,10 @@ CASES = [
     ),
     Case(
         "communication_drop",
-        says="engine is Running",
+        says="engine state Running",
         sees=lambda robot: robot.connection == "Running",
     ),
-    Case("engine_stopped", says="engine is Idle", sees=lambda robot: robot.connection == "Idle"),
+    Case("engine_stopped", says="engine state Idle", sees=lambda robot: robot.connection == "Idle"),
 ]
 
 

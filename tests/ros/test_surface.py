@@ -34,6 +34,7 @@ SERVICES = {
     "/wmx/engine/set_device": "wmx_ros2_message/srv/SetEngine",
     "/wmx/engine/set_comm": "std_srvs/srv/SetBool",
     "/wmx/engine/get_status": "std_srvs/srv/Trigger",
+    "/wmx/engine/get_fault": "std_srvs/srv/Trigger",
     "/wmx/engine/scan_network": "std_srvs/srv/Trigger",
     "/wmx/axis/set_on": "wmx_ros2_message/srv/SetAxis",
     "/wmx/axis/clear_alarm": "wmx_ros2_message/srv/SetAxis",

@@ -32,6 +32,10 @@ def status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> ExitC
     else:
         ready = "ready" if report.ready else warning("not ready")
         click.echo(field("engine", [f"{report.state}, {ready}"]))
+        if report.reason:
+            click.echo(field("reason", [report.reason]))
+        if report.remedy:
+            click.echo(field("remedy", report.remedy.split(", then ")))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
     return ExitCode.OK if report.ready else ExitCode.FAILED
@@ -67,6 +71,7 @@ def move(
     radians = {joint: math.radians(value) if deg else value for joint, value in targets.items()}
     with _robot(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
+        import_ros("client.status_client").require_ready(client)
         arm = motion.find_arm(client, action)
         progress = Progress(tuple(targets), time_s, degrees=deg)
         with Interrupt() as interrupt:

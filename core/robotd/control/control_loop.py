@@ -87,6 +87,7 @@ class ControlLoop:
         self._tasks: list[_Periodic] = []
         self._read_failure: str | None = None
         self._lost: tuple[object, str] | None = None  # why nothing can be commanded, and in words
+        self._lost_ns = 0  # since when the device is lost, 0 while it is not
         self._failing = False
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -191,15 +192,17 @@ class ControlLoop:
     def _live(self, time_ns: int) -> None:
         state = self._connection.update_ready()
         if state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
-            self._lose(state, f"engine is {state.value}")
+            self._lose(state, f"communication has ended (engine state {state.value})")
             if self._communicating_since_ns:
                 self._communicating_since_ns = 0
                 self._connection.set_stale(False)
                 self._image.forget()
+            self._report_loss(time_ns)
             return
         self._read(time_ns)
         if self._is_fresh(time_ns):
             self._mixer.advance(time_ns, self._image)
+        self._report_loss(time_ns)
         self._run_tasks(time_ns, first=False)
 
     def _run(self) -> None:
@@ -236,10 +239,11 @@ class ControlLoop:
             image.stamp_ns = time_ns
             self._read_failure = None
         except Exception as error:
-            if self._read_failure is None:
+            expected = isinstance(error, RobotdError)
+            if self._read_failure is None and not expected:
                 log.error("reading the process image failed", reason=str(error))
                 log.debug("traceback of the failed read", exc_info=error)
-            self._read_failure = f"{type(error).__name__}: {error}"
+            self._read_failure = str(error) if expected else f"{type(error).__name__}: {error}"
         finally:
             image.end_write()
 
@@ -249,19 +253,34 @@ class ControlLoop:
             self._communicating_since_ns = time_ns
         age_ns = time_ns - max(self._image.fresh_ns, self._communicating_since_ns)
         stale = age_ns > self._stale_after_ns
-        self._connection.set_stale(stale)
         if stale:
-            old = f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
-            self._lose(self._read_failure, self._read_failure or old)
+            reason = self._read_failure or f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
+            self._connection.set_stale(True, reason)
+            self._lose(self._read_failure, reason)
         else:
+            self._connection.set_stale(False)
             self._lost = None
         return not stale
 
     def _lose(self, why: object, reason: str) -> None:
         """Nothing can be commanded. The device is asked for its reason once for each ``why``."""
         if self._lost is None or self._lost[0] != why:
-            self._lost = why, ": ".join(filter(None, (reason, self._connection.fault)))
+            fault = self._connection.fault
+            self._lost = why, reason if fault in reason else f"{reason}: {fault}"
         self._mixer.device_lost(self._lost[1])
+
+    def _report_loss(self, time_ns: int) -> None:
+        """One log line when the device is lost, whoever noticed it, and one when it is back."""
+        if self._connection.ready:
+            if self._lost_ns:
+                lost_s = (time_ns - self._lost_ns) / NANOSECONDS
+                on = int(self._image.servo_on.sum())
+                log.info("device is back", after_s=round(lost_s, 1), servos_on=on)
+            self._lost_ns = 0
+        elif self._connection.established and not self._lost_ns:
+            self._lost_ns = time_ns
+            reason = self._lost[1] if self._lost else self._connection.fault
+            log.error("device lost", reason=reason)
 
     def _run_tasks(self, time_ns: int, *, first: bool) -> None:
         slack_ns = self.period_ns // 2

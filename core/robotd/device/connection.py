@@ -9,6 +9,7 @@ from pathlib import Path
 from robotd.descriptor import EngineSettings
 from robotd.descriptor.files import is_file
 from robotd.device.drivers import DeviceDriver
+from robotd.device.startup_step import StartupStep
 from robotd.device.state import ConnectionState
 from robotd.errors import (
     ConnectError,
@@ -37,6 +38,7 @@ class Connection:
 
     Attributes:
         before_stop: called before communication is stopped on purpose: brings motion to rest.
+        step: the step that a start-up is in.
         scaling_lock: held while the scale of axes may change, and while a servo is switched on.
 
     Args:
@@ -65,7 +67,9 @@ class Connection:
         self._lock = threading.RLock()
         self._ending = threading.Event()
         self._closed = False
+        self.step = StartupStep()
         self._stale = False
+        self._stale_reason = ""
         self._hang = ""
         self._start_failure = ""
         self._prepared = False  # communication was started here, and the parameters are in force
@@ -110,20 +114,30 @@ class Connection:
         """Why axes cannot be commanded, for whoever tried while ``commandable`` is False."""
         if self._ending.is_set():
             return ENDING
-        text, fault = f"engine is not ready (state {self.state.value})", self.fault
-        return f"{text}: {fault}" if fault else text
+        text = f"engine is not ready (state {self.state.value})"
+        return f"{text}: {self.reason}" if self.reason else text
+
+    @property
+    def reason(self) -> str:
+        """Why the device is not ready: what its start-up is doing, or the fault; may be ""."""
+        return self.fault if self._prepared else self.step.text or self.fault
+
+    @property
+    def established(self) -> bool:
+        """True from the end of ``start_communication`` until it is stopped on purpose.
+
+        While it is, a device that is not ready has been lost.
+        """
+        return self._prepared
 
     @property
     def fault(self) -> str:
         """Why the device does not communicate, in words; "" if it does, or cannot say."""
         if self._hang:
             return self._hang
-        try:
-            if self.state is ConnectionState.COMMUNICATING:
-                return "" if self._prepared or self._ready else self._unprepared()
-            return self._driver.fault()
-        except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
-            return f"{type(error).__name__}: {error}"
+        if self.state is ConnectionState.COMMUNICATING:
+            return "" if self._prepared or self._ready else self._unprepared()
+        return self._driver_fault() or self._undone_start() or self._stale_reason
 
     def require_ready(self) -> None:
         """Raise NotReady, with the reason, unless axes can be commanded."""
@@ -149,7 +163,8 @@ class Connection:
         tries = self.settings.open_tries
         for attempt in range(1, tries + 1):
             try:
-                self.open()
+                with self.step.running(f"opening the device, try {attempt} of {tries}"):
+                    self.open()
                 break
             except ConnectError as error:
                 log.warning("open failed", attempt=attempt, of=tries, reason=str(error))
@@ -157,7 +172,9 @@ class Connection:
                     raise
             if self._ending.wait(self.settings.open_retry_s):
                 return
-        log.info("fieldbus scanned", network=self.scan_network())
+        with self.step.running("scanning the fieldbus"):
+            network = self.scan_network()
+        log.info("fieldbus scanned", network=network)
         if not self._ending.is_set():
             self.start_communication()
 
@@ -169,7 +186,12 @@ class Connection:
                 if path:
                     raise NotReady(f"device is open already; close it before opening {path!r}")
                 return
-            self._driver.open(path, name)
+            try:
+                self._driver.open(path, name)
+            except Exception as error:
+                self._start_failure = str(error)
+                raise
+            self._start_failure = ""
             self._parameters_loaded = False
             log.info("device open", backend=self._backend)
 
@@ -217,7 +239,7 @@ class Connection:
                     self._end_communication()
                     log.info("communication stopped")
             finally:
-                self._prepared = False
+                self._prepared, self._start_failure = False, ""
                 self.update_ready()
 
     def scan_network(self) -> str:
@@ -264,9 +286,9 @@ class Connection:
                 self._closed = True
                 self.update_ready()
 
-    def set_stale(self, stale: bool) -> None:
-        """Cycle thread: the device's values are (no longer) too old to be trusted."""
-        self._hang = ""
+    def set_stale(self, stale: bool, reason: str = "") -> None:
+        """Cycle thread: the device's values are (no longer) too old to be trusted, and why."""
+        self._hang, self._stale_reason = "", reason
         if stale is not self._stale:
             self._stale = stale
             self.update_ready()
@@ -308,7 +330,8 @@ class Connection:
         self._prepared = False
         try:
             if before is not ConnectionState.COMMUNICATING:
-                self._driver.start_communication(self.settings.communication_timeout_s)
+                with self.step.running("starting communication"):
+                    self._driver.start_communication(self.settings.communication_timeout_s)
             self.require_alive()
             self._apply_parameters_file()
         except Exception:
@@ -331,6 +354,15 @@ class Connection:
             self._prepared = False
             self._driver.stop_communication(self.settings.communication_timeout_s)
 
+    def _driver_fault(self) -> str:
+        try:
+            return self._driver.fault()
+        except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
+            return f"{type(error).__name__}: {error}"
+
+    def _undone_start(self) -> str:
+        return f"the last start failed: {self._start_failure}" if self._start_failure else ""
+
     def _unprepared(self) -> str:
         """Why a device that communicates is not ready."""
         if self._start_failure:
@@ -345,7 +377,8 @@ class Connection:
     def _apply_parameters_file(self) -> None:
         if self.parameters_file is None or self._parameters_loaded or not self._has_parameters:
             return
-        self._load_parameters(self.parameters_file)
+        with self.step.running("loading parameters"):
+            self._load_parameters(self.parameters_file)
         self._parameters_loaded = True
 
     def _load_parameters(self, path: Path) -> str:

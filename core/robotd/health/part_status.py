@@ -34,18 +34,28 @@ class Status:
     values: dict[str, str] = field(default_factory=dict)
 
 
-def engine_status(state: ConnectionState, backend: str, fault: str = "", *, ready: bool) -> Status:
-    """OK while axes can be commanded, ERROR when what is known is too old, else WARN."""
+def engine_status(
+    state: ConnectionState, backend: str, fault: str = "", step: str = "", *, ready: bool
+) -> Status:
+    """OK while axes can be commanded, ERROR for a device that is lost or failed, else WARN.
+
+    Args:
+        fault: why the device is not ready; "" where it was not started, or stopped on purpose.
+        step: what a start-up is doing; it goes before the fault.
+    """
     values = {"state": state.value, "ready": _yes_no(ready), "backend": backend}
-    if state is ConnectionState.UNKNOWN:
-        level, text = Level.ERROR, "the device gives no fresh values"
-    elif ready and fault:
+    if ready and fault:
         return Status("engine", Level.ERROR, fault, values)
-    elif ready:
+    if ready:
         return Status("engine", Level.OK, state.value, values)
-    else:
-        level, text = Level.WARN, f"{state.value}: axes cannot be commanded"
-    return Status("engine", level, f"{text}: {fault}" if fault else text, values)
+    if step:
+        return Status("engine", Level.WARN, f"{state.value}: {step}", values)
+    text = f"{state.value}: axes cannot be commanded"
+    if state is ConnectionState.UNKNOWN:
+        text = "the device gives no fresh values"
+    lost = bool(fault) or state is ConnectionState.UNKNOWN
+    message = f"{text}: {fault}" if fault else text
+    return Status("engine", Level.ERROR if lost else Level.WARN, message, values)
 
 
 def axis_status(
@@ -137,7 +147,8 @@ def gripper_status(state: ConnectionState, *, closed: bool) -> Status:
 
 def unknown_status(part: str, state: ConnectionState) -> Status:
     """STALE, because the engine does not communicate."""
-    return Status(part, Level.STALE, f"not known: engine is {state.value}")
+    text = f"not known: the device does not communicate (engine state {state.value})"
+    return Status(part, Level.STALE, text)
 
 
 def _node_fault(node: BusNode) -> str:

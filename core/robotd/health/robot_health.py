@@ -47,7 +47,8 @@ class Health:
         connection = robot.connection
         image = robot.image.copy()
         fault = image.controller_fault or connection.fault
-        found = [engine_status(state, robot.backend.name, fault, ready=connection.ready)]
+        step, ready = "" if connection.established else connection.step.text, connection.ready
+        found = [engine_status(state, robot.backend.name, fault, step, ready=ready)]
         used = {*robot.joint_axes, *robot.wheel_axes}
         for axis, name in enumerate(robot.axes.names):
             found.append(axis_status(name, axis, image, state, used=axis in used))
@@ -60,7 +61,8 @@ class Health:
     def _fieldbus(self, master: int, state: ConnectionState, now_ns: int) -> Status:
         part = "fieldbus" if len(self._lost) == 1 else f"fieldbus {master}"
         if state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
-            return unknown_status(part, state)
+            fault = self._robot.connection.fault
+            return Status(part, Level.ERROR, fault) if fault else unknown_status(part, state)
         try:
             network = self._robot.fieldbus.status(master)
         except RobotdError as error:

@@ -1,4 +1,4 @@
-"""Log of lost nodes: one line for a loss, one line for the return."""
+"""Log of nodes that are lost, and one line for those that return without configuration."""
 
 from __future__ import annotations
 
@@ -35,19 +35,12 @@ class OutageLog:
         self._returned: dict[Return, dict[int, Node]] = {how: {} for how in Return}
         self._quiet_ns = 0
 
-    def lost(self, nodes: list[Node], *, reported: bool) -> None:
-        """Report nodes lost in one period.
-
-        Args:
-            nodes: the nodes, with their cause.
-            reported: the log has the cause already: the bus is lost, or every drive was lost
-                before and this is an I/O module whose heartbeat times out later.
-        """
+    def lost(self, nodes: list[Node]) -> None:
+        """Note nodes lost in one period, with their causes; the core reports a lost device."""
         for returned in self._returned.values():
             for node in nodes:
                 returned.pop(node.id, None)
-        write = log.debug if reported else log.error
-        write("nodes lost, all axes stop", reason=causes(nodes))
+        log.debug("nodes lost, all axes stop", reason=causes(nodes))
 
     def came_back(self, node: Node, how: Return) -> None:
         """Note the return of a node; reported with those that follow soon."""
@@ -66,7 +59,7 @@ class OutageLog:
             return
         for how, nodes in self._returned.items():
             if nodes:
-                write = log.info if how is Return.RESUMED else log.warning
+                write = log.debug if how is Return.RESUMED else log.warning
                 write(how.value, nodes=", ".join(node.name for node in nodes.values()))
                 nodes.clear()
 

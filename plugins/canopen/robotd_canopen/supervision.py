@@ -63,10 +63,9 @@ class Supervision:
 
     def watch(self, period_ns: int) -> None:
         """One period, ``period_ns`` after the one before, however long the computer paused."""
-        all_were_lost = bool(self._axes) and not any(axis.node.online for axis in self._axes)
         lost = self._lose_silent(period_ns)
         if lost:
-            self._outage.lost(lost, reported=all_were_lost or self._bus.fault is not None)
+            self._outage.lost(lost)
         self._outage.advance(period_ns, complete=not self.silent)
 
     def stop(self, reason: str) -> None:

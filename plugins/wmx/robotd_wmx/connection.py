@@ -153,7 +153,7 @@ class Connection:
 
     def _lose(self, state: ConnectionState, reason: str) -> None:
         self._lost, self._lost_because = state, reason
-        log.error(reason)
+        log.debug("engine lost", reason=reason)  # the core reports the loss of a device
 
     def _create(self, path: str, name: str) -> Device:
         for last in self._attempts():

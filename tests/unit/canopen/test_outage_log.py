@@ -31,22 +31,24 @@ def returns(lines: Lines) -> list[tuple[str, str]]:
     return [(line["log_level"], line["nodes"]) for line in lines]
 
 
-def test_nodes_lost_together_are_one_line() -> None:
-    with capture_logs() as lines:
-        OutageLog().lost(nodes(5), reported=False)
-    assert [line["log_level"] for line in lines] == ["error"]
-    assert lines[0]["reason"] == "node1: silent; node2: silent; node3: silent; and 2 more nodes"
+def test_causes_of_nodes_lost_together_are_one_text() -> None:
+    assert causes(nodes(5)) == "node1: silent; node2: silent; node3: silent; and 2 more nodes"
     assert causes(nodes(1)) == "node1: silent"
 
 
-def test_the_rest_of_a_reported_loss_is_for_debugging() -> None:
+def test_a_loss_is_left_to_the_core_to_report() -> None:
     with capture_logs() as lines:
-        OutageLog().lost(nodes(1), reported=True)
+        OutageLog().lost(nodes(1))
     assert visible(lines) == []
 
 
-@pytest.mark.parametrize(("how", "level"), [(Return.RESET, "warning"), (Return.RESUMED, "info")])
-def test_nodes_that_return_one_after_the_other_are_one_line(how: Return, level: str) -> None:
+@pytest.mark.parametrize(
+    ("how", "expected"),
+    [(Return.RESET, [("warning", "node1, node2, node3")]), (Return.RESUMED, [])],
+)
+def test_nodes_that_return_without_configuration_are_one_line(
+    how: Return, expected: list[tuple[str, str]]
+) -> None:
     outage = OutageLog()
     with capture_logs() as lines:
         for node in nodes(3):
@@ -55,7 +57,7 @@ def test_nodes_that_return_one_after_the_other_are_one_line(how: Return, level: 
         assert lines == []
         for _ in range(200):
             outage.advance(PERIOD_NS, complete=False)
-    assert returns(lines) == [(level, "node1, node2, node3")]
+    assert returns(visible(lines)) == expected
 
 
 def test_the_last_return_is_reported_at_once() -> None:
@@ -71,7 +73,7 @@ def test_a_node_lost_again_has_not_returned() -> None:
     outage = OutageLog()
     with capture_logs() as lines:
         for node in nodes(2):
-            outage.came_back(node, Return.RESUMED)
-        outage.lost(nodes(1), reported=True)
+            outage.came_back(node, Return.RESET)
+        outage.lost(nodes(1))
         outage.advance(PERIOD_NS, complete=True)
-    assert returns(visible(lines)) == [("info", "node2")]
+    assert returns(visible(lines)) == [("warning", "node2")]

@@ -17,6 +17,7 @@ from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
+from robotd.errors import OperationError
 from robotd.testing.fakes import FakeAxes, FakeDevice
 
 PERIOD_NS = 2_000_000
@@ -184,7 +185,7 @@ def test_a_listener_that_raises_stops_neither_the_others_nor_the_cycle(harness: 
     with capture_logs() as logs:
         harness.run(3)
     assert heard == [True, False]
-    assert [line["event"] for line in logs] == ["a listener of the engine failed"]
+    assert [line["event"] for line in logs] == ["a listener of the engine failed", "device lost"]
 
 
 def test_who_gives_way_waits_for_a_period_that_is_due(
@@ -260,3 +261,44 @@ def test_starting_twice_makes_one_thread_and_stopping_twice_is_fine(threaded: Ha
 
 def test_stopping_what_never_started_is_fine(harness: Harness) -> None:
     harness.control_loop.stop()
+
+
+def test_loss_and_return_are_one_line_each_with_the_cause(harness: Harness) -> None:
+    harness.run(2)
+    harness.device.fault = lambda: "joint2 (node 2): no heartbeat"  # type: ignore[method-assign]
+    with capture_logs() as logs:
+        harness.device.current = ConnectionState.UNKNOWN
+        harness.run(300)
+        harness.device.current = ConnectionState.COMMUNICATING
+        harness.run(20)
+    lost, back = logs
+    assert (lost["log_level"], lost["event"]) == ("error", "device lost")
+    assert lost["reason"] == "joint2 (node 2): no heartbeat"
+    assert (back["log_level"], back["event"]) == ("info", "device is back")
+    assert back["after_s"] == pytest.approx(0.6, abs=0.1)
+
+
+def test_a_device_whose_values_cannot_be_read_is_lost_without_a_traceback(
+    harness: Harness,
+) -> None:
+    harness.run(2)
+
+    def closed(image: ProcessImage) -> None:
+        raise OperationError("the feedback port is closed")
+
+    harness.driver.read = closed  # type: ignore[method-assign]
+    with capture_logs() as logs:
+        harness.run(300)
+    [lost] = logs
+    assert (lost["event"], lost["reason"]) == ("device lost", "the feedback port is closed")
+    assert "the feedback port is closed" in harness.connection.rejection
+
+
+def test_a_stop_on_purpose_is_no_loss(harness: Harness) -> None:
+    harness.run(2)
+    with capture_logs() as logs:
+        harness.connection.stop_communication()
+        harness.run(20)
+        harness.connection.start_communication()
+        harness.run(20)
+    assert not [line for line in logs if line["event"] in ("device lost", "device is back")]

@@ -203,7 +203,7 @@ def test_a_lost_communication_ends_what_runs_and_what_waits(harness: Harness) ->
             harness.faults.drop_communication()
             harness.run(PERIOD_S)
             for execution in (first, waiting):
-                assert_fault(execution, "engine is Running")
+                assert_fault(execution, "communication has ended (engine state Running)")
     assert not harness.connection.ready
     assert np.isnan(harness.image.position).all()
     assert harness.image.offline.all()
@@ -225,7 +225,9 @@ def test_the_device_adds_why_it_communicates_no_more(harness: Harness) -> None:
         harness.run(0.2)
         harness.faults.drop_communication()
         harness.run(0.1)
-    assert_fault(execution, "engine is Running: somebody pulled the plug")
+    assert_fault(
+        execution, "communication has ended (engine state Running): somebody pulled the plug"
+    )
     assert len(asked) == 1, "the device is not asked again in every period"
 
 

@@ -12,6 +12,7 @@ from structlog.testing import capture_logs
 
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
+from robotd.device.startup_step import StartupStep
 from robotd.device.state import ConnectionState
 from robotd.errors import (
     ConnectError,
@@ -337,3 +338,47 @@ def test_parameters_wait_for_a_servo_that_is_being_switched_on(
         assert loading.is_alive()
     loading.join(5.0)
     assert names(device)[-1] == "load_parameters"
+
+
+def test_a_slow_step_of_the_start_up_is_told_while_it_lasts() -> None:
+    step = StartupStep(report_interval_s=0.02)
+    told = threading.Event()
+    with capture_logs() as lines, step.running("starting communication"):
+        assert step.text == "starting communication for 0 s"
+        with step.running("loading parameters"):
+            assert step.text.startswith("loading parameters")
+        assert step.text.startswith("starting communication")
+        for _ in range(500):
+            if lines or told.wait(0.01):
+                break
+    assert step.text == ""
+    assert lines[0]["event"] == "start-up takes long"
+    assert lines[0]["step"] == "starting communication"
+
+
+def test_a_device_that_is_starting_says_so_to_who_commands_it(device: FakeDevice) -> None:
+    engine = make(device)
+    heard: list[str] = []
+    start = device.start_communication
+
+    def noted(timeout_s: float) -> None:
+        heard.append(engine.rejection)
+        start(timeout_s)
+
+    device.start_communication = noted  # type: ignore[method-assign]
+    engine.start()
+    assert heard == ["engine is not ready (state Running): starting communication for 0 s"]
+
+
+def test_the_failure_of_the_last_start_is_the_reason_until_it_is_stopped(
+    device: FakeDevice,
+) -> None:
+    engine = make(device)
+    device.failures["start_communication"] = OperationError("no link")
+    with pytest.raises(OperationError):
+        engine.start()
+    assert engine.rejection.endswith("(state Running): the last start failed: no link")
+    del device.failures["start_communication"]
+    engine.start_communication()
+    engine.stop_communication()
+    assert engine.rejection == "engine is not ready (state Running)"

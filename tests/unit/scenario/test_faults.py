@@ -65,7 +65,13 @@ CASES: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {
     ),
     "communication_drop": (
         {"at_s": 0.5, "communication_drop": {}},
-        [failed("engine is Running"), check(engine="Running"), {"engine": "on"}, SERVOS_ON, BACK],
+        [
+            failed("engine state Running"),
+            check(engine="Running"),
+            {"engine": "on"},
+            SERVOS_ON,
+            BACK,
+        ],
     ),
     "engine_stopped": (
         {"at_s": 0.5, "engine_stopped": {}},

@@ -12,10 +12,12 @@ from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
+from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.client.ros_client import LATCHED, RosClient
 
 GRIPPER = "wmx/set_gripper"
 AXIS_STATE = "wmx/axis/state"
+FAULT = "wmx/engine/get_fault"
 DISCOVERY_S = 1.0
 
 
@@ -47,12 +49,16 @@ class RobotReport:
 
     Attributes:
         state: the engine's, in the words of ``get_status``.
+        reason: why axes cannot be commanded; "" while they can.
+        remedy: the commands that help, "" where none is needed or known.
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
     """
 
     state: str
     ready: bool
+    reason: str
+    remedy: str
     axes: tuple[AxisReport, ...] | None
 
 
@@ -64,11 +70,30 @@ def read_report(client: RosClient) -> RobotReport:
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
+        reason, remedy = ("", "") if is_ready else _fault(client)
         # One node of a robot may be heard of before the other.
         published = is_ready and wait_until(
             lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
         )
-        return RobotReport(state, is_ready, axis_reports(axes.wait()) if published else None)
+        reports = axis_reports(axes.wait()) if published else None
+        return RobotReport(state, is_ready, reason, remedy, reports)
+
+
+def require_ready(client: RosClient) -> None:
+    """Raise OperationError, with the robot's reason and what helps, unless axes take commands.
+
+    A robot that runs without ``wmx_engine_node`` cannot be asked: no effect.
+    """
+    service = client.node.create_client(Trigger, FAULT)
+    try:
+        client.wait(service.service_is_ready, FAULT, DISCOVERY_S)
+    except DeviceTimeout:
+        return
+    finally:
+        client.node.destroy_client(service)
+    reason, remedy = _fault(client)
+    if reason:
+        raise OperationError(f"{reason}; to bring it back: {remedy}" if remedy else reason)
 
 
 def set_gripper(client: RosClient, closed: bool) -> str:
@@ -82,6 +107,7 @@ def set_servos(client: RosClient, axes: Sequence[int], on: bool) -> str:
     Returns what the robot answers for each axis. Raises DeviceTimeout without an answer,
     OperationError when one axis refuses.
     """
+    require_ready(client)
     index = list(axes) or _all_axes(client)
     if on:
         client.call(SetAxis, "wmx/axis/clear_alarm", index=index, data=[0] * len(index))
@@ -106,6 +132,12 @@ def axis_reports(message: AxisState) -> tuple[AxisReport, ...]:
         strict=True,
     )
     return tuple(AxisReport(axis, *values) for axis, values in enumerate(columns))
+
+
+def _fault(client: RosClient) -> tuple[str, str]:
+    """Why axes cannot be commanded, and what helps; each may be empty."""
+    reason, _, remedy = client.call(Trigger, FAULT).message.partition("\n")
+    return reason, remedy
 
 
 def _all_axes(client: RosClient) -> list[int]:

@@ -1,0 +1,114 @@
+"""A device that is lost and comes back: what the log, the commands and the diagnostics say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+from tests.canopen.drives_process import DrivesProcess, write_robot
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.test_client_commands import robotd
+
+pytestmark = pytest.mark.ros
+
+
+def lines_with(process: RobotProcess, text: str) -> list[str]:
+    return [line for line in process.output.splitlines() if text in line]
+
+
+def engine_diagnostics(client: Client) -> tuple[bytes, str]:
+    messages = client.listen(DiagnosticArray, "/diagnostics")
+    message = client.next(messages)
+    found = next(each for each in message.status if each.name.endswith(": engine"))
+    return found.level, found.message
+
+
+def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
+    with (
+        DrivesProcess() as drives,
+        RobotProcess(robot=str(write_robot(tmp_path)), backend="canopen") as process,
+    ):
+        process.wait_ready()
+        client = Client(process.domain)
+        try:
+            ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
+            wait_until(lambda: ready and ready[-1].data, "ready")
+            drives.stop()
+            wait_until(lambda: not ready[-1].data, "not ready")
+            wait_until(lambda: lines_with(process, "device lost"), "the line of the log")
+            check_lost(process, client, "joint1 (node 1)")
+            drives.start()
+            wait_until(lambda: lines_with(process, "were reset and answer again"), "the return")
+            status, output, _ = robotd(process.domain, "status")
+            assert status == 1
+            assert "start communication" in output
+            answer = client.call(SetBool, "/wmx/engine/set_comm", data=True)
+            assert answer.message == "Communicating"
+            wait_until(lambda: ready[-1].data, "ready again")
+            assert robotd(process.domain, "servo", "on")[0] == 0
+            report = json.loads(robotd(process.domain, "status", "--json")[1])
+            assert (report["ready"], report["reason"], report["remedy"]) == (True, "", "")
+            assert len(lines_with(process, "device lost")) == 1
+            assert len(lines_with(process, "device is back")) == 1
+        finally:
+            client.close()
+        assert process.end() == 0
+        assert "Traceback" not in process.output
+
+
+def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
+    """The cause is in the log line, the status, every command's answer and the diagnostics."""
+    [line] = lines_with(process, "device lost")
+    assert cause in line
+    status, output, error = robotd(process.domain, "status")
+    assert (status, error) == (1, "")
+    assert cause in output
+    assert "set_comm" in output
+    report = json.loads(robotd(process.domain, "status", "--json")[1])
+    assert (report["state"], report["ready"], report["axes"]) == ("Unknown", False, None)
+    assert cause in report["reason"]
+    assert report["remedy"].endswith("robotd servo on")
+    for command in (["servo", "on"], ["servo", "on", "2"], ["move", "joint1=0.1"]):
+        status, _, error = robotd(process.domain, *command)
+        assert status == 1
+        assert cause in error
+        assert "is robotd running?" not in error
+    level, message = engine_diagnostics(client)
+    assert level == DiagnosticStatus.ERROR
+    assert cause in message
+
+
+def test_a_slow_start_says_what_it_is_doing(tmp_path: Path) -> None:
+    robot = tmp_path / "slow.yaml"
+    cr3a = Path(__file__).parents[2] / "robots" / "cr3a" / "robot.yaml"
+    options = "{sim: {communication_delay_s: 7.0}}"
+    robot.write_text(f"schema: 1\nname: slow\nextends: {cr3a}\nbackends: {options}\n")
+    with RobotProcess(robot=str(robot), backend="sim") as process:
+        process.wait_output("fieldbus scanned")
+        client = Client(process.domain)
+        try:
+            check_starting(process, client)
+            process.wait_output("start-up takes long")
+        finally:
+            client.close()
+        [line] = lines_with(process, "start-up takes long")
+        assert "starting communication" in line
+        assert "for_s=5" in line
+        process.wait_ready()
+        assert json.loads(robotd(process.domain, "status", "--json")[1])["ready"]
+
+
+def check_starting(process: RobotProcess, client: Client) -> None:
+    level, message = engine_diagnostics(client)
+    assert level == DiagnosticStatus.WARN
+    assert message.startswith("Running: starting communication for ")
+    answer: Any = client.call(Trigger, "/wmx/engine/get_fault")
+    assert "engine is not ready (state Running): starting communication for" in answer.message
+    status, output, _ = robotd(process.domain, "status")
+    assert status == 1
+    assert "starting communication for" in output
