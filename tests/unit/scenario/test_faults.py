@@ -75,7 +75,7 @@ CASES: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {
     ),
     "engine_stopped": (
         {"at_s": 0.5, "engine_stopped": {}},
-        [failed("engine is Idle"), check(engine="Idle"), {"engine": "on"}, SERVOS_ON, BACK],
+        [failed("engine state Idle"), check(engine="Idle"), {"engine": "on"}, SERVOS_ON, BACK],
     ),
 }
 
