@@ -76,7 +76,7 @@ def test_an_unknown_backend_names_the_installed_ones_and_the_nearest(install: In
     text = rejection("canopn")
     assert "unknown backend 'canopn'" in text
     assert re.search(r"available: .*canopen.*sim", text)
-    assert text.endswith("did you mean 'canopen'?")
+    assert "did you mean 'canopen'?" in text
 
 
 def test_two_distributions_with_one_name_are_both_named(install: Install) -> None:
