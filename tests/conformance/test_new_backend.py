@@ -66,7 +66,7 @@ def test_a_generated_package_passes_at_once(installed: Path, tmp_path: Path) -> 
         *robotd, "backends", "--check", NAME, cwd=tmp_path
     )
     checked = run(*robotd, "check", "--robot", "standalone", "--backend", NAME, cwd=tmp_path)
-    assert "all is well" in checked
+    assert "all checks passed" in checked
     junit = tmp_path / "results.xml"
     report = run(*robotd, "conform", "--backend", NAME, "--junit", junit, cwd=tmp_path)
     assert "verdict: passed" in report

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from robotd.cli.commands import main
+from robotd.cli.commands.run import run
 from robotd.descriptor import load_robot_descriptor
 
 AMENT = Path(__file__).parents[2] / "ament"
@@ -121,7 +121,7 @@ def test_every_argument_is_used_and_every_used_one_declared(launch_file: LaunchF
 
 def test_it_starts_what_its_name_says(launch_file: LaunchFile) -> None:
     robot, variant, nodes = STARTED[name_of(launch_file.path)]
-    options = main.commands["run"].make_context("run", launch_file.words()).params
+    options = run.make_context("run", launch_file.words()).params
     assert launch_file.text("package") == "robotd"
     assert (options["robot"], options["variant"]) == (robot, variant)
     assert options["nodes"] is None or set(options["nodes"]) == set(nodes or ())

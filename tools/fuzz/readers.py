@@ -12,8 +12,8 @@ import click
 from tools.fuzz import grammars
 from tools.fuzz.mutations import Mutator, mutate_lines, mutate_xml, mutate_yaml
 
-from robotd.cli.sim import _value
-from robotd.cli.urdf import check_urdf
+from robotd.cli.commands.sim import _value
+from robotd.cli.urdf_check import check_urdf
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor, read_wmx_parameters
 from robotd.errors import DescriptorError, RobotdError
 from robotd.plugin.manager import load_backend

@@ -1,5 +1,5 @@
-"""The command line: ``robotd run | check | robots | backends | nodes``."""
+"""The command line: one module per command in ``commands``."""
 
-from robotd.cli.commands import main
+from robotd.cli.main import main
 
 __all__ = ["main"]

@@ -1,4 +1,4 @@
-"""What the exit status says: one number for each phase that can fail."""
+"""Exit statuses: one number for each phase that can fail."""
 
 from __future__ import annotations
 

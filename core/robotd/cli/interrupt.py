@@ -1,4 +1,4 @@
-"""Ctrl-C as a wish instead of an exception, where something must be brought to an end first."""
+"""Record SIGINT and SIGTERM as a flag instead of raising."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Self
 
 
 class Interrupt:
-    """``with Interrupt() as interrupt:`` notes the first SIGINT or SIGTERM in ``happened``.
+    """Context in which the first SIGINT or SIGTERM only sets ``happened``.
 
-    A second one does what it did before: SIGINT raises KeyboardInterrupt. Main thread only.
+    A second one has its previous effect: SIGINT raises KeyboardInterrupt. Main thread only.
     """
 
     def __init__(self) -> None:

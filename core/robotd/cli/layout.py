@@ -1,4 +1,4 @@
-"""Plain text for people: aligned columns, and fields with a label. Colour only on a terminal."""
+"""Text layout: aligned columns and labelled fields; colour on a terminal only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ INDENT = 2
 
 
 def columns(rows: Iterable[Sequence[str]]) -> list[str]:
-    """``rows`` with their cells aligned, two spaces apart."""
+    """Return ``rows`` with their cells aligned, two spaces apart."""
     table = [list(row) for row in rows]
     widths = [max(map(len, cells)) for cells in zip(*table, strict=True)]
     return [
@@ -22,7 +22,7 @@ def columns(rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def field(label: str, lines: str | Iterable[str], width: int = 10) -> str:
-    """``label`` and, to the right of it, ``lines``; a text is wrapped at ``WIDTH``."""
+    """Return ``label`` with ``lines`` to its right; a text is wrapped at ``WIDTH``."""
     margin = INDENT + width
     if isinstance(lines, str):
         lines = wrap(lines, WIDTH - margin, break_long_words=False, break_on_hyphens=False)
@@ -32,15 +32,15 @@ def field(label: str, lines: str | Iterable[str], width: int = 10) -> str:
 
 
 def heading(text: str) -> str:
-    """Bold."""
+    """Style ``text`` as a heading."""
     return click.style(text, bold=True)
 
 
 def warning(text: str) -> str:
-    """In the colour of warnings."""
+    """Style ``text`` as a warning."""
     return click.style(text, fg="yellow")
 
 
 def warn(text: str) -> None:
-    """A warning on standard error, one sentence."""
+    """Print a warning to standard error."""
     click.echo(f"{click.style('robotd: warning:', fg='yellow', bold=True)} {text}", err=True)

@@ -1,24 +1,21 @@
-"""Options that several commands have."""
+"""Options shared by several commands."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-if TYPE_CHECKING:
-    from robotd.descriptor import Override
-
-LOG_LEVELS = ("debug", "info", "warning", "error")
-LOG_FORMATS = ("console", "json")
+from robotd import log
+from robotd.descriptor import Override, parse_override
 
 Command = Callable[..., Any]
 
 
 def names(ctx: click.Context, option: click.Parameter, value: str | None) -> list[str] | None:
-    """``a,b`` → ``[a, b]``; None when the option is not given."""
+    """Parse ``a,b`` into ``[a, b]``; None when the option is absent."""
     if value is None:
         return None
     words = [word.strip() for word in value.split(",") if word.strip()]
@@ -28,7 +25,7 @@ def names(ctx: click.Context, option: click.Parameter, value: str | None) -> lis
 
 
 def not_nan(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
-    """The value; a limit does not hold NaN back, because no comparison with it is true."""
+    """Reject NaN, which passes every range check."""
     if value is not None and math.isnan(value):
         raise click.BadParameter("nan is not a number")
     return value
@@ -37,21 +34,17 @@ def not_nan(ctx: click.Context, option: click.Parameter, value: float | None) ->
 def overrides(
     ctx: click.Context, option: click.Parameter, values: Sequence[str]
 ) -> tuple[Override, ...]:
-    """``KEY=VALUE`` texts, parsed as values of a descriptor. Raises DescriptorError."""
-    from robotd.descriptor import parse_override
-
+    """Parse ``KEY=VALUE`` texts as values of a descriptor. Raises DescriptorError."""
     return tuple(parse_override(value) for value in values)
 
 
 def configure_logging(ctx: click.Context) -> None:
-    """As ``log_options`` say."""
-    from robotd import log
-
+    """Configure logging from the options of ``log_options``."""
     log.configure_logging(ctx.meta["log_level"], log.LogFormat(ctx.meta["log_format"]))
 
 
 def which_robot(command: Command) -> Command:
-    """Options that choose a robot: name or file, variant, and changed values."""
+    """Add the options that choose a robot: name or file, variant, and changed values."""
     for option in (
         click.option(
             "--set",
@@ -69,16 +62,21 @@ def which_robot(command: Command) -> Command:
 
 
 def robot_options(command: Command) -> Command:
-    """Which robot, and what drives it."""
+    """Add the options that choose a robot and its backend."""
     backend = click.option("--backend", metavar="NAME", help="Backend; by default the robot's own.")
     return which_robot(backend(command))
 
 
 def log_options(command: Command) -> Command:
-    """How much is logged to standard error, and how."""
+    """Add the options of logging."""
     for name, choices, default, text in (
-        ("--log-format", LOG_FORMATS, "console", "Lines for people, or JSON."),
-        ("--log-level", LOG_LEVELS, "info", "'debug' shows tracebacks too."),
+        (
+            "--log-format",
+            [*map(str, log.LogFormat)],
+            "console",
+            "Lines for people, or JSON.",
+        ),
+        ("--log-level", log.LEVELS, "info", "'debug' shows tracebacks too."),
     ):
         command = click.option(
             name,

@@ -1,4 +1,4 @@
-"""Commands that plugins bring: entry points of the group ``robotd.commands``, each a click command.
+"""Commands of plugins: click commands in the entry-point group ``robotd.commands``.
 
 The entry point's name is the command's: ``canopen = "robotd_canopen.cli:canopen"`` makes
 ``robotd canopen``. A plugin is imported when its command is called, not to list it.
@@ -16,12 +16,12 @@ COMMANDS = "robotd.commands"
 
 
 def plugin_commands() -> list[tuple[str, str]]:
-    """Name and distribution of every command, sorted; imports nothing."""
+    """Return name and distribution of every command, sorted; imports nothing."""
     return sorted({(entry.name, f"of {_origin(entry)}") for entry in entry_points(group=COMMANDS)})
 
 
 def plugin_command(name: str) -> click.Command | None:
-    """The command ``name``; None where no plugin has it.
+    """Return the command ``name``; None where no plugin has it.
 
     Raises PluginError: two distributions bring it, it cannot be imported, or is no click command.
     """

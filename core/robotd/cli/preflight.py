@@ -1,4 +1,4 @@
-"""What the computer offers before a robot starts: ROS 2, and real-time priority."""
+"""Checks of the computer before a robot starts: ROS 2 and real-time priority."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes with every
 
 
 def import_ros(name: str) -> ModuleType:
-    """The module ``robotd.ros.<name>``, the first import of rclpy.
+    """Import ``robotd.ros.<name>``, and with it rclpy.
 
     Raises RosUnavailable, with what to do about it, when a part of ROS is missing or broken, or
     when there are two of them.
@@ -45,7 +45,7 @@ def import_ros(name: str) -> ModuleType:
 
 
 def sourced_ros() -> str | None:
-    """What tells that a ROS is sourced in this shell; None where none is."""
+    """Return the sign of a sourced ROS in this shell; None without one."""
     if distro := os.environ.get("ROS_DISTRO"):
         return f"ROS_DISTRO is {distro!r}"
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
@@ -61,7 +61,7 @@ def sourced_ros() -> str | None:
 
 
 def realtime_permitted(priority: int) -> bool:
-    """Whether a thread of this process may have the SCHED_FIFO ``priority`` (1..99).
+    """Return True when a thread of this process may get the SCHED_FIFO ``priority`` (1..99).
 
     Tried on a thread that ends at once, so nothing of the process changes.
     """
@@ -78,7 +78,7 @@ def realtime_permitted(priority: int) -> bool:
 
 
 def process_age_s() -> float:
-    """Seconds since the kernel started this process, the interpreter's own start included."""
+    """Return seconds since the kernel started this process, interpreter start-up included."""
     stat = Path("/proc/self/stat").read_text(encoding="ascii")
     start_ticks = int(stat.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - start_ticks / os.sysconf("SC_CLK_TCK")

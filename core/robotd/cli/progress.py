@@ -1,4 +1,4 @@
-"""One line that follows a motion, on a terminal only."""
+"""Progress line of a motion, on a terminal only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CLEAR_LINE = "\r\x1b[K"
 
 
 class Progress:
-    """Shows how far a motion is on standard error, and takes the line away at the end.
+    """Shows the progress of a motion on standard error, and clears the line at the end.
 
     Args:
         joints: those to show.
@@ -28,7 +28,7 @@ class Progress:
         self._shown = False
 
     def show(self, passed_s: float, positions: Mapping[str, float]) -> None:
-        """``passed_s`` since the start; ``positions`` of all joints in rad."""
+        """Show the seconds since the start and the ``positions`` of the joints in rad."""
         if not sys.stderr.isatty():
             return
         values = "  ".join(f"{joint} {self._text(positions[joint])}" for joint in self._joints)
@@ -38,7 +38,7 @@ class Progress:
         self._shown = True
 
     def end(self) -> None:
-        """Take the line away."""
+        """Clear the line."""
         if self._shown:
             click.echo(_CLEAR_LINE, nl=False, err=True)
             self._shown = False

@@ -1,4 +1,4 @@
-"""``--time-scale``: how fast simulated time passes."""
+"""``--time-scale``: speed of simulated time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SLOWEST, FASTEST = 0.01, 1000.0  # at the slowest a period of 100 ms takes 10 s
 
 
 def parse_scale(ctx: click.Context, option: click.Parameter, value: str | None) -> float | None:
-    """``max`` is infinity; None when the option is not given."""
+    """Parse the scale: ``max`` is infinity; None when the option is absent."""
     if value is None:
         return None
     if value == "max":
@@ -29,5 +29,5 @@ time_scale = click.option(
     "--time-scale",
     metavar="N|max",
     callback=parse_scale,
-    help="Simulation: seconds per real second, or as fast as it goes; publishes /clock.",
+    help="Simulation: seconds per real second, or as fast as possible; publishes /clock.",
 )

@@ -20,7 +20,7 @@ def check(*arguments: str) -> Result:
 def test_the_robots_that_come_with_robotd_are_well(robot: str, variant: str) -> None:
     result = check("--robot", robot, *(["--variant", variant] if variant else []))
     assert result.exit_code == 0, result.output
-    assert result.stdout.splitlines()[-1] == "all is well"
+    assert result.stdout.splitlines()[-1] == "all checks passed"
 
 
 def test_every_problem_of_the_network_is_told(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from robotd.cli.commands import main
+from robotd.cli import main
 from robotd.cli.exit_codes import ExitCode
 
 Install = Callable[..., Path]
@@ -38,7 +38,7 @@ def robotd(*arguments: str | Path) -> Result:
 def test_the_doctor_finds_the_simulation_well() -> None:
     result = robotd("backends", "--check", "sim")
     assert result.exit_code == 0
-    assert "all is well" in result.output
+    assert "all checks passed" in result.output
     assert "fail" not in result.output
 
 

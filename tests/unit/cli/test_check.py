@@ -45,7 +45,7 @@ def edit(cr3a: Path) -> Edit:
 def test_the_robots_that_come_with_robotd_are_well(robotd: Robotd, robot: str) -> None:
     result = robotd("check", "--robot", robot)
     assert result.exit_code == 0, result.output
-    assert result.stdout.splitlines()[-1] == "all is well"
+    assert result.stdout.splitlines()[-1] == "all checks passed"
     assert "fail" not in result.stdout
 
 

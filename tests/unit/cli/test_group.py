@@ -7,10 +7,12 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import click
 import pytest
 from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
+from robotd.cli.main import COMMANDS, main
 from robotd.errors import (
     ConnectError,
     DescriptorError,
@@ -35,7 +37,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         seen.append(options)
         return 0
 
-    monkeypatch.setattr("robotd.cli.run.run_robot", run_robot)
+    monkeypatch.setattr("robotd.cli.commands.run.run_robot", run_robot)
     return seen
 
 
@@ -47,7 +49,7 @@ def raising(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException], None]:
         def run_robot(options: Any) -> int:
             raise error
 
-        monkeypatch.setattr("robotd.cli.run.run_robot", run_robot)
+        monkeypatch.setattr("robotd.cli.commands.run.run_robot", run_robot)
 
     return prepare
 
@@ -186,3 +188,12 @@ def test_help_waits_for_no_heavy_module() -> None:
         [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=30
     )
     assert result.stdout == "\n"
+
+
+def test_the_listed_summaries_are_those_of_the_commands() -> None:
+    context = click.Context(main)
+    for name, summary in COMMANDS.items():
+        command = main.get_command(context, name)
+        assert command is not None
+        assert command.name == name
+        assert (command.help or "").splitlines()[0] == summary

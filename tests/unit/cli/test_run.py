@@ -77,7 +77,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Server:
     stand_in = Server()
-    monkeypatch.setattr("robotd.cli.run.import_ros", lambda name: stand_in)
+    monkeypatch.setattr("robotd.cli.commands.run.import_ros", lambda name: stand_in)
     return stand_in
 
 
@@ -222,7 +222,7 @@ def test_the_page_tells_everything(robotd: Robotd, server: Server) -> None:
     for text in (
         "cr3a on sim",
         "Dobot CR3A",
-        "intel (there is also orin, canopen_simulated, canopen_multicast)",
+        "intel (available: orin, canopen_simulated, canopen_multicast)",
         "sim: simulated",
         "500 Hz",
         "joint3  axis 2  -2.86 to +2.86 rad  3.14 rad/s  12.57 rad/s²",
@@ -248,7 +248,7 @@ def test_a_robot_without_joints_is_told_so(robotd: Robotd, server: Server) -> No
 def test_missing_real_time_priority_is_told_with_its_remedy(
     robotd: Robotd, server: Server, monkeypatch: pytest.MonkeyPatch, permitted: bool
 ) -> None:
-    monkeypatch.setattr("robotd.cli.summary.realtime_permitted", lambda priority: permitted)
+    monkeypatch.setattr("robotd.cli.start_summary.realtime_permitted", lambda priority: permitted)
     page = robotd("--robot", "cr3a").stdout
     assert ("real-time priority" in page) is not permitted
     assert ("limits.conf" in page) is not permitted

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 import yaml
 
-from robotd.cli.export import TARGETS
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd.export import EXPORTS, ExportInput
@@ -48,10 +47,6 @@ def action_of(parameters: dict[str, Any]) -> str:
     (name,) = manager["controller_names"]
     action_ns = manager[name]["action_ns"]
     return f"/{name}/{action_ns}" if action_ns else f"/{name}"
-
-
-def test_the_command_knows_every_target() -> None:
-    assert tuple(EXPORTS) == TARGETS
 
 
 def test_moveit_gets_the_joints_with_their_limits(cr3a: RobotDescriptor) -> None:

@@ -1,4 +1,4 @@
-"""``robotd conform``: the conformance checks as a command, with pytest underneath."""
+"""``robotd conform``: run the conformance checks with pytest."""
 
 from __future__ import annotations
 
@@ -9,14 +9,44 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+import click
+
 import robotd
-from robotd.cli.catalogue import load_catalogue
 from robotd.cli.exit_codes import ExitCode
+from robotd.cli.installed import load_installed
+from robotd.cli.options import configure_logging, log_options
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import PluginError
 from robotd.plugin.manager import load_backend
 
 PACKAGE = "robotd.testing.conformance"
+
+
+@click.command("conform", epilog="What follows -- goes to pytest: robotd conform ... -- -x --pdb")
+@click.option("--backend", metavar="NAME", required=True, help="The backend to check.")
+@click.option("--robot", metavar="NAME|FILE", help="The robot that it drives; by default a bench.")
+@click.option(
+    "--junit",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the results there too, as JUnit XML.",
+)
+@click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match.")
+@click.argument("pytest_arguments", metavar="[-- ARG...]", nargs=-1, type=click.UNPROCESSED)
+@log_options
+@click.pass_context
+def conform(
+    ctx: click.Context,
+    /,
+    backend: str,
+    robot: str | None,
+    junit: Path | None,
+    expression: str | None,
+    pytest_arguments: tuple[str, ...],
+) -> None:
+    """Run the conformance checks on a backend. Axes move."""
+    configure_logging(ctx)
+    ctx.exit(run_conformance(backend, robot, junit, expression, pytest_arguments))
 
 
 def run_conformance(
@@ -34,7 +64,7 @@ def run_conformance(
         raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
     load_backend(backend)
     if robot is not None:
-        load_robot_descriptor(robot, search_path=load_catalogue().search_path)
+        load_robot_descriptor(robot, search_path=load_installed().search_path)
     arguments = [
         f"--robotd-backend={backend}",
         *([f"--robotd-robot={robot}"] if robot else []),

@@ -1,4 +1,4 @@
-"""Does the URDF tell the same robot as the descriptor?"""
+"""Cross-check of the URDF against the descriptor."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _differences(
 
 
 def _number(text: str | None) -> float:
-    """NaN where the file gives none."""
+    """Parse a number; NaN where the file has none."""
     try:
         return float(text) if text is not None else math.nan
     except ValueError:

@@ -1,12 +1,16 @@
-"""``robotd check``: everything that can be known wrong without hardware and without ROS."""
+"""``robotd check``: check a robot's files and plugins without hardware and ROS."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from robotd.cli.catalogue import check_backend_overrides, load_catalogue
-from robotd.cli.findings import Findings
-from robotd.cli.urdf import check_urdf
+import click
+
+from robotd.cli.check_report import CheckReport
+from robotd.cli.installed import check_backend_overrides, load_installed
+from robotd.cli.options import configure_logging, log_options, robot_options
+from robotd.cli.urdf_check import check_urdf
 from robotd.descriptor import (
     Override,
     RobotDescriptor,
@@ -18,22 +22,32 @@ from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.manager import Backend, load_backend
 
 
+@click.command("check")
+@robot_options
+@log_options
+@click.pass_context
+def check(ctx: click.Context, /, **options: Any) -> None:
+    """Check a robot's files and plugins, without hardware and without ROS."""
+    configure_logging(ctx)
+    ctx.exit(check_robot(**options))
+
+
 def check_robot(
     robot: str, variant: str | None, overrides: Sequence[Override], backend: str | None
 ) -> int:
     """Check everything, print it line by line, and return the exit status."""
-    report = Findings()
-    catalogue = load_catalogue()
-    for origin, reason in catalogue.failures.items():
+    report = CheckReport()
+    installed = load_installed()
+    for origin, reason in installed.failures.items():
         report.fail(f"plugin {origin.name}", PluginError(reason))
     descriptor = report.run(
         f"robot {robot}",
-        lambda: load_robot_descriptor(robot, variant, catalogue.search_path, overrides),
+        lambda: load_robot_descriptor(robot, variant, installed.search_path, overrides),
     )
     if descriptor is not None:
         _check_files(report, descriptor)
         nodes = ", ".join(descriptor.nodes) or "none"
-        report.run(f"nodes {nodes}", lambda: catalogue.check_nodes(descriptor))
+        report.run(f"nodes {nodes}", lambda: installed.check_nodes(descriptor))
     name = backend or (descriptor and descriptor.backend)
     plugin = report.run(f"backend {name}", lambda: load_backend(name)) if name else None
     if descriptor is not None and plugin is not None:
@@ -41,7 +55,7 @@ def check_robot(
     return report.end()
 
 
-def _check_files(report: Findings, descriptor: RobotDescriptor) -> None:
+def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
     parameters, urdf, axes = descriptor.parameters_file, descriptor.urdf, descriptor.axes
     if parameters is not None:
         report.run(
@@ -53,7 +67,7 @@ def _check_files(report: Findings, descriptor: RobotDescriptor) -> None:
 
 
 def _check_backend(
-    report: Findings,
+    report: CheckReport,
     descriptor: RobotDescriptor,
     backend: Backend,
     overrides: Sequence[Override],

@@ -1,4 +1,4 @@
-"""``robotd run``: put robot, backend and nodes together and serve them until Ctrl-C."""
+"""``robotd run``: serve a robot with its backend and nodes until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from robotd.cli.catalogue import Catalogue, check_backend_overrides, load_catalogue
 from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
+from robotd.cli.group import ros_args
+from robotd.cli.installed import Installed, check_backend_overrides, load_installed
+from robotd.cli.options import configure_logging, log_options, names, not_nan, robot_options
 from robotd.cli.preflight import import_ros, process_age_s
-from robotd.cli.report import reserve_report, write_report
-from robotd.cli.summary import SIMULATED, start_summary
+from robotd.cli.start_summary import SIMULATED, start_summary
+from robotd.cli.time_scale import time_scale
+from robotd.cli.timing_report import reserve_report, write_report
 from robotd.clock import MonotonicClock
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import (
@@ -34,6 +37,9 @@ if TYPE_CHECKING:
     from robotd.scenario import FaultSchedule
 
 
+RATE_HZ = click.FloatRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """The options of the command.
@@ -42,9 +48,9 @@ class RunOptions:
         robot: a name of the search path, or a file.
         variant, backend, nodes, rate_hz: None leaves the descriptor's own.
         overrides: values that replace those of the robot's file.
-        report: where the cycle's timing is written after an orderly stop; None: nowhere.
-        time_scale: simulated seconds per second, infinity for as fast as it goes; None: real time.
-        scenario: whose options and faults are used; None: no faults but those asked for later.
+        report: file for the loop timing, written after an orderly stop; None: not written.
+        time_scale: simulated seconds per second, infinity: as fast as possible; None: real time.
+        scenario: file whose options and faults are used; None: no scheduled faults.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -60,18 +66,50 @@ class RunOptions:
     ros_args: Sequence[str]
 
 
+@click.command("run", epilog="What follows --ros-args goes to ROS: remaps, -p, --params-file.")
+@robot_options
+@click.option("--nodes", metavar="A,B", callback=names, help="Only these of the robot's nodes.")
+@click.option(
+    "--rate",
+    "rate_hz",
+    metavar="HZ",
+    type=RATE_HZ,
+    callback=not_nan,
+    help="Short for --set cycle.rate_hz=HZ.",
+)
+@click.option(
+    "--report",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the timing of the last periods there, as JSON, when stopped.",
+)
+@time_scale
+@click.option(
+    "--scenario",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Simulation: inject the faults defined in FILE.",
+)
+@log_options
+@click.pass_context
+def run(ctx: click.Context, /, **options: Any) -> None:
+    """Serve the robot until Ctrl-C."""
+    configure_logging(ctx)
+    ctx.exit(run_robot(RunOptions(**options, ros_args=ros_args(ctx))))
+
+
 def run_robot(options: RunOptions) -> int:
-    """Serve the robot; returns the exit status. Raises RobotdError before anything is opened."""
-    catalogue = load_catalogue()
-    catalogue.warn()
-    descriptor = _descriptor(options, catalogue)
+    """Serve the robot and return the exit status. Raises RobotdError before opening it."""
+    installed = load_installed()
+    installed.warn()
+    descriptor = _descriptor(options, installed)
     nodes = _chosen_nodes(descriptor, options.nodes)
     backend = load_backend(options.backend or descriptor.backend)
     check_backend_overrides(options.overrides, backend.name)
     robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
-    return _serve(robot, backend.origin, nodes, catalogue.nodes, options, faults)
+    return _serve(robot, backend.origin, nodes, installed.nodes, options, faults)
 
 
 def _serve(
@@ -114,7 +152,7 @@ def _serve(
             faults=faults,
         )
     except OperationError as error:
-        # The device is touched only after the nodes are there: until then it can be but ROS.
+        # The device is touched after the nodes exist; an earlier error comes from ROS.
         if is_served or isinstance(error, InvalidArgument):
             raise
         raise RosUnavailable(str(error)) from error
@@ -122,14 +160,14 @@ def _serve(
 
 
 def _say(text: str) -> None:
-    """To standard output; that it is full or that nobody reads it must not stop the robot."""
+    """Print to standard output; a broken pipe or a full disk must not stop the robot."""
     click.echo(text, file=lossy(sys.stdout))
 
 
 def _made(
     descriptor: RobotDescriptor, backend: Backend, options: RunOptions
 ) -> tuple[Robot, FaultSchedule | None]:
-    """The robot on its clock, and what may go wrong with it; None where that is nothing."""
+    """Return the robot on its clock, and its fault schedule on a simulated one."""
     scale = options.time_scale
     clock = MonotonicClock() if scale is None else PacedClock(scale)
     if scale is None and options.scenario is None:
@@ -147,14 +185,14 @@ def _made(
     return robot, FaultSchedule(robot, scenario.faults)
 
 
-def _descriptor(options: RunOptions, catalogue: Catalogue) -> RobotDescriptor:
+def _descriptor(options: RunOptions, installed: Installed) -> RobotDescriptor:
     overrides = [*options.overrides]
     if options.rate_hz is not None:
         overrides.append(parse_override(f"cycle.rate_hz={options.rate_hz}"))
     descriptor = load_robot_descriptor(
-        options.robot, options.variant, catalogue.search_path, overrides
+        options.robot, options.variant, installed.search_path, overrides
     )
-    catalogue.check_nodes(descriptor)
+    installed.check_nodes(descriptor)
     return descriptor
 
 

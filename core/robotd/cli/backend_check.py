@@ -1,4 +1,4 @@
-"""``robotd backends --check NAME``: what can be wrong with a backend, without hardware or ROS."""
+"""``robotd backends --check NAME``: check a backend without hardware and ROS."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from robotd.cli.findings import Findings
+from robotd.cli.check_report import CheckReport
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.capabilities import Capability
 from robotd.device.state import ConnectionState
@@ -24,17 +24,17 @@ Made = TypeVar("Made")
 
 def check_backend(name: str) -> int:
     """Look at the backend ``name`` step by step, print each, and return the exit status."""
-    findings = Findings()
-    findings.run("entry point", lambda: _origins(name))
-    backend = findings.run(
+    report = CheckReport()
+    report.run("entry point", lambda: _origins(name))
+    backend = report.run(
         "import, hooks, API version", lambda: _timed("the import", lambda: load_backend(name))
     )
     if backend is not None:
-        findings.run("description", lambda: _description(backend))
-        context = findings.run("options", lambda: _context(backend))
+        report.run("description", lambda: _description(backend))
+        context = report.run("options", lambda: _context(backend))
         if context is not None:
-            _check_drivers(findings, backend, context)
-    return findings.end()
+            _check_drivers(report, backend, context)
+    return report.end()
 
 
 def _origins(name: str) -> str:
@@ -51,20 +51,20 @@ def _context(backend: Backend) -> DeviceContext[Any]:
     return backend.context(load_robot_descriptor(ROBOT))
 
 
-def _check_drivers(findings: Findings, backend: Backend, context: DeviceContext[Any]) -> None:
+def _check_drivers(report: CheckReport, backend: Backend, context: DeviceContext[Any]) -> None:
     """Make every driver as the start-up does; nothing is opened."""
-    drivers = findings.run(
+    drivers = report.run(
         "drivers", lambda: _timed("making the drivers", lambda: backend.drivers(context))
     )
     if drivers is None:
         return
-    findings.run("state before open", lambda: _idle(backend, drivers.device.state()))
-    findings.run("I/O", lambda: _presence(drivers.io))
-    findings.run("fieldbus", lambda: _presence(drivers.fieldbus))
-    findings.run("fault injector", lambda: _presence(drivers.make_fault_injector()))
-    findings.run("capabilities", lambda: _undeclared(backend, drivers))
+    report.run("state before open", lambda: _idle(backend, drivers.device.state()))
+    report.run("I/O", lambda: _presence(drivers.io))
+    report.run("fieldbus", lambda: _presence(drivers.fieldbus))
+    report.run("fault injector", lambda: _presence(drivers.make_fault_injector()))
+    report.run("capabilities", lambda: _undeclared(backend, drivers))
     if Capability.SIMULATED not in backend.capabilities:
-        findings.run("real hardware", lambda: "robotd conform moves its axes: read the docs first")
+        report.run("real hardware", lambda: "robotd conform moves its axes: read the docs first")
 
 
 def _idle(backend: Backend, state: ConnectionState) -> str:

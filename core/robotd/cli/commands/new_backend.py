@@ -1,4 +1,4 @@
-"""``robotd new-backend``: a package to start from, written from the templates beside this file."""
+"""``robotd new-backend``: write a backend package from the templates."""
 
 from __future__ import annotations
 
@@ -9,15 +9,33 @@ from string import Template
 
 import click
 
+from robotd.cli.options import configure_logging, log_options
 from robotd.errors import InvalidArgument, OperationError
 from robotd.plugin.manager import discover
 
-TEMPLATES = Path(__file__).parent / "templates" / "backend"
-SUFFIX = ".in"  # so that no tool takes a template for the real thing
+TEMPLATES = Path(__file__).parents[1] / "templates" / "backend"
+SUFFIX = ".in"  # so that no tool treats a template as source code
+
+
+@click.command("new-backend")
+@click.argument("name")
+@click.option(
+    "--into",
+    metavar="FOLDER",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path(),
+    help="Where the package's folder is made; by default here.",
+)
+@log_options
+@click.pass_context
+def new_backend(ctx: click.Context, /, name: str, into: Path) -> None:
+    """Write an installable backend package that passes the checks, to start from."""
+    configure_logging(ctx)
+    write_backend(name, into)
 
 
 def write_backend(name: str, into: Path) -> None:
-    """Write the package ``robotd-NAME`` into a new folder of that name, and say what to do next.
+    """Write the package ``robotd-NAME`` into a new folder, and print the next steps.
 
     Raises:
         InvalidArgument: the name is not one, or is taken by an installed backend.

@@ -1,4 +1,4 @@
-"""Checks one by one, each with a line that says how it went."""
+"""Report of checks: one line each, and the exit status."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Found = TypeVar("Found")
 
 
 @dataclass
-class Findings:
+class CheckReport:
     """Prints a line for each check; ``code`` is the exit status of the first that failed."""
 
     code: ExitCode = ExitCode.OK
     problems: int = 0
 
     def run(self, what: str, check: Callable[[], Found]) -> Found | None:
-        """The result of ``check``; None when it raised. A text is printed beside ``what``."""
+        """Return the result of ``check``; None when it raised. Print a text result."""
         try:
             found = check()
         except RobotdError as error:
@@ -40,9 +40,9 @@ class Findings:
             click.echo(f"      {line}")
 
     def end(self) -> ExitCode:
-        """The last line, and the exit status."""
+        """Print the last line and return the exit status."""
         count = f"{self.problems} problem{'' if self.problems == 1 else 's'}"
-        click.echo(count if self.problems else "all is well")
+        click.echo(count if self.problems else "all checks passed")
         return self.code
 
     def _line(self, word: str, colour: str, text: str) -> None:

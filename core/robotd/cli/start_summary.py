@@ -1,4 +1,4 @@
-"""The page that ``robotd run`` prints once everything is there: what runs, and what is missing."""
+"""Start-up summary of ``robotd run``: the robot, its ROS interfaces, missing privileges."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SIMULATED = "simulated"  # the capability of a backend without hardware
 
 
 def start_summary(robot: Robot, origin: PluginOrigin, report: ServeReport) -> str:
-    """Everything a person wants to know before the robot moves, in about thirty lines."""
+    """Return the start-up summary, about thirty lines."""
     fields = (*_robot(robot, origin), *_axes(robot.descriptor), *_ros(report), *_missing(robot))
     title = heading(f"robotd {version('robotd')}: {robot.descriptor.name} on {robot.backend.name}")
     return "\n".join((title, *fields, ""))
@@ -35,7 +35,7 @@ def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
         yield field("", [str(descriptor.path)])
     if descriptor.variants:
         others = [name for name in descriptor.variants if name != descriptor.variant]
-        also = f" (there is also {', '.join(others)})" if others else ""
+        also = f" (available: {', '.join(others)})" if others else ""
         yield field("variant", f"{descriptor.variant or 'none'}{also}")
     origin_text = f"{origin.distribution} {origin.version}"
     yield field("backend", f"{backend.name}: {backend.info.summary} (from {origin_text})")

@@ -1,4 +1,4 @@
-"""``robotd run --report FILE``: how well the cycle kept its time, for programs."""
+"""``robotd run --report FILE``: timing of the control loop as JSON."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robotd.control.control_loop import ControlLoop
 
 
 def reserve_report(path: Path) -> None:
-    """Make the file now: what cannot be written is better known before the robot runs."""
+    """Create the file, so that an unwritable path is reported before the robot runs."""
     try:
         path.touch()
     except OSError as error:
@@ -21,7 +21,7 @@ def reserve_report(path: Path) -> None:
 
 
 def write_report(path: Path, control_loop: ControlLoop) -> None:
-    """Write figures and samples of a cycle that has ended; the keys are those of the classes.
+    """Write figures and samples of a stopped control loop, by the names of the classes.
 
     ``LoopReport`` and ``CycleSamples`` say what they mean.
     """

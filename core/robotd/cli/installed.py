@@ -1,4 +1,4 @@
-"""What is installed: robots, nodes, and the plugins that bring more of them."""
+"""Installed robots and nodes, including those of plugins."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from robotd.ros.registry import select_nodes
 
 
 @dataclass(frozen=True)
-class Catalogue:
-    """What can be named on the command line and in a descriptor.
+class Installed:
+    """Names that are valid on the command line and in a descriptor.
 
     Attributes:
         search_path: folders of robots, robotd's own first.
-        nodes: nodes that plugins bring, beside the built-in ones.
-        failures: plugins that bring robots or nodes and cannot load, with the reason.
+        nodes: nodes of plugins, in addition to the built-in ones.
+        failures: plugins that failed to load, with the reason.
     """
 
     search_path: tuple[Path, ...]
@@ -29,7 +29,7 @@ class Catalogue:
     failures: Mapping[PluginOrigin, str]
 
     def warn(self) -> None:
-        """Tell of plugins that failed: what they bring is missing, all else works."""
+        """Warn about plugins that failed; their robots and nodes are missing."""
         for reason in self.failures.values():
             warn(reason)
 
@@ -45,11 +45,11 @@ class Catalogue:
             raise DescriptorError.join(problems)
 
 
-def load_catalogue() -> Catalogue:
-    """Ask every plugin. Raises PluginError when two of them bring the same node."""
+def load_installed() -> Installed:
+    """Load every plugin. Raises PluginError when two of them register the same node."""
     plugins, failures = load_plugins()
     robots, nodes = register_all(plugins)
-    return Catalogue((*default_search_path(), *robots.folders), nodes, failures)
+    return Installed((*default_search_path(), *robots.folders), nodes, failures)
 
 
 def check_backend_overrides(overrides: Iterable[Override], backend: str) -> None:

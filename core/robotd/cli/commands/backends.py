@@ -1,0 +1,51 @@
+"""``robotd backends``: list the installed backends, or check one."""
+
+from __future__ import annotations
+
+import click
+
+from robotd.cli.backend_check import check_backend
+from robotd.cli.listing import Row, print_rows
+from robotd.cli.options import as_json, configure_logging, log_options
+from robotd.errors import PluginError
+from robotd.plugin.manager import discover, load_backend
+
+
+@click.command("backends")
+@as_json
+@click.option("--check", "checked", metavar="NAME", help="Examine one backend, without hardware.")
+@log_options
+@click.pass_context
+def backends(ctx: click.Context, *, as_json: bool, checked: str | None) -> None:
+    """List the installed backends, and why one cannot load."""
+    configure_logging(ctx)
+    if checked is not None:
+        ctx.exit(check_backend(checked))
+    list_backends(as_json=as_json)
+
+
+def list_backends(*, as_json: bool) -> None:
+    """Print every installed backend; one that cannot be imported with the reason."""
+    rows = []
+    for origin, _ in discover():
+        row: Row = {
+            "name": origin.name,
+            "summary": "",
+            "capabilities": [],
+            "api_version": None,
+            "distribution": origin.distribution,
+            "version": origin.version,
+            "problem": None,
+        }
+        try:
+            backend = load_backend(origin.name)
+        except PluginError as error:
+            row["problem"] = str(error)
+        else:
+            row |= {
+                "summary": backend.info.summary,
+                "capabilities": sorted(backend.capabilities),
+                "api_version": backend.info.api_version,
+            }
+        rows.append(row)
+    print_rows(rows, ("capabilities", "api_version", "distribution", "version"), as_json=as_json)

@@ -1,0 +1,96 @@
+"""``robotd move``: move joints of a running arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import click
+
+from robotd.cli.exit_codes import ExitCode, Rejected
+from robotd.cli.group import ros_args
+from robotd.cli.interrupt import Interrupt
+from robotd.cli.options import configure_logging, not_nan
+from robotd.cli.preflight import import_ros
+from robotd.cli.progress import Progress
+from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+
+
+def parse_targets(
+    ctx: click.Context, param: click.Parameter, words: tuple[str, ...]
+) -> dict[str, float]:
+    """Parse ``joint1=0.5 joint3=-0.4`` into positions by joint."""
+    targets: dict[str, float] = {}
+    for word in words:
+        joint, _, text = word.partition("=")
+        if not (joint and text):
+            raise click.BadParameter(f"{word!r} is not like joint1=0.5")
+        try:
+            position = float(text)
+        except ValueError:
+            position = math.nan
+        if not math.isfinite(position):
+            raise click.BadParameter(f"{joint}: {text!r} is not a number")
+        if joint in targets:
+            raise click.BadParameter(f"{joint} is given twice")
+        targets[joint] = position
+    return targets
+
+
+@click.command("move", epilog=ROS_EPILOG)
+@click.argument(
+    "targets", metavar="JOINT=POSITION...", nargs=-1, required=True, callback=parse_targets
+)
+@click.option(
+    "--time",
+    "time_s",
+    metavar="SECONDS",
+    type=click.FloatRange(0.01, 3600),
+    callback=not_nan,
+    default=2.0,
+    show_default=True,
+    help="Duration of the motion.",
+)
+@click.option("--deg", is_flag=True, help="Positions are degrees, not radians.")
+@click.option("--action", metavar="NAME", help="The arm's action, where several arms run.")
+@client_options
+@click.pass_context
+def move(ctx: click.Context, /, **options: Any) -> None:
+    """Move joints of the running arm.
+
+    For example: robotd move joint1=0.5 joint3=-0.4. Joints that are not named stay where they are.
+    Ctrl-C stops the motion and waits until the arm stands.
+    """
+    configure_logging(ctx)
+    ctx.exit(_move(ros_args(ctx), **options))
+
+
+def _move(
+    ros_args: Sequence[str],
+    timeout_s: float,
+    *,
+    targets: Mapping[str, float],
+    time_s: float,
+    deg: bool,
+    action: str | None,
+) -> ExitCode:
+    """Move joints to ``targets``, degrees where ``deg``; INTERRUPTED after Ctrl-C.
+
+    Raises Rejected, with the robot's reason, when the motion was rejected or aborted.
+    """
+    radians = {joint: math.radians(value) if deg else value for joint, value in targets.items()}
+    with robot_client(ros_args, timeout_s, searches=True) as client:
+        motion = import_ros("client.motion_client")
+        import_ros("client.status_client").require_ready(client)
+        arm = motion.find_arm(client, action)
+        progress = Progress(tuple(targets), time_s, degrees=deg)
+        with Interrupt() as interrupt:
+            ending, reason = motion.move(
+                client, arm, radians, time_s, lambda: interrupt.happened, progress.show
+            )
+        progress.end()
+    if ending is motion.Ending.ABORTED:
+        raise Rejected(reason)
+    click.echo(reason)
+    return ExitCode.INTERRUPTED if ending is motion.Ending.CANCELED else ExitCode.OK

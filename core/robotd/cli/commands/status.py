@@ -1,0 +1,75 @@
+"""``robotd status``: show the state of a running robot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.group import ros_args
+from robotd.cli.layout import columns, field, warning
+from robotd.cli.options import as_json, configure_logging
+from robotd.cli.preflight import import_ros
+from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd.ros.client.status_client import AxisReport
+
+
+@click.command("status", epilog=ROS_EPILOG)
+@as_json
+@client_options
+@click.pass_context
+def status(ctx: click.Context, /, *, as_json: bool, timeout_s: float) -> None:
+    """Show connection and axes of the running robot."""
+    configure_logging(ctx)
+    ctx.exit(_status(ros_args(ctx), timeout_s, as_json=as_json))
+
+
+def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> ExitCode:
+    """Print the state; OK when the robot takes commands, else FAILED."""
+    with robot_client(ros_args, timeout_s) as client:
+        report = import_ros("client.status_client").read_report(client)
+    if as_json:
+        click.echo(json.dumps(asdict(report), indent=2))
+    else:
+        ready = "ready" if report.ready else warning("not ready")
+        click.echo(field("engine", [f"{report.state}, {ready}"]))
+        if report.reason:
+            click.echo(field("reason", [report.reason]))
+        if report.remedy:
+            click.echo(field("remedy", report.remedy.split(", then ")))
+        lines = ["not published"] if report.axes is None else _table(report.axes)
+        click.echo(field("axes", lines))
+    return ExitCode.OK if report.ready else ExitCode.FAILED
+
+
+def _table(axes: Sequence[AxisReport]) -> list[str]:
+    rows = [("axis", "servo", "alarm", "position", "velocity", "torque", "switches")]
+    for axis in axes:
+        switches = [
+            name
+            for name, active in (
+                ("-limit", axis.negative_limit),
+                ("+limit", axis.positive_limit),
+                ("home", axis.home_switch),
+            )
+            if active
+        ]
+        torque = "-" if axis.torque is None else f"{axis.torque:+.2f} N·m"
+        rows.append(
+            (
+                str(axis.axis),
+                "on" if axis.servo_on else "off",
+                "ALARM" if axis.alarm else "-",
+                f"{axis.position:+.4f} rad",
+                f"{axis.velocity:+.4f} rad/s",
+                torque,
+                ", ".join(switches) or "-",
+            )
+        )
+    return columns(rows)
