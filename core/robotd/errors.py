@@ -6,6 +6,7 @@ RobotdError
 ├── ConnectError         the device or one of its children does not answer while opening
 ├── OperationError       a command failed or was refused
 │   ├── InvalidArgument  the caller's value is out of range (also a ValueError)
+│   ├── LateSetpoint     a streamed setpoint missed its due time
 │   ├── NotReady         the device is not in a state that allows the command
 │   └── Unsupported      this backend cannot do it, ever
 └── DeviceTimeout        the device did not do it in time (also a TimeoutError)
@@ -116,6 +117,10 @@ class InvalidArgument(OperationError, ValueError):
 
 class NotReady(OperationError):
     """The engine or the axis is not in a state that allows the command."""
+
+
+class LateSetpoint(OperationError):
+    """A setpoint came too late for its due time and was not given to the device."""
 
 
 class Unsupported(OperationError):

@@ -106,7 +106,7 @@ class Robot:
         self.io = Io(drivers.io, self.connection, name)
         self.fieldbus = Fieldbus(drivers.fieldbus, self.connection, capabilities, name)
         self.gripper = Gripper(self.io, descriptor.gripper) if descriptor.gripper else None
-        mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz)
+        mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz, clock)
         self.control_loop = ControlLoop(
             driver,
             self.connection,

@@ -118,8 +118,8 @@ class Degrees(Mutant):
 
 class StreamedDegrees(Mutant):
     class Axes(SimAxes):
-        def stream(self, position: FloatArray, velocity: FloatArray) -> None:
-            super().stream(position / DEGREES, velocity / DEGREES)
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            super().stream(position / DEGREES, velocity / DEGREES, due_ns)
 
 
 class SaysItStands(Mutant):

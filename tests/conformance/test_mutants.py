@@ -39,6 +39,11 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
         PATHS + "no_joint_leaps_after_the_cycle_has_stood",
         "rad/s on a path of",
     ),
+    (
+        mutants.SaysItStands,
+        "test_underrun.py::test_an_axis_without_setpoints_does_what_underrun_says",
+        "without setpoints",
+    ),
     (mutants.SpringsBack, PATHS + "a_trajectory_arrives", "position"),
     (mutants.StaleValues, "test_ageing.py::test_values_follow_the_motion", "stale_s"),
     (mutants.AlwaysFresh, "test_ageing.py::test_a_dead_bus_does_not_look_alive", "not ready"),

@@ -92,6 +92,7 @@ class ControlLoop:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._due_ns = 0  # of the next period or the present one; 0: nobody has to wait for it
+        self._late_ns = 0  # of deadlines missed since the last period
         self._began_ns = 0  # in real time: simulated time stands while a driver hangs
         limit_s = SIMULATED_HANG_S if self._simulated else connection.settings.stale_after_s
         self._watchdog = Watchdog(self._age_ns, lambda: place_of(self._thread), limit_s, self._hang)
@@ -141,20 +142,25 @@ class ControlLoop:
     def period(self, deadline_ns: int) -> int:
         """The period of a deadline that has come; returns the next deadline.
 
+        A deadline that has passed by more than half a period is missed: its setpoint would come too
+        late, and its SYNC so close to the next one that drives would count the two as one.
+
         Called by the thread, or by a ``SteppedClock``.
         """
         period_ns, stats = self.period_ns, self.stats
         start_ns = self._clock.now_ns()
         late_ns = start_ns - deadline_ns
-        if late_ns >= period_ns:
-            skipped = late_ns // period_ns
-            stats.missed += skipped
-            deadline_ns += skipped * period_ns
-        self._began_ns = MonotonicClock.now_ns()
-        self.step(deadline_ns)
-        self._began_ns = 0
-        stats.record(late_ns, start_ns, self._clock.now_ns())
-        deadline_ns += period_ns
+        missed = max(0, (late_ns + period_ns // 2 - 1) // period_ns)
+        stats.missed += missed
+        deadline_ns += missed * period_ns
+        self._late_ns = max(self._late_ns, late_ns)
+        if not missed or deadline_ns <= start_ns:
+            self._began_ns = MonotonicClock.now_ns()
+            self.step(deadline_ns)
+            self._began_ns = 0
+            stats.record(self._late_ns, start_ns, self._clock.now_ns())
+            self._late_ns = 0
+            deadline_ns += period_ns
         if not self._simulated:
             self._due_ns = deadline_ns
         return deadline_ns

@@ -97,12 +97,18 @@ class DeviceExecution(TrajectoryExecution):
         self._watched.set()
         self._ended.set()
 
-    def _observe(self, image: ProcessImage) -> None:
+    def _observe(self, image: ProcessImage, time_ns: int) -> None:
         if self._phase is Phase.ARRIVING:
             self.position[:], self.velocity[:] = self._end_point, 0.0
         else:
             self.setpoint[:] = image.commands[:, self.columns]
-        super()._observe(image)
+        super()._observe(image, time_ns)
+
+    def _expect(self, time_ns: int) -> None:
+        self._aim[:] = self.setpoint
+
+    def _hold(self, due_ns: int, period_ns: int) -> None:
+        """The device holds by itself."""
 
     def _begin_stop(self, time_ns: int) -> None:
         self._watched.set()

@@ -8,10 +8,12 @@ from typing import Protocol
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
+from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
+from robotd.device.state import Underrun
+from robotd.errors import LateSetpoint
 
 PREEMPTED = "preempted by a new goal"
 ABANDONED = "the joints did not come to rest in time"
@@ -40,11 +42,20 @@ class SetpointMixer:
     Args:
         axes: number of axes of the device.
         rate_hz: rate of the cycle.
+        clock: of the device and of the cycle; None: monotonic.
+
+    Attributes:
+        late: number of setpoints that were not sent because they came too late.
     """
 
-    def __init__(self, driver: AxisDriver, axes: int, rate_hz: float) -> None:
+    def __init__(
+        self, driver: AxisDriver, axes: int, rate_hz: float, clock: Clock | None = None
+    ) -> None:
         self.period_ns = round(NANOSECONDS / rate_hz)
+        self.late = 0
         self._driver = driver
+        self._clock = clock or MonotonicClock()
+        self._extrapolates = driver.underrun is Underrun.EXTRAPOLATE
         self._setpoint: FloatArray = np.full((2, axes), np.nan)
         self._position, self._velocity = self._setpoint
         self._running: TrajectoryExecution | None = None
@@ -123,7 +134,7 @@ class SetpointMixer:
         for source in self._sources:
             streams |= source.advance(time_ns, image, self._position, self._velocity)
         if streams:
-            self._driver.stream(self._position, self._velocity)
+            self._send(self._due_ns)
 
     def device_lost(self, reason: str) -> None:
         """Cycle: the device cannot be reached; whatever runs has failed."""
@@ -132,6 +143,19 @@ class SetpointMixer:
         self._lost = reason
         with self._handover:
             self._drop(Outcome.FAULT, reason)
+
+    def _send(self, due_ns: int) -> None:
+        """Hand the setpoints over, unless the device has gone on without them."""
+        if self._extrapolates and self._clock.now_ns() > due_ns - self.period_ns // 2:
+            self.late += 1
+            return
+        try:
+            self._driver.stream(self._position, self._velocity, due_ns)
+        except LateSetpoint:
+            self.late += 1
+            return
+        if self._running is not None:
+            self._running.sent(due_ns)
 
     def _advance_trajectory(self, time_ns: int, image: ProcessImage) -> bool:
         if self._next is not None:

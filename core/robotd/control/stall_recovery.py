@@ -1,58 +1,121 @@
-"""The way back to the path after the cycle has stood still."""
+"""Recovery of streamed setpoints after periods in which none was sent."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
 from robotd.arrays import BoolArray, FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.device.state import Underrun
+from robotd.motion import JointLimits
 
-_SPEED_FADES_S = 0.005  # time constants
-_OFFSET_FADES_S = 0.05
-_SHARE = 0.1  # of a joint's velocity limit, for the way back
-_LONGEST_S = 0.5
-_NEGLIGIBLE = 1e-6  # rad or m
+GAP_PERIODS = 1.5  # between two setpoints; more is an underrun
+SHARE = 0.1  # of a joint's velocity limit: highest speed relative to the path
+TIME_CONSTANT_S = 0.05  # of the deviation's end
+LONGEST_S = 0.5  # a larger deviation ends the goal
+UNLIMITED_RAD_S = 10.0  # stands for an infinite velocity limit
+FULL_SPEED_S = 0.25  # to the velocity limit, where the acceleration has no limit
+NEGLIGIBLE = 1e-6  # rad or m
+MOVING = 1e-3  # share of the velocity limit above which a path counts as moving
 
 
 class StallRecovery:
-    """A deviation from the path that fades out, so that no joint leaps after a pause.
+    """Deviation from the path after an underrun, and its blend back to zero.
 
-    While setpoints are missing a drive goes on with the velocity of the last one, or stands. There,
-    and with that velocity, the setpoints begin again; from then on the velocity is soon the path's,
-    and the deviation goes at no more than a tenth of the joint's velocity limit. That part of the
-    motion is not in the velocity of a setpoint: the next pause must not carry it on.
+    While setpoints are missing an axis extrapolates the last one or holds it, see ``Underrun``.
+    The next setpoint continues from there, in position and velocity. The deviation e from the path
+    and its rate w then go to zero: w changes by at most the joint's acceleration limit, stays
+    within a tenth of its velocity limit once it is there, and does not reverse a moving path.
 
-    All follows from setpoints. What a drive reports is as late as the cycle is, and to start from
-    there feeds on itself under pause upon pause.
+    Everything follows from the setpoints that were sent, not from what a drive reports: its report
+    is as late as the control loop, and to start from there feeds on itself under repeated stalls.
+
+    Control-loop thread. Arrays are of shape (m,), setpoints (2, m): position and velocity.
 
     Args:
-        reached: (2, m) position and velocity of the commands at the end of the pause.
-        path: (2, m) the same of the path.
-        velocity_limit: (m,) of the joints.
+        start: setpoint of the joints at rest, before the first one is sent.
+        start_ns: monotonic time until which they rest there.
+        limits: of the m joints.
+        underrun: behaviour of the device.
 
     Attributes:
-        offset: (m,) from the path, rad or m.
+        active: the present setpoint deviates from the path.
+        pause_s: duration of the last underrun.
     """
 
-    def __init__(self, reached: FloatArray, path: FloatArray, velocity_limit: FloatArray) -> None:
-        self.offset, self._speed = reached - path
-        self._fastest = _SHARE * velocity_limit
+    def __init__(
+        self, start: FloatArray, start_ns: int, limits: JointLimits, underrun: Underrun
+    ) -> None:
+        self.active = False
+        self.pause_s = 0.0
+        self._extrapolates = underrun is Underrun.EXTRAPOLATE
+        self._sent, self._sent_ns = start.copy(), start_ns
+        self._deviation: FloatArray = np.zeros_like(start)  # of the last setpoint that was sent
+        self._next: FloatArray = np.zeros_like(start)  # of the one that is not sent yet
+        velocity = np.minimum(limits.velocity, UNLIMITED_RAD_S)
+        self._moving = MOVING * velocity
+        self._fastest: FloatArray = SHARE * velocity
+        self._acceleration = np.minimum(limits.acceleration, velocity / FULL_SPEED_S)
+        self._time_constant_s = np.maximum(
+            TIME_CONSTANT_S, 2.0 * self._fastest / self._acceleration
+        )
+
+    @property
+    def offset(self) -> FloatArray:
+        """(m,) distance from the path of the present setpoint, rad or m."""
+        offset: FloatArray = self._next[0]
+        return offset
 
     @property
     def is_far(self) -> BoolArray:
-        """(m,) bool: joints that cannot be led back within half a second."""
-        far: BoolArray = np.abs(self.offset) > _LONGEST_S * self._fastest
+        """(m,) joints that cannot be led back within ``LONGEST_S``."""
+        far: BoolArray = np.abs(self.offset) > LONGEST_S * self._fastest
         return far
 
-    def lay_over(self, setpoint: FloatArray) -> None:
-        """Add the deviation to ``setpoint`` (2, m), which is the path's. Cycle."""
-        setpoint[0] += self.offset
-        setpoint[1] += self._speed
+    def expect(self, time_ns: int, out: FloatArray) -> None:
+        """Write the command that the device has at ``time_ns`` into ``out`` (2, m)."""
+        out[:] = self._sent
+        if time_ns > self._sent_ns:
+            self._continue((time_ns - self._sent_ns) / NANOSECONDS, out)
 
-    def fade(self, period_s: float) -> bool:
-        """One period on; False when nothing is left. Cycle."""
-        self._speed *= math.exp(-period_s / _SPEED_FADES_S)
-        back = np.clip(self.offset / _OFFSET_FADES_S, -self._fastest, self._fastest)
-        self.offset += (self._speed - back) * period_s
-        return bool(np.abs(self.offset).max() > _NEGLIGIBLE)
+    def lay_over(self, path: FloatArray, due_ns: int, period_s: float) -> bool:
+        """Turn the path's setpoint for ``due_ns`` into the one to send, in place.
+
+        Returns True when an underrun was found: ``is_far`` then says whether it is too long.
+        """
+        elapsed_s = (due_ns - self._sent_ns) / NANOSECONDS
+        if elapsed_s > GAP_PERIODS * period_s:
+            self.active, self.pause_s = True, elapsed_s - period_s
+            self._next[:] = self._sent
+            self._continue(elapsed_s, self._next)
+            self._next -= path
+        elif self.active:
+            self._fade(path[1], period_s)
+        path += self._next
+        return elapsed_s > GAP_PERIODS * period_s
+
+    def sent(self, setpoint: FloatArray, due_ns: int) -> None:
+        """Note that ``setpoint``, made by ``lay_over``, has been handed to the device."""
+        self._sent[:], self._sent_ns = setpoint, due_ns
+        self._deviation[:] = self._next
+
+    def _continue(self, seconds: float, setpoint: FloatArray) -> None:
+        if self._extrapolates:
+            setpoint[0] += setpoint[1] * seconds
+        else:
+            setpoint[1] = 0.0
+
+    def _fade(self, path_velocity: FloatArray, period_s: float) -> None:
+        """One period on from the deviation of the last setpoint that was sent."""
+        offset, rate = self._deviation
+        back = np.clip(-offset / self._time_constant_s, -self._fastest, self._fastest)
+        speed = np.abs(path_velocity)
+        reversing = (back * path_velocity < 0.0) & (speed > self._moving)
+        back = np.where(reversing, np.clip(back, -speed, speed), back)
+        step = self._acceleration * period_s
+        new_rate = rate + np.clip(back - rate, -step, step)
+        self._next[0] = offset + 0.5 * (rate + new_rate) * period_s
+        self._next[1] = new_rate
+        if np.abs(self._next[0]).max() < NEGLIGIBLE and np.abs(new_rate).max() < self._moving.min():
+            self.active = False
+            self._next[:] = 0.0

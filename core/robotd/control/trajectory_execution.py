@@ -25,7 +25,6 @@ from robotd.motion import (
 
 SETTLED_PERIODS = 3  # consecutive periods within tolerance that count as arrived, or at rest
 REST_TIMEOUT_S = 2.0  # a joint that still creeps then is reported, not waited for
-PAUSED = 1.5  # periods between two that the cycle has not kept
 STALL_S = 0.02  # a cycle that stood this long may be why a device stopped by itself
 
 
@@ -112,8 +111,9 @@ class TrajectoryExecution:
         self._sampler = Sampler(trajectory)
         self._time_s = 0.0
         self._stop: StopPlan | None = None
-        self._stall_recovery: StallRecovery | None = None
-        self._underrun = underrun
+        start = np.array([position, np.zeros(joints)])
+        self._stall_recovery = StallRecovery(start, start_ns, limits, underrun)
+        self._end_position: FloatArray = position.copy()  # of the path, or as far as it has come
         self._aim: FloatArray = self.setpoint.copy()
         self._desired, self._desired_velocity = self._aim
         self._measured: FloatArray = self.setpoint.copy()
@@ -174,15 +174,18 @@ class TrajectoryExecution:
     def take_over(self, running: TrajectoryExecution) -> None:
         """SetpointMixer: the setpoint that the joints are reaching now is one of ``running``."""
         self.setpoint[:] = running.setpoint
-        if not running.done:
-            self._stall_recovery, self._advanced_ns = running._stall_recovery, running._advanced_ns
+        self._stall_recovery, self._advanced_ns = running._stall_recovery, running._advanced_ns
+
+    def sent(self, due_ns: int) -> None:
+        """SetpointMixer: ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
+        self._stall_recovery.sent(self.setpoint, due_ns)
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
         """Cycle: judge the measured values of ``time_ns``, compute the setpoint one period on."""
         if self._phase is Phase.FINISHED:
             return
         self._pause_ns, self._advanced_ns = time_ns - self._advanced_ns, time_ns
-        self._observe(image)
+        self._observe(image, time_ns)
         self._check_drives(image)
         if self._phase in (Phase.RUNNING, Phase.ARRIVING):
             self._judge(time_ns)
@@ -190,8 +193,10 @@ class TrajectoryExecution:
             case Phase.RUNNING | Phase.STOPPING:
                 self._move_on(time_ns + period_ns, time_ns, image)
             case Phase.ARRIVING:
+                self._hold(time_ns + period_ns, period_ns)
                 self._arrive(time_ns)
             case Phase.RESTING:
+                self._hold(time_ns + period_ns, period_ns)
                 self._rest(time_ns, image)
 
     def finish(self, outcome: Outcome, message: str) -> None:
@@ -208,12 +213,15 @@ class TrajectoryExecution:
     def _enter(self, phase: Phase, time_ns: int) -> None:
         self._phase, self._phase_ns, self._settled_periods = phase, time_ns, 0
 
-    def _observe(self, image: ProcessImage) -> None:
+    def _observe(self, image: ProcessImage, time_ns: int) -> None:
         self._measured[:] = image.measured[:2, self.columns]
-        self._aim[:] = self.setpoint
+        self._expect(time_ns)
         np.subtract(self._desired, self._actual, self._error)
         np.abs(self._error, self._error)
         np.fmax(self.max_error, self._error, self.max_error)
+
+    def _expect(self, time_ns: int) -> None:
+        self._stall_recovery.expect(time_ns, self._aim)
 
     def _check_drives(self, image: ProcessImage) -> None:
         """A drive that does not follow is a fault, also while its neighbours are being stopped."""
@@ -293,33 +301,32 @@ class TrajectoryExecution:
         self._sampler.sample(self._time_s, self.position, self.velocity)
         if rate != 1.0:
             self.velocity *= rate
-        self._lead_back((due_ns - time_ns) / NANOSECONDS)
-        if self._stall_recovery is not None:
-            self._stall_recovery.lay_over(self.setpoint)
-        elif rate == 0.0 or (self._stop and self._time_s >= self.trajectory.duration_s):
+        self._end_position[:] = self.position
+        self._lead_back(due_ns, due_ns - time_ns)
+        if self._stall_recovery.active:
+            return
+        if rate == 0.0 or (self._stop and self._time_s >= self.trajectory.duration_s):
             self._enter(Phase.RESTING, time_ns)
         elif self._time_s >= self.trajectory.duration_s:
             self._enter(Phase.ARRIVING, time_ns)
 
-    def _lead_back(self, period_s: float) -> None:
-        """Notice a pause of the cycle, and how far the way back to the path has come."""
-        pause_s = self._pause_ns / NANOSECONDS
-        if pause_s > PAUSED * period_s:
-            extrapolated = self._underrun is Underrun.EXTRAPOLATE
-            velocity = self._desired_velocity * float(extrapolated)
-            reached = np.array([self._desired + velocity * pause_s, velocity])
-            self._stall_recovery = StallRecovery(reached, self.setpoint, self._limits.velocity)
-            if self._stall_recovery.is_far.any():
-                self._end(Outcome.FAULT, self._far_text(self._stall_recovery, pause_s))
-        elif self._stall_recovery is not None and not self._stall_recovery.fade(period_s):
-            self._stall_recovery = None
+    def _hold(self, due_ns: int, period_ns: int) -> None:
+        """Stay at the end of the path, or lead the joints back to it."""
+        self.setpoint[0], self.setpoint[1] = self._end_position, 0.0
+        self._lead_back(due_ns, period_ns)
 
-    def _far_text(self, stall_recovery: StallRecovery, pause_s: float) -> str:
+    def _lead_back(self, due_ns: int, period_ns: int) -> None:
+        """Continue from where an underrun has led, and end the goal if that is too far off."""
+        found = self._stall_recovery.lay_over(self.setpoint, due_ns, period_ns / NANOSECONDS)
+        if found and self._stall_recovery.is_far.any():
+            self._end(Outcome.FAULT, self._far_text(self._stall_recovery))
+
+    def _far_text(self, stall_recovery: StallRecovery) -> str:
         joint = int(np.argmax(stall_recovery.is_far))
         return (
             f"{self.trajectory.names[joint]} is {abs(stall_recovery.offset[joint]):.3f}"
             f" {self._limits.units[joint]} off its path after the cycle had stood for"
-            f" {pause_s * 1e3:.0f} ms"
+            f" {stall_recovery.pause_s * 1e3:.0f} ms"
         )
 
     def _arrive(self, time_ns: int) -> None:
@@ -330,7 +337,8 @@ class TrajectoryExecution:
             self._actual,
             self._actual_velocity,
         )
-        self._settled_periods = 0 if violation else self._settled_periods + 1
+        settled = violation is None and not self._stall_recovery.active
+        self._settled_periods = self._settled_periods + 1 if settled else 0
         if self._settled_periods >= SETTLED_PERIODS:
             self.finish(Outcome.SUCCEEDED, self._success_text())
         elif violation and over_s > self._tolerances.goal_time_s:

@@ -173,14 +173,24 @@ class AxisDriver(ABC):
         """
         raise Unsupported("streamed setpoints")
 
-    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Take one setpoint per axis, due one period later. Control-loop thread.
+    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+        """Take one setpoint per axis, to be reached at ``due_ns``. Control-loop thread.
 
         An axis in position mode passes through its position at its velocity; one in velocity
         mode changes evenly to its velocity, and its position is ignored. Only axes between
         ``begin_stream`` and ``end_stream`` obey; the others' entries are ignored. Ignored
-        entries may be NaN. After a pause the setpoints begin at the position that ``underrun``
-        leads to.
+        entries may be NaN. After missing setpoints the next one continues where ``underrun``
+        leads.
+
+        Args:
+            position, velocity: (n_axes,) in rad or m, and per second.
+            due_ns: monotonic time, at most one period ahead. The control loop sends nothing to a
+                device that extrapolates when less than half a period is left; a process may
+                still be stopped between that check and the device.
+
+        Raises:
+            LateSetpoint: the device was not given the setpoint, because it came too late. The
+                next one allows for that.
         """
         raise Unsupported("streamed setpoints")
 

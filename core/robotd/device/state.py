@@ -38,4 +38,4 @@ class Underrun(Enum):
     """Behaviour of a streaming axis while its next setpoint is late."""
 
     EXTRAPOLATE = "extrapolate"  # it continues with the velocity of the last setpoint
-    HOLD = "hold"  # it stops at the last setpoint
+    HOLD = "hold"  # it stops at the last setpoint, and executes a late one when it comes

@@ -119,7 +119,7 @@ class FakeAxes(Recorder, AxisDriver):
         image.reason[:] = self.image.reason
         image.fresh_ns = self.image.fresh_ns
 
-    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         streaming = self.image.operation == Operation.STREAM
         for mine, theirs in (
             (self.image.position_command, position),

@@ -32,7 +32,7 @@ class CanopenAxes(AxisDriver):
     def read(self, image: ProcessImage) -> None:
         self._master.read(image)
 
-    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         self._master.stream(position.tolist(), velocity.tolist())
 
     def begin_stream(self, axes: Sequence[int]) -> None:

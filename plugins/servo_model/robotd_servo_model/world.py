@@ -52,6 +52,10 @@ class World:
         """Monotonic time of the present tick."""
         return self._start_ns + self.tick * self._tick_ns
 
+    def tick_of(self, time_ns: int) -> float:
+        """Tick, with its fraction, at the monotonic time ``time_ns``."""
+        return (time_ns - self._start_ns) / self._tick_ns
+
     def at(self, tick: int, action: Action) -> None:
         """Do ``action`` at the end of ``tick``, at the next one at the earliest."""
         self._entries += 1

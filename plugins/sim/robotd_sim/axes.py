@@ -40,10 +40,10 @@ class SimAxes(AxisDriver):
             self._world.advance()
             self._readout.fill(image)
 
-    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         with self._world.lock:
             self._world.advance()
-            self._motion.stream.setpoint(position, velocity)
+            self._motion.stream.setpoint(position, velocity, due_ns)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
         with self._world.lock:

@@ -1,4 +1,4 @@
-"""Streamed setpoints: a cubic through position and velocity, on an even grid of time."""
+"""Streamed setpoints: a cubic through position and velocity, up to the due time."""
 
 from __future__ import annotations
 
@@ -7,21 +7,20 @@ from math import floor
 
 import numpy as np
 
-from robotd.api import FloatArray
+from robotd.api import FloatArray, LateSetpoint
 from robotd_servo_model.world import FOREVER, World
 from robotd_sim.axis_states import Flags
 
 
 class Stream:
-    """Setpoints of the axes in ``following``, each to be reached one period after its call.
+    """Setpoints of the axes in ``following``, each to be reached at its due time.
 
     Between two setpoints the command is the cubic that continues position and velocity, and
     ends in the setpoint's; for an axis in ``by_velocity``, whose position follows from even
-    acceleration to the velocity, it is a parabola. Calls that come a little early or late (up
-    to half a period) still aim at the ends of an even grid, so that the caller's jitter does
-    not shake the axis. When a setpoint is overdue the command goes on with the last velocity;
-    after ``timeout`` ticks ``on_timeout`` is called, unless the axes stand and still wait for
-    the first setpoint.
+    acceleration to the velocity, it is a parabola. When a setpoint is overdue the command
+    continues with the last velocity; one that arrives with less than half a period left is
+    rejected, for the axes could reach it only by a leap. After ``timeout`` ticks ``on_timeout``
+    is called, unless the axes stand and still wait for the first setpoint.
     """
 
     def __init__(
@@ -59,14 +58,17 @@ class Stream:
             self.following[axis] = False
             self._take_stock()
 
-    def setpoint(self, position: FloatArray, velocity: FloatArray) -> None:
-        """One setpoint per axis, of shape (n,); entries of axes that do not follow are ignored."""
+    def setpoint(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+        """One setpoint per axis, of shape (n,); entries of axes that do not follow are ignored.
+
+        Raises LateSetpoint when less than half a period is left until ``due_ns``.
+        """
         if not self._followers:
             return
-        tick, servo = self._world.tick, self._world.servo
-        self._called, self._fed = tick, True
-        late = abs(self.end - tick) > self._period / 2
-        self.end = (tick if late else self.end) + self._period
+        tick, servo, end = self._world.tick, self._world.servo, self._world.tick_of(due_ns)
+        if end - tick < self._period / 2:
+            raise LateSetpoint
+        self._called, self._fed, self.end = tick, True, end
         self._world.lapse = floor(self.end)
         time_s = (self.end - tick) * servo.tick_s
         targets, ends = position.tolist(), velocity.tolist()

@@ -50,7 +50,7 @@ class WmxAxes(AxisDriver):
     def read(self, image: ProcessImage) -> None:
         self._readout.fill(image)
 
-    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         self._stream.put(velocity)
 
     def begin_stream(self, axes: Sequence[int]) -> None:

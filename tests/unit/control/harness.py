@@ -157,9 +157,9 @@ class Harness:
         driver, joints = self.mixer._driver, list(self.robot.joint_axes)
         stream = driver.stream
 
-        def record(position: FloatArray, velocity: FloatArray) -> None:
-            due_s = self.mixer._due_ns / NANOSECONDS
+        def record(position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            stream(position, velocity, due_ns)
+            due_s = due_ns / NANOSECONDS
             self.setpoints.rows.append((due_s, position[joints].copy(), velocity[joints].copy()))
-            stream(position, velocity)
 
         driver.stream = record  # type: ignore[method-assign]

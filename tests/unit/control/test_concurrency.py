@@ -76,10 +76,10 @@ def test_every_goal_of_every_client_ends_with_an_outcome(robot: Robot) -> None:
     steps: list[FloatArray] = []
     stream, last = robot.control_loop._driver.stream, [robot.image.position_command.copy()]
 
-    def record(position: FloatArray, velocity: FloatArray) -> None:
+    def record(position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         steps.append(np.abs(position - last[0]))
         last[0] = position.copy()
-        stream(position, velocity)
+        stream(position, velocity, due_ns)
 
     robot.control_loop._mixer._driver.stream = record  # type: ignore[method-assign]
     clients = [Client(robot, number) for number in range(4)]

@@ -302,3 +302,21 @@ def test_a_stop_on_purpose_is_no_loss(harness: Harness) -> None:
         harness.connection.start_communication()
         harness.run(20)
     assert not [line for line in logs if line["event"] in ("device lost", "device is back")]
+
+
+def test_a_period_that_would_begin_in_its_second_half_is_left_out(harness: Harness) -> None:
+    """Drives count two SYNCs close to each other as one."""
+    times_ns: list[int] = []
+    harness.control_loop.every(500.0, "task", lambda image: times_ns.append(image.stamp_ns))
+    deadline_ns = harness.clock.now_ns()
+    harness.clock.advance(1.6 * PERIOD_NS * 1e-9)
+    next_ns = harness.control_loop.period(deadline_ns)
+    assert next_ns == deadline_ns + 2 * PERIOD_NS
+    assert not times_ns
+    harness.clock.sleep_until_ns(next_ns)
+    harness.driver.image.fresh_ns = next_ns
+    assert harness.control_loop.period(next_ns) == next_ns + PERIOD_NS
+    assert times_ns == [next_ns]
+    report = harness.control_loop.stats.report()
+    assert (report.cycles, report.missed) == (1, 2)
+    assert report.lateness_max_us == pytest.approx(1.6 * PERIOD_NS / 1000)

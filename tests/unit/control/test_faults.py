@@ -327,7 +327,7 @@ def test_a_driver_that_cannot_stream_ends_the_goal_not_the_cycle(harness: Harnes
     driver = harness.mixer._driver
     stream = driver.stream
 
-    def fail(position: object, velocity: object) -> None:
+    def fail(position: object, velocity: object, due_ns: int) -> None:
         raise OSError("bus off")
 
     with harness.goal(FAR) as execution:

@@ -44,12 +44,12 @@ def test_what_the_cycle_calls_takes_no_other_thread() -> None:
         def read(self, image: ProcessImage) -> None:
             threads.append(threading.current_thread())
 
-        def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
             threads.append(threading.current_thread())
 
     behind = isolated(Axes(2), AxisDriver, PLUGIN, "odd")
     behind.read(ProcessImage(2))
-    behind.stream(np.zeros(2), np.zeros(2))
+    behind.stream(np.zeros(2), np.zeros(2), 0)
     assert threads == [threading.current_thread()] * 2
 
 

@@ -27,8 +27,17 @@ def stream(made: Harness, path: CubicSpline, jitter_s: FloatArray) -> FloatArray
             seen.append(made.look(TICK_S).velocity[0])
         made.clock.sleep_until_ns(due_ns)
         then = (index + 1) * PERIOD_S
-        made.axes.stream(np.array([path(then), np.nan]), np.array([speed(then), np.nan]))
+        made.axes.stream(
+            np.array([path(then), np.nan]),
+            np.array([speed(then), np.nan]),
+            start_ns + round(then * 1e9),
+        )
     return np.array(seen)
+
+
+def due(made: Harness, period_s: float = PERIOD_S) -> int:
+    """One period from now."""
+    return made.clock.now_ns() + round(period_s * 1e9)
 
 
 def swing(seconds: float) -> CubicSpline:
@@ -73,7 +82,7 @@ def test_a_stream_that_ends_without_a_word_is_stopped_by_the_device() -> None:
     assert np.abs(np.diff(record.velocity[:, 0])).max() <= 10.0 * TICK_S + 2e-3  # the joint's limit
     assert not made.image.motion_complete[0]
     resting = made.image.position[0]
-    made.axes.stream(np.array([0.0, 0.0]), np.zeros(2))  # too late: nobody listens
+    made.axes.stream(np.array([0.0, 0.0]), np.zeros(2), due(made))  # the stream is over
     assert made.look(0.1).position[0] == pytest.approx(resting, abs=1e-5)
 
 
@@ -84,7 +93,7 @@ def test_an_overdue_setpoint_is_passed_with_its_velocity() -> None:
     made.enable()
     made.axes.begin_stream([0])
     made.look()
-    made.axes.stream(np.array([0.001, 0.0]), np.array([0.5, 0.0]))
+    made.axes.stream(np.array([0.001, 0.0]), np.array([0.5, 0.0]), due(made, 1 / 300))
     image = made.look(0.02)
     assert image.velocity_command[0] == pytest.approx(0.5)
     assert image.position_command[0] == pytest.approx(0.001 + 0.5 * (0.02 - 1 / 300))
@@ -142,7 +151,8 @@ def test_the_period_need_not_be_a_multiple_of_the_fieldbus_cycle(rate_hz: float)
     for index in range(1, round(rate_hz)):
         speed = min(1.0, 4 * index / rate_hz)
         distance = 2 * (index / rate_hz) ** 2 if speed < 1 else index / rate_hz - 0.125
-        made.axes.stream(np.array([distance, 0.0]), np.array([speed, 0.0]))
+        due_ns = start_ns + round(index / rate_hz * 1e9)
+        made.axes.stream(np.array([distance, 0.0]), np.array([speed, 0.0]), due_ns)
         made.clock.sleep_until_ns(start_ns + round(index / rate_hz * 1e9))
         commands.append(made.look().velocity_command[0])
     assert commands[-10:] == pytest.approx([1.0] * 10, abs=1e-6)
@@ -163,7 +173,7 @@ def test_in_velocity_mode_an_axis_changes_evenly_to_the_velocity_of_its_setpoint
     speeds = [0.0, 0.004, 0.008, 0.008, 0.008, 0.002]
     seen = []
     for speed in speeds:
-        made.axes.stream(nowhere, np.array([speed, np.nan]))
+        made.axes.stream(nowhere, np.array([speed, np.nan]), due(made))
         ticks = range(round(PERIOD_S / TICK_S))
         seen += [made.look(TICK_S).velocity_command[0] for _ in ticks]
     middles = np.convolve([0.0, *speeds], [0.5, 0.5], "valid")
@@ -177,7 +187,7 @@ def test_in_velocity_mode_the_end_of_a_stream_slows_to_rest() -> None:
     made = by_velocity()
     made.axes.begin_stream([0, 1])
     for _ in range(100):
-        made.axes.stream(np.full(2, np.nan), np.array([1.0, -1.0]))
+        made.axes.stream(np.full(2, np.nan), np.array([1.0, -1.0]), due(made))
         made.look(PERIOD_S)
     made.axes.end_stream([0, 1])
     assert list(made.look().operation) == [Operation.STOPPING] * 2

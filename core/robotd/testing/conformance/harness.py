@@ -67,6 +67,11 @@ class Harness:
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
         self._running = False
 
+    @property
+    def due_ns(self) -> int:
+        """Monotonic time at which a setpoint of the present control period is due."""
+        return self.image.stamp_ns + self.robot.control_loop.period_ns
+
     # Life
 
     def begin(self) -> None:

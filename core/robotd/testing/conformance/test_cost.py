@@ -60,8 +60,14 @@ def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
 
 def test_stream_does_not_block(harness: Harness) -> None:
     position, velocity = harness.image.position_command.copy(), np.zeros(harness.count)
+
+    def stream() -> None:
+        harness.drivers.axes.stream(
+            position, velocity, harness.clock.now_ns() + round(harness.period_s * 1e9)
+        )
+
     with harness.robot.axes.claimed("conformance", harness.all):
-        check(harness, "stream", lambda: harness.drivers.axes.stream(position, velocity))
+        check(harness, "stream", stream)
     harness.rest()
 
 

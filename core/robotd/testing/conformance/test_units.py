@@ -134,7 +134,7 @@ def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -
 
     def setpoint(image: ProcessImage) -> None:
         share = min((harness.clock.now_ns() - began_ns) * 1e-9 / 0.3, 1.0)
-        harness.drivers.axes.stream(unknown, share * speeds)
+        harness.drivers.axes.stream(unknown, share * speeds, harness.due_ns)
 
     claim = harness.robot.axes.claimed("conformance", harness.all, CommandMode.VELOCITY)
     with claim, harness.each_period(setpoint):
@@ -213,12 +213,13 @@ def jog(harness: Harness, speeds: np.ndarray) -> None:
 
 def stream_ramp(harness: Harness, start: np.ndarray, end: np.ndarray, seconds: float) -> None:
     """Stream a smooth way from ``start`` to ``end`` on every axis, as the cycle does it."""
-    driver, clock, began_ns = harness.drivers.axes, harness.clock, harness.clock.now_ns()
+    driver, began_ns = harness.drivers.axes, harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
-        share = min((clock.now_ns() - began_ns) * 1e-9 / seconds + harness.period_s / seconds, 1.0)
+        due_ns = harness.due_ns
+        share = min((due_ns - began_ns) * 1e-9 / seconds, 1.0)
         way, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
-        driver.stream(start + way * (end - start), slope * (end - start))
+        driver.stream(start + way * (end - start), slope * (end - start), due_ns)
 
     with harness.robot.axes.claimed("conformance", harness.all), harness.each_period(setpoint):
         harness.let(seconds + 0.1)

@@ -1,0 +1,105 @@
+"""Missing setpoints: a streaming axis behaves as ``AxisDriver.underrun`` says, in real time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotd.api import Underrun
+from robotd.arrays import FloatArray
+from robotd.device.process_image import ProcessImage
+from robotd.testing.conformance.attempts import judge
+from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.recording import Recording
+
+RAMP_S, CRUISE_S, GAP_S = 0.4, 0.1, 0.06
+MIN_GAP_PERIODS = 10
+SETTLING_SHARE = 0.5  # of the gap: a device may continue for some periods before it holds
+TOLERANCE = 0.25  # of the streamed velocity
+
+
+class InterruptedStream:
+    """Setpoints of all axes: speed up, keep the velocity, miss some, slow down where that led."""
+
+    def __init__(self, harness: Harness) -> None:
+        self._harness = harness
+        axes = harness.all
+        self._start = harness.image.position_command.copy()
+        self.velocity: FloatArray = np.sign(harness.travel()) * [
+            harness.profile(axis).velocity for axis in axes
+        ]
+        self._began_ns = 0
+        self.gap_s = max(GAP_S, MIN_GAP_PERIODS * harness.period_s)
+        self.samples: list[tuple[float, FloatArray]] = []
+        self._extrapolates = harness.drivers.axes.underrun is Underrun.EXTRAPOLATE
+
+    @property
+    def duration_s(self) -> float:
+        return RAMP_S + CRUISE_S + self.gap_s + RAMP_S + 0.1
+
+    def __call__(self, image: ProcessImage) -> None:
+        due_ns = self._harness.due_ns
+        self._began_ns = self._began_ns or due_ns
+        self.samples.append(((image.fresh_ns - self._began_ns) * 1e-9, image.position.copy()))
+        state = self._setpoint((due_ns - self._began_ns) * 1e-9)
+        if state is not None:
+            self._harness.drivers.axes.stream(*state, due_ns)
+
+    def slopes(self) -> FloatArray:
+        """(n_axes,) mean measured velocity in the later part of the gap."""
+        end_s = RAMP_S + CRUISE_S + self.gap_s
+        begin_s = end_s - (1.0 - SETTLING_SHARE) * self.gap_s
+        inside = [(time_s, row) for time_s, row in self.samples if begin_s < time_s < end_s]
+        (first_s, first), (last_s, last) = inside[0], inside[-1]
+        return np.asarray((last - first) / (last_s - first_s))
+
+    def _setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray] | None:
+        """Position and velocity; None in the gap."""
+        gap_at_s = RAMP_S + CRUISE_S
+        if time_s < gap_at_s:
+            ramp_s = min(time_s, RAMP_S)
+            way_s = 0.5 * ramp_s**2 / RAMP_S + max(0.0, time_s - RAMP_S)
+            share = ramp_s / RAMP_S
+        elif time_s < gap_at_s + self.gap_s:
+            return None
+        else:
+            way_s, share = 0.5 * RAMP_S + CRUISE_S, 0.0
+            if self._extrapolates:
+                ramp_s = min(time_s - gap_at_s - self.gap_s, RAMP_S)
+                way_s += self.gap_s + ramp_s - 0.5 * ramp_s**2 / RAMP_S
+                share = 1.0 - ramp_s / RAMP_S
+        return self._start + self.velocity * way_s, self.velocity * share
+
+
+def test_an_axis_without_setpoints_does_what_underrun_says(make_harness: MakeHarness) -> None:
+    harness = make_harness(real_time=True)
+    if harness.robot.axes.trajectories_on_device:
+        pytest.skip("positions are not streamed: trajectories run on the device")
+    harness.up()
+    underrun = harness.drivers.axes.underrun
+    share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0
+    streams: list[InterruptedStream] = []
+
+    def motion() -> Recording:
+        stream = InterruptedStream(harness)
+        streams.append(stream)
+        with (
+            harness.recording() as recording,
+            harness.robot.axes.claimed("conformance", harness.all),
+            harness.each_period(stream),
+        ):
+            harness.let(stream.duration_s)
+        harness.rest()
+        return recording
+
+    def problems(recording: Recording) -> list[str]:
+        stream = streams[-1]
+        wanted, found = share * stream.velocity, stream.slopes()
+        return [
+            f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
+            f" {wanted[axis]:.3g} rad/s"
+            for axis in harness.all
+            if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
+        ]
+
+    judge(harness, motion, problems)

@@ -1,0 +1,194 @@
+"""``python -m tools.endurance.stalls``: stop a robot's process for moments and judge its motors.
+
+The robot runs in a child process. It is stopped by SIGSTOP at random points of the control
+period while its joints swing; the motors are recorded tick by tick by the simulated device.
+"""
+
+from __future__ import annotations
+
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from tools.endurance.stalled_robot import SWING_RAD, MotorRecorder
+
+from robotd.arrays import FloatArray
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+
+BLEND_SHARE = 0.1  # of the velocity limit: highest speed relative to the path, as decision 8 says
+ROUNDING = 1.05  # of the motors, which follow their commands with a lag
+REVERSAL_SHARE = 0.02  # of the velocity limit; drives that hold go on for a period by themselves
+GAP_S = (0.05, 0.2)  # between two stalls
+LEAVING_NS = 300_000_000  # after a goal that failed
+TICK_S = 0.001
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Extremes of the motors over all ticks; rad, s.
+
+    Attributes:
+        fastest: along the path's direction.
+        backward: largest velocity against the path's direction, positive.
+        beyond_path: velocity beyond the range of the path's velocities since the longest stall,
+            in shares of the joint's velocity limit.
+        acceleration: largest change of velocity over a control period, per second.
+        overshoot: largest distance beyond the ends of the swing.
+        reversals, leaps, jerks: numbers of events beyond the limits.
+    """
+
+    stalls: int
+    goals: int
+    failures: list[str]
+    missed: int
+    path_velocity: float
+    fastest: float
+    backward: float
+    beyond_path: float
+    acceleration: float
+    overshoot: float
+    reversals: int
+    leaps: int
+    jerks: int
+
+
+def judge(
+    stalls: int,
+    longest_s: float,
+    robot: RobotDescriptor,
+    data: dict[str, np.ndarray],
+    *,
+    holds: bool,
+) -> Verdict:
+    """Compare the motors' ticks in ``data`` with the path, joint 1 standing for all."""
+    joint = robot.joints[0]
+    times_ns, positions = data["times_ns"], data["positions"][:, 0]
+    velocity = np.gradient(positions, TICK_S)
+    window = round((longest_s + 0.03) / TICK_S)
+    path = path_on(times_ns, data["path_times_ns"], data["path_velocities"])
+    padded = np.concatenate([np.zeros(window), path, np.zeros(5)])
+    seen = sliding_window_view(padded, window + 6)
+    low, high = seen.min(1)[: len(path)], seen.max(1)[: len(path)]
+    if holds:  # such a device stops dead in a stall, and is judged by how it goes on
+        low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    beyond = np.maximum(velocity - high, low - velocity) / joint.velocity_rad_s
+    for begin_ns, end_ns in data["failed_ns"]:  # stopped, by the device's watchdog or the core
+        beyond[(times_ns >= begin_ns) & (times_ns <= end_ns + LEAVING_NS)] = 0.0
+    periods = round(1.0 / robot.cycle.rate_hz / TICK_S)
+    before, after = velocity[:-periods], velocity[periods:]
+    change = np.abs(after - before) / (periods * TICK_S)
+    if holds:
+        change[np.abs(after) < np.abs(before)] = 0.0
+    moving = np.abs(path) > 0.01
+    against = np.where(moving, -velocity * np.sign(path), 0.0)
+    return Verdict(
+        stalls,
+        int(data["goals"]),
+        data["failures"].tolist(),
+        int(data["missed"]),
+        float(np.abs(path).max()),
+        float(np.abs(velocity).max()),
+        float(against.max()),
+        float(beyond.max()),
+        float(change.max()),
+        float(max(-positions.min(), positions.max() - SWING_RAD)),
+        runs(against > REVERSAL_SHARE * joint.velocity_rad_s),
+        runs(beyond > ROUNDING * BLEND_SHARE),
+        runs(change > 2 * joint.acceleration_rad_s2),
+    )
+
+
+def path_on(times_ns: np.ndarray, path_ns: np.ndarray, velocities: FloatArray) -> FloatArray:
+    """Path velocity at ``times_ns``; 0 between two goals."""
+    index = np.clip(np.searchsorted(path_ns, times_ns, "right") - 1, 0, len(path_ns) - 1)
+    near = np.abs(times_ns - path_ns[index]) < 2_000_000
+    return np.where(near, velocities[index], 0.0)
+
+
+def runs(flags: np.ndarray) -> int:
+    """Number of groups of true values that are at least 50 ticks apart."""
+    where = np.flatnonzero(flags)
+    return 0 if len(where) == 0 else 1 + int((np.diff(where) > 50).sum())
+
+
+def stall(
+    process: subprocess.Popen[str], times: int, span_s: tuple[float, float], seed: int
+) -> None:
+    """Stop ``process`` ``times`` times for a random time within ``span_s``."""
+    chance = random.Random(seed)
+    for _ in range(times):
+        time.sleep(chance.uniform(*GAP_S))
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(chance.uniform(*span_s))
+        process.send_signal(signal.SIGCONT)
+
+
+@contextmanager
+def robot_process(robot_file: str, backend: str, out: Path) -> Iterator[subprocess.Popen[str]]:
+    """``stalled_robot`` while its joints swing; afterwards ``out`` is written."""
+    command = [sys.executable, "-m", "tools.endurance.stalled_robot", robot_file, backend, str(out)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+    ) as process:
+        try:
+            assert process.stdout is not None
+            if not any(line == "moving\n" for line in process.stdout):
+                raise RuntimeError("the robot did not start")
+            yield process
+            process.communicate("end\n", timeout=30.0)
+        finally:
+            process.kill()
+
+
+def run(
+    backend: str, times: int, span_s: tuple[float, float], seed: int, save: Path | None = None
+) -> Verdict:
+    """Stall a CR3A on ``backend`` ("sim" or "canopen": drives in this process)."""
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        motors, robot_file = None, "cr3a"
+        if backend == "canopen":
+            from tools.endurance.stalled_drives import drives
+
+            robot_file, world = stack.enter_context(drives(Path(folder)))
+            motors = MotorRecorder(world)
+        out = Path(folder) / "recording.npz"
+        with robot_process(robot_file, backend, out) as process:
+            time.sleep(0.3)
+            stall(process, times, span_s, seed)
+        data = {**np.load(out), **(motors.arrays() if motors else {})}
+        if save is not None:
+            np.savez(save, **data)
+        return judge(
+            times, span_s[1], load_robot_descriptor(robot_file), data, holds=motors is not None
+        )
+
+
+@click.command()
+@click.option("--backend", type=click.Choice(["sim", "canopen"]), default="sim", show_default=True)
+@click.option("--times", default=200, show_default=True, help="Number of stalls.")
+@click.option("--shortest-ms", default=3.0, show_default=True)
+@click.option("--longest-ms", default=200.0, show_default=True)
+@click.option("--save", type=click.Path(path_type=Path), help="Keep the recording (npz).")
+@click.option("--seed", type=int, default=1, show_default=True)
+def main(
+    backend: str, times: int, shortest_ms: float, longest_ms: float, save: Path | None, seed: int
+) -> None:
+    """Print the extremes of the motors; exit status 1 when one is beyond its limit."""
+    verdict = run(backend, times, (shortest_ms * 1e-3, longest_ms * 1e-3), seed, save)
+    for name, value in asdict(verdict).items():
+        click.echo(f"{name:14} {value}")
+    sys.exit(bool(verdict.reversals or verdict.leaps or verdict.jerks or verdict.failures))
+
+
+if __name__ == "__main__":
+    main()
