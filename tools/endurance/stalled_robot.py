@@ -17,7 +17,6 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
-from robotd.plugin.fault_isolation import unguarded
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_servo_model.servo import Servo
@@ -125,7 +124,7 @@ def main(robot_file: str, backend: str, out: Path) -> None:
     """Print "moving", swing until a line comes on stdin, write ``out`` (npz)."""
     descriptor = load_robot_descriptor(robot_file)
     robot = Robot(descriptor, load_backend(backend), MonotonicClock())
-    device = unguarded(robot.connection._driver)
+    device = robot.connection._driver.wrapped  # type: ignore[attr-defined]
     motors = MotorRecorder(device.simulation.world) if isinstance(device, SimDevice) else None
     periods, ending = PeriodRecorder(), threading.Event()
     robot.control_loop.every(descriptor.cycle.rate_hz, "record", periods)
