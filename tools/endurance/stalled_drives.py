@@ -11,7 +11,7 @@ from tests.canopen.drives_process import PORT, write_robot
 
 from robotd.api import load_robot_descriptor, validate_section
 from robotd_canopen.options import CanopenOptions
-from robotd_canopen.simulate import simulated_network
+from robotd_canopen.simulated_robot import simulated_network
 from robotd_servo_model.world import World
 
 RECEIVE_BUFFER = 4_000_000  # bytes
