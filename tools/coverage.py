@@ -2,8 +2,8 @@
 
 SlipCover measures by instrumented bytecode. On Python 3.11 it adds 24 % of processor time to the
 tests of plugins, descriptor and control (48 s to 59 s); coverage.py adds 150 % (120 s), and tests
-with time limits fail. Processes that tests start are not measured, so the figure is a lower bound:
-the nodes of ``robotd.ros`` are tested over DDS, in processes of their own.
+with time limits fail. Processes that tests start are not measured, so packages that are tested over
+DDS or a bus, in processes of their own, are shown and do not count for the floor.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "build" / "coverage.json"
 SOURCES = ("core/robotd", "plugins/canopen", "plugins/servo_model", "plugins/sim")
-FLOOR_PERCENT = 80.0
-"""Lowest accepted coverage of all sources; raise it when the figure has grown for good."""
+ELSEWHERE = ("core/robotd/ros", "core/robotd/testing", "plugins/canopen")
+"""Tested by tests/ros, tests/conformance and tests/canopen."""
+FLOOR_PERCENT = 95.0
+"""Lowest accepted coverage of the other packages."""
 
 _SLIPCOVER = ("-m", "slipcover", "--source", ",".join(SOURCES), "--json", "--out", str(RESULT))
 _PYTEST = ("-m", "pytest", "-W", "ignore:Module already imported", "tests/unit", "tests/contract")
@@ -47,18 +49,17 @@ def by_package(files: Mapping[str, Any]) -> dict[str, tuple[int, int]]:
 
 def report(files: Mapping[str, Any], floor_percent: float = FLOOR_PERCENT) -> tuple[str, bool]:
     """Return a table of packages with the total, and whether the total reaches the floor."""
-    packages = by_package(files)
-    covered, lines = (sum(column) for column in zip(*packages.values(), strict=True))
-    percent = 100.0 * covered / lines
-    rows = [
-        f"{name:32} {count:6} {100.0 * hit / count:5.1f} %"
-        for name, (hit, count) in packages.items()
-        if count
-    ]
-    total = f"{'total':32} {lines:6} {percent:5.1f} %   floor {floor_percent:g} %"
-    return "\n".join(
-        [f"{'package':32} {'lines':>6} covered", *rows, total]
-    ), percent >= floor_percent
+    lines, covered, total = [f"{'package':38} {'lines':>6} covered"], 0, 0
+    for name, (hit, count) in by_package(files).items():
+        is_counted = not name.startswith(ELSEWHERE)
+        note = "" if is_counted else "   not counted: tested in other processes"
+        if count:
+            lines.append(f"{name:38} {count:6} {100.0 * hit / count:5.1f} %{note}")
+        covered += hit * is_counted
+        total += count * is_counted
+    percent = 100.0 * covered / total
+    lines.append(f"{'total':38} {total:6} {percent:5.1f} %   floor {floor_percent:g} %")
+    return "\n".join(lines), percent >= floor_percent
 
 
 def main() -> None:

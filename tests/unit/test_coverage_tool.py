@@ -13,8 +13,9 @@ def file(covered: int, missing: int) -> dict[str, Any]:
 
 FILES = {
     "core/robotd/a.py": file(6, 4),
-    "core/robotd/ros/nodes/b.py": file(10, 0),
+    "core/robotd/motion/b.py": file(10, 0),
     "plugins/sim/robotd_sim/c.py": file(0, 0),
+    "core/robotd/ros/d.py": file(1, 9),
 }
 
 
@@ -22,8 +23,9 @@ def test_packages_and_total_are_shown() -> None:
     text, is_reached = report(FILES, 80.0)
     lines = [line.split() for line in text.splitlines()]
     assert ["core/robotd", "10", "60.0", "%"] in lines
-    assert ["core/robotd/ros", "10", "100.0", "%"] in lines
+    assert ["core/robotd/motion", "10", "100.0", "%"] in lines
     assert ["total", "20", "80.0", "%", "floor", "80", "%"] in lines
+    assert ["core/robotd/ros", "10", "10.0", "%", "not", "counted:"] in [each[:6] for each in lines]
     assert is_reached
 
 
