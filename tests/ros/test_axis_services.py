@@ -64,9 +64,9 @@ def test_mode_velocity_and_back(client: Client) -> None:
         ("set_on", [-1], [1], "axis -1 is outside 0..5"),
         ("set_on", [2, 2], [0, 0], "axis 2 is given twice"),
         ("set_on", [0, 1], [0, 2], "axis 1: data 2 is not 0 or 1"),
-        ("set_mode", [0], [7], "axis 0: data 7 is not 0 or 1 or 2"),
+        ("set_mode", [0], [7], "joint1: mode 7 is not 0, 1 or 2"),
         ("set_mode", [0], [2], f"torque mode: not supported by the {BACKEND} backend"),
-        ("set_polarity", [0], [0], "axis 0: data 0 is not 1 or -1"),
+        ("set_polarity", [0], [0], "joint1: polarity 0 is not 1 or -1"),
         ("clear_alarm", [9], [], "axis 9 is outside 0..5"),
         ("homing", [0, 0], [], "axis 0 is given twice"),
     ],
@@ -133,8 +133,11 @@ def test_homing_makes_the_present_position_zero(client: Client, states: list[Any
 def test_parameters_can_be_read(client: Client) -> None:
     response = client.call(GetWmxParams, "/wmx/params/get", index=[0, 3])
     assert response.success
-    assert len(response.params_dump) == 2
-    assert "52953088" in response.params_dump[0]
+    lines = list(response.params_dump)
+    first, second = lines.index("=== Axis 0 ==="), lines.index("=== Axis 3 ===")
+    assert first == 0
+    assert any("52953088" in line for line in lines[first:second])
+    assert not any("\n" in line for line in lines)
 
 
 @pytest.mark.parametrize("path", ["", "/nowhere/parameters.xml"])

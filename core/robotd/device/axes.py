@@ -108,6 +108,43 @@ class Axes:
         groups = (tuple(group) for group in self._driver.servo_groups)
         return next((group for group in groups if axis in group), (axis,))
 
+    def check_axes(self, axes: Sequence[int]) -> None:
+        """Raise NotReady before the device is ready, else as ``check_numbers``. Any thread.
+
+        This and the checks below are part of every command. A caller that takes one request for
+        several axes makes them first, so that a wrong entry rejects the request as a whole.
+        """
+        self._connection.require_ready()
+        self.check_numbers(axes)
+
+    def check_numbers(self, axes: Sequence[int]) -> None:
+        """Raise InvalidArgument unless there is an axis, each exists, and none is given twice."""
+        if not axes:
+            raise InvalidArgument("no axis given")
+        for axis in axes:
+            if not 0 <= axis < len(self):
+                raise InvalidArgument(f"axis {axis} is outside 0..{len(self) - 1}")
+        if len(set(axes)) < len(axes):
+            doubled = min(axis for axis, count in Counter(axes).items() if count > 1)
+            raise InvalidArgument(f"axis {doubled} is given twice")
+
+    def check_command_mode(self, axis: int, mode: int) -> None:
+        """Raise InvalidArgument for a number that is no ``CommandMode``."""
+        if mode not in tuple(CommandMode):
+            raise self._error(InvalidArgument, axis, f"mode {mode} is not 0, 1 or 2")
+
+    def check_polarity(self, axis: int, polarity: int) -> None:
+        """Raise InvalidArgument for another number than 1 and -1."""
+        if polarity not in (1, -1):
+            raise self._error(InvalidArgument, axis, f"polarity {polarity} is not 1 or -1")
+
+    def check_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+        """Raise InvalidArgument for a part that is not within 1e-6 to 2147483647."""
+        for part, value in (("numerator", numerator), ("denominator", denominator)):
+            if not (math.isfinite(value) and 1e-6 <= value <= 2**31 - 1):
+                reason = f"gear ratio {part} {value} is outside 1e-06..2147483647"
+                raise self._error(InvalidArgument, axis, reason)
+
     def servo(self, axis: int, on: bool) -> None:
         """Enable (at the measured position, without a jump) or disable one servo; waits for it.
 
@@ -115,7 +152,7 @@ class Axes:
         rejected because of an owner: a stream to the axis is stopped. Enabling is, because
         setpoints from before would be far away, and after a request to end.
         """
-        self._check_axes([axis])
+        self.check_axes([axis])
         group = self.servo_group(axis)
         with self._commanding(axis):
             if not on:
@@ -135,8 +172,7 @@ class Axes:
     def set_command_mode(self, axis: int, mode: int) -> None:
         """Position 0 or velocity 1 (torque 2 where the backend has it), on an idle axis."""
         self._check_axis(axis)
-        if mode not in tuple(CommandMode):
-            raise self._error(InvalidArgument, axis, f"mode {mode} is not 0, 1 or 2")
+        self.check_command_mode(axis, mode)
         needs = {
             CommandMode.VELOCITY: Capability.VELOCITY_MODE,
             CommandMode.TORQUE: Capability.TORQUE_MODE,
@@ -150,8 +186,7 @@ class Axes:
     def set_polarity(self, axis: int, polarity: int) -> None:
         """1 or -1, with the servo off."""
         self._check_axis(axis)
-        if polarity not in (1, -1):
-            raise self._error(InvalidArgument, axis, f"polarity {polarity} is not 1 or -1")
+        self.check_polarity(axis, polarity)
         self._require(Capability.SCALING, "polarity")
         with self._connection.scaling_lock, self._commanding(axis):
             self._check_servo_off(axis, "polarity")
@@ -161,10 +196,7 @@ class Axes:
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         """Encoder counts per unit as a fraction, both parts positive, with the servo off."""
         self._check_axis(axis)
-        for part, value in (("numerator", numerator), ("denominator", denominator)):
-            if not (math.isfinite(value) and 1e-6 <= value <= 2**31 - 1):
-                reason = f"gear ratio {part} {value} is outside 1e-06..2147483647"
-                raise self._error(InvalidArgument, axis, reason)
+        self.check_gear_ratio(axis, numerator, denominator)
         self._require(Capability.SCALING, "gear ratio")
         with self._connection.scaling_lock, self._commanding(axis):
             self._check_servo_off(axis, "the gear ratio")
@@ -297,24 +329,13 @@ class Axes:
             connection.require_alive()
 
     def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
-        self._check_axes(axes)
+        self.check_axes(axes)
         for axis in axes:
             if error := self.rejection(axis, mode):
                 raise error
 
-    def _check_axes(self, axes: Sequence[int]) -> None:
-        self._connection.require_ready()
-        if not axes:
-            raise InvalidArgument("no axis given")
-        for axis in axes:
-            if not 0 <= axis < len(self):
-                raise InvalidArgument(f"axis {axis} is outside 0..{len(self) - 1}")
-        if len(set(axes)) < len(axes):
-            doubled = min(axis for axis, count in Counter(axes).items() if count > 1)
-            raise InvalidArgument(f"axis {doubled} is given twice")
-
     def _check_axis(self, axis: int) -> None:
-        self._check_axes([axis])
+        self.check_axes([axis])
         if owner := self._owners.get(axis):
             raise self._error(NotReady, axis, f"in use by {owner}")
 
@@ -364,7 +385,7 @@ class Axes:
 
     def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
         if self._connection.ready:
-            self._check_axes(axes)
+            self.check_axes(axes)
             with self._commanding():
                 stop(axes)
 

@@ -95,7 +95,7 @@ class RobotdHooks:
 
     @hookspec
     def robotd_register_nodes(self, registry: NodeRegistry) -> None:
-        """Add ROS nodes by name. Called once, before nodes are made."""
+        """Add ROS nodes by name, see ``NodeRegistry.add``. Called once, before nodes are made."""
 
     @hookspec(firstresult=True)
     def robotd_backend(self) -> BackendInfo | None:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from tests.unit.device.harness import ALL, Harness
 
 from robotd.device.axes import Axes, Jog, Move, each
@@ -130,6 +132,19 @@ def test_a_polarity_that_is_none_is_refused(harness: Harness, polarity: int) -> 
     refused(
         servo_off(harness), InvalidArgument, text, lambda: harness.axes.set_polarity(0, polarity)
     )
+
+
+@given(index=st.lists(st.integers(-3, 9), max_size=6))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_axis_numbers_are_in_range_and_unique_or_rejected(
+    harness: Harness, index: list[int]
+) -> None:
+    axes = harness.axes
+    if index and len(set(index)) == len(index) and set(index) <= set(range(len(axes))):
+        axes.check_numbers(index)
+    else:
+        with pytest.raises(InvalidArgument, match="axis"):
+            axes.check_numbers(index)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 2.0**31])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from typing import Any
 
@@ -18,7 +17,7 @@ from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
-from wmx_ros2_message.srv import SetAxis, SetAxisGearRatio
+from wmx_ros2_message.srv import SetAxis
 
 from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRejected
@@ -27,17 +26,10 @@ from robotd.motion.rejection import RejectionCode
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.trajectory_conversions import duration_s, stamp_ns, trajectory_request
 
-AXES = 4
 
-
-@given(st.lists(st.integers(-3, AXES + 3), max_size=6))
-def test_axis_numbers_are_in_range_and_unique_or_refused(index: list[int]) -> None:
-    good = bool(index) and len(set(index)) == len(index) and set(index) <= set(range(AXES))
-    if good:
-        assert axis_conversions.axis_numbers(index, AXES) == index
-    else:
-        with pytest.raises(InvalidArgument, match="axis"):
-            axis_conversions.axis_numbers(index, AXES)
+def test_parameters_are_lines_under_the_number_of_their_axis() -> None:
+    lines = axis_conversions.parameter_lines(3, "GearRatio = 2\nPolarity = 1")
+    assert lines == ["=== Axis 3 ===", "GearRatio = 2", "Polarity = 1", ""]
 
 
 def test_moves_keep_axis_and_numbers_together() -> None:
@@ -54,16 +46,6 @@ def test_a_short_column_is_named(short: str) -> None:
     columns = {"velocity": [1.0, 1.0], "acc": [1.0, 1.0], "dec": [1.0, 1.0]} | {short: [1.0]}
     with pytest.raises(InvalidArgument, match=f"{short} has 1 values for 2 axes"):
         axis_conversions.jogs(AxisVelocity(index=[0, 1], **columns))
-
-
-@given(st.floats(), st.floats())
-def test_gear_ratios_are_positive_and_finite_or_refused(num: float, den: float) -> None:
-    request = SetAxisGearRatio.Request(index=[1], numerator=[num], denominator=[den])
-    if all(math.isfinite(part) and part > 0 for part in (num, den)):
-        assert axis_conversions.gear_ratios(request, AXES) == {1: (num, den)}
-    else:
-        with pytest.raises(InvalidArgument, match="axis 1: gear ratio"):
-            axis_conversions.gear_ratios(request, AXES)
 
 
 def test_outcome_names_every_axis_once() -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robotd.device.axes import Jog, Move
@@ -11,48 +10,23 @@ from robotd.errors import InvalidArgument, reason_of
 from robotd.motion.profile import Profile
 
 
-def axis_numbers(index: Iterable[int], count: int) -> list[int]:
-    """The axes of a request: at least one, each in 0..count-1, none twice."""
-    axes = list(index)
-    if not axes:
-        raise InvalidArgument("no axis given")
-    for axis in axes:
-        if not 0 <= axis < count:
-            raise InvalidArgument(f"axis {axis} is outside 0..{count - 1}")
-        if axes.count(axis) > 1:
-            raise InvalidArgument(f"axis {axis} is given twice")
-    return axes
-
-
 def parallel(axes: Sequence[int], **columns: Sequence[float]) -> list[tuple[Any, ...]]:
-    """One tuple of values per axis; refuses columns that are not as long as ``axes``."""
+    """One tuple of values per axis. Raises InvalidArgument for a column of another length."""
     for name, values in columns.items():
         if len(values) != len(axes):
             raise InvalidArgument(f"{name} has {len(values)} values for {len(axes)} axes")
-    return list(zip(*columns.values(), strict=True))
+    return [tuple(values[i] for values in columns.values()) for i in range(len(axes))]
 
 
-def choices(axes: Sequence[int], data: Sequence[int], allowed: Collection[int]) -> dict[int, int]:
-    """The value of ``data`` for each axis; refuses one that is not among ``allowed``."""
-    values = {axis: value for axis, (value,) in zip(axes, parallel(axes, data=data), strict=True)}
-    for axis, value in values.items():
-        if value not in allowed:
-            words = " or ".join(str(each) for each in allowed)
-            raise InvalidArgument(f"axis {axis}: data {value} is not {words}")
-    return values
+def check_flag(axis: int, value: int) -> None:
+    """Raise InvalidArgument for a number that stands for neither on (1) nor off (0)."""
+    if value not in (0, 1):
+        raise InvalidArgument(f"axis {axis}: data {value} is not 0 or 1")
 
 
-def gear_ratios(message: Any, count: int) -> dict[int, tuple[float, float]]:
-    """Axis → (numerator, denominator), both positive and finite, of a SetAxisGearRatio request."""
-    axes = axis_numbers(message.index, count)
-    rows = parallel(axes, numerator=message.numerator, denominator=message.denominator)
-    for axis, row in zip(axes, rows, strict=True):
-        for part, value in zip(("numerator", "denominator"), row, strict=True):
-            if not (math.isfinite(value) and value > 0.0):
-                raise InvalidArgument(
-                    f"axis {axis}: gear ratio {part} {value:g} is not positive and finite"
-                )
-    return dict(zip(axes, rows, strict=True))
+def parameter_lines(axis: int, text: str) -> list[str]:
+    """Lines of ``params_dump`` for one axis: a heading, its parameters, an empty line."""
+    return [f"=== Axis {axis} ===", *text.splitlines(), ""]
 
 
 def moves(message: Any) -> list[Move]:

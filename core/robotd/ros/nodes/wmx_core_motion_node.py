@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,6 @@ from wmx_ros2_message.msg import AxisPose, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
 from robotd.device.axes import each
-from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
@@ -56,39 +55,49 @@ class WmxCoreMotionNode(Node):
 
     def _add_axis_services(self, host: RosHost) -> None:
         axes = self._axes
-        modes = tuple(int(mode) for mode in CommandMode)
-        for name, allowed, command in (
-            ("set_on", (0, 1), lambda axis, data: axes.servo(axis, bool(data))),
-            ("set_mode", modes, axes.set_command_mode),
-            ("set_polarity", (1, -1), axes.set_polarity),
-            ("clear_alarm", None, lambda axis, _: axes.clear_alarm(axis)),
-            ("homing", None, lambda axis, _: axes.home(axis)),
+        for name, fields, check, command in (
+            ("set_on", ("data",), axis_conversions.check_flag, self._set_on),
+            ("set_mode", ("data",), axes.check_command_mode, axes.set_command_mode),
+            ("set_polarity", ("data",), axes.check_polarity, axes.set_polarity),
+            ("clear_alarm", (), None, axes.clear_alarm),
+            ("homing", (), None, axes.home),
         ):
-            handler = self._axis_handler(allowed, command)
+            handler = self._axis_handler(fields, check, command)
             add_service(self, host, SetAxis, f"wmx/axis/{name}", handler)
-        add_service(self, host, SetAxisGearRatio, "wmx/axis/set_gear_ratio", self._set_gear_ratio)
+        handler = self._axis_handler(
+            ("numerator", "denominator"), axes.check_gear_ratio, axes.set_gear_ratio
+        )
+        add_service(self, host, SetAxisGearRatio, "wmx/axis/set_gear_ratio", handler)
 
     def _axis_handler(
-        self, allowed: Collection[int] | None, command: Callable[[int, int], None]
+        self,
+        fields: tuple[str, ...],
+        check: Callable[..., object] | None,
+        command: Callable[..., None],
     ) -> Callable[[Any, Any], Any]:
-        """A SetAxis handler; ``allowed`` None: the command ignores the request's data."""
+        """Handler of a request that commands several axes.
+
+        Args:
+            fields: arrays of the request that are the arguments of check and command.
+            check: called for every axis before the first command; raises to reject the request.
+            command: called for one axis after the other.
+        """
 
         def handle(request: Any, response: Any) -> Any:
-            self._connection.require_ready()
-            axes = axis_conversions.axis_numbers(request.index, len(self._axes))
-            data = dict.fromkeys(axes, 0)
-            if allowed is not None:
-                data = axis_conversions.choices(axes, request.data, allowed)
-            results = each(axes, lambda axis: command(axis, data[axis]))
+            axes = list(request.index)
+            self._axes.check_axes(axes)
+            columns = {field: getattr(request, field) for field in fields}
+            rows = dict(zip(axes, axis_conversions.parallel(axes, **columns), strict=True))
+            for axis, values in rows.items():
+                if check is not None:
+                    check(axis, *values)
+            results = each(axes, lambda axis: command(axis, *rows[axis]))
             return axis_conversions.fill_outcome(response, self._axes.names, results)
 
         return handle
 
-    def _set_gear_ratio(self, request: Any, response: Any) -> Any:
-        self._connection.require_ready()
-        ratios = axis_conversions.gear_ratios(request, len(self._axes))
-        results = each(list(ratios), lambda axis: self._axes.set_gear_ratio(axis, *ratios[axis]))
-        return axis_conversions.fill_outcome(response, self._axes.names, results)
+    def _set_on(self, axis: int, data: int) -> None:
+        self._axes.servo(axis, bool(data))
 
     def _load_parameters(self, request: Any, response: Any) -> Any:
         length = len(request.file_path)
@@ -100,9 +109,15 @@ class WmxCoreMotionNode(Node):
         return response
 
     def _get_parameters(self, request: Any, response: Any) -> Any:
-        count = len(self._axes)
-        axes = axis_conversions.axis_numbers(request.index or range(count), count)
-        response.params_dump = [self._connection.dump_parameters(axis) for axis in axes]
+        axes = list(request.index) or list(range(len(self._axes)))
+        self._axes.check_numbers(axes)
+        response.params_dump = [
+            line
+            for axis in axes
+            for line in axis_conversions.parameter_lines(
+                axis, self._connection.dump_parameters(axis)
+            )
+        ]
         response.success = True
         response.message = "ok"
         return response
