@@ -1,33 +1,15 @@
 """Baymax with all its nodes in one process."""
 
+import sys
+from pathlib import Path
+
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
+
+sys.path.insert(0, str(Path(__file__).parent))  # launch loads this file by its path
+
+from robot_process import robot_process
 
 
 def generate_launch_description() -> LaunchDescription:
-    """One robotd; its first signal is the orderly stop, which a second one would cut short."""
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument("backend", default_value="sim", description="What drives it."),
-            DeclareLaunchArgument(
-                "namespace", default_value="", description="Of all nodes and relative names."
-            ),
-            DeclareLaunchArgument(
-                "use_sim_time",
-                default_value="false",
-                choices=["true", "false"],
-                description="Take the stamps from /clock.",
-            ),
-            Node(
-                package="robotd",
-                executable="robotd",
-                namespace=LaunchConfiguration("namespace"),
-                arguments=["--robot", "baymax", "--backend", LaunchConfiguration("backend")],
-                parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
-                output="screen",
-                sigterm_timeout="20",
-            ),
-        ]
-    )
+    """Called by launch."""
+    return robot_process("baymax", namespace=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import ast
 import py_compile
-import re
+import runpy
 import shlex
-from collections.abc import Iterator
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -20,6 +22,9 @@ AMENT = Path(__file__).parents[2] / "ament"
 FILES = sorted((AMENT / "launch").glob("*.launch.py"))
 REFERENCE = {
     "wmx_ros2_multi_node",
+    "wmx_ros2_general_package",
+    "wmx_ros2_general_nodes",
+    "wmx_ros2_cr3a_manipulator",
     "wmx_ros2_intel_manipulator_cr3a",
     "wmx_ros2_orin_manipulator_cr3a",
     "wmx_ros2_diff_drive_controller",
@@ -31,70 +36,94 @@ STARTED = {
     "cr3a": ("cr3a", "intel", None),
     "baymax": ("baymax", None, None),
     "wmx_ros2_multi_node": ("standalone", None, SERVICE_NODES),
+    "wmx_ros2_general_package": ("standalone", None, SERVICE_NODES),
+    "wmx_ros2_general_nodes": ("standalone", None, SERVICE_NODES),
+    "wmx_ros2_cr3a_manipulator": ("cr3a", None, ARM_NODES),
     "wmx_ros2_intel_manipulator_cr3a": ("cr3a", "intel", ARM_NODES[:-1]),
     "wmx_ros2_orin_manipulator_cr3a": ("cr3a", "orin", ARM_NODES[:-1]),
     "wmx_ros2_diff_drive_controller": ("baymax", None, ("diff_drive_controller",)),
 }
 
 
+@dataclass(frozen=True)
+class Argument:
+    """Stand-in for ``launch.actions.DeclareLaunchArgument``."""
+
+    name: str
+    default_value: str
+    description: str
+    choices: Sequence[str] | None = None
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Stand-in for ``launch.substitutions.LaunchConfiguration``: the value of an argument."""
+
+    name: str
+
+
+class Process:
+    """Stand-in for ``launch_ros.actions.Node``."""
+
+    def __init__(self, **keywords: Any) -> None:
+        self.keywords = keywords
+
+
+def stand_ins() -> dict[str, ModuleType]:
+    """The launch packages, which are not among the ROS wheels, as far as the files use them."""
+    contents = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": {"DeclareLaunchArgument": Argument},
+        "launch.substitutions": {"LaunchConfiguration": Configuration},
+        "launch_ros": {},
+        "launch_ros.actions": {"Node": Process},
+    }
+    modules = {name: ModuleType(name) for name in contents}
+    for name, content in contents.items():
+        vars(modules[name]).update(content)
+    return modules
+
+
 class LaunchFile:
-    """What the source of a launch file says, without the launch packages.
+    """Result of executing a launch file.
 
     Attributes:
         defaults: argument → its default.
-        used: arguments that are asked for.
+        used: arguments whose values are used.
         node: the keywords of its one Node.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        self._constants = {
-            statement.targets[0].id: statement.value
-            for statement in tree.body
-            if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
-        }
-        calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-        self.defaults = {
-            ast.literal_eval(call.args[0]): ast.literal_eval(keywords(call)["default_value"])
-            for call in named(calls, "DeclareLaunchArgument")
-        }
-        self.used = [ast.literal_eval(call.args[0]) for call in named(calls, "LaunchConfiguration")]
-        (node,) = named(calls, "Node")
-        self.node = keywords(node)
+        with pytest.MonkeyPatch.context() as patch:
+            for name, module in stand_ins().items():
+                patch.setitem(sys.modules, name, module)
+            patch.delitem(sys.modules, "robot_process", raising=False)
+            patch.setattr(sys, "path", [*sys.path])
+            described = runpy.run_path(str(path))["generate_launch_description"]()
+            sys.modules.pop("robot_process", None)
+        arguments = [each for each in described if isinstance(each, Argument)]
+        self.defaults = {argument.name: argument.default_value for argument in arguments}
+        (process,) = (each for each in described if isinstance(each, Process))
+        self.node = process.keywords
+        words = self.node["arguments"]
+        values = [*words, self.node.get("namespace"), *self.node["parameters"][-1].values()]
+        self.used = [value.name for value in values if isinstance(value, Configuration)]
 
     def words(self) -> list[str]:
         """The command line of the node, every argument at its default."""
-        script = (AMENT / "lib" / self.text("executable")).read_text(encoding="utf-8")
+        script = (AMENT / "lib" / self.node["executable"]).read_text(encoding="utf-8")
         _exec, _program, *own = shlex.split(script, comments=True)
-        arguments = self.node["arguments"]
-        assert isinstance(arguments, ast.List)
-        words = (word for word in own if word not in ("run", "$@"))
-        return [*words, *map(self._word, arguments.elts)]
-
-    def text(self, keyword: str) -> str:
-        return str(ast.literal_eval(self.node[keyword]))
+        words = [word for word in own if word not in ("run", "$@")]
+        return [*words, *map(self._word, self.node["arguments"])]
 
     def config(self) -> Path | None:
         """The parameter file that it names."""
-        found = re.search(r'"config" / "(.+)"', self.path.read_text(encoding="utf-8"))
-        return AMENT / "config" / found[1] if found else None
+        *files, _own = self.node["parameters"]
+        return Path(files[0]) if files else None
 
-    def _word(self, element: ast.expr) -> str:
-        if isinstance(element, ast.Constant):
-            return str(element.value)
-        if ast.unparse(element) == "','.join(NODES)":
-            return ",".join(ast.literal_eval(self._constants["NODES"]))
-        assert isinstance(element, ast.Call)
-        return str(self.defaults[ast.literal_eval(element.args[0])])
-
-
-def named(calls: list[ast.Call], name: str) -> Iterator[ast.Call]:
-    return (call for call in calls if isinstance(call.func, ast.Name) and call.func.id == name)
-
-
-def keywords(call: ast.Call) -> dict[str, ast.expr]:
-    return {keyword.arg: keyword.value for keyword in call.keywords if keyword.arg}
+    def _word(self, word: str | Configuration) -> str:
+        return self.defaults[word.name] if isinstance(word, Configuration) else word
 
 
 def name_of(path: Path) -> str:
@@ -122,7 +151,7 @@ def test_every_argument_is_used_and_every_used_one_declared(launch_file: LaunchF
 def test_it_starts_what_its_name_says(launch_file: LaunchFile) -> None:
     robot, variant, nodes = STARTED[name_of(launch_file.path)]
     options = run.make_context("run", launch_file.words()).params
-    assert launch_file.text("package") == "robotd"
+    assert launch_file.node["package"] == "robotd"
     assert (options["robot"], options["variant"]) == (robot, variant)
     assert options["nodes"] is None or set(options["nodes"]) == set(nodes or ())
     descriptor = load_robot_descriptor(robot, variant)
@@ -156,3 +185,10 @@ def test_a_parameter_file_says_what_the_robot_says(
     sections = {key: section["ros__parameters"] for key, section in yaml.safe_load(text).items()}
     expected = load_robot_descriptor(robot, variant).ros_parameters
     assert sections == {f"/**/{node}": values for node, values in expected.items()}
+
+
+def test_the_arm_s_common_file_has_both_mirrors() -> None:
+    text = (AMENT / "config" / "cr3a_manipulator_config.yaml").read_text(encoding="utf-8")
+    sections = {key: section["ros__parameters"] for key, section in yaml.safe_load(text).items()}
+    intel, orin = (load_robot_descriptor("cr3a", name).ros_parameters for name in ("intel", "orin"))
+    assert sections == {f"/**/{node}": {**intel[node], **orin[node]} for node in intel}

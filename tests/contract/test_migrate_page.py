@@ -38,11 +38,15 @@ LAUNCH_FILES = {
     "wmx_ros2_intel_manipulator_cr3a.launch.py",
     "wmx_ros2_orin_manipulator_cr3a.launch.py",
     "wmx_ros2_diff_drive_controller.launch.py",
+    "wmx_ros2_general_package.launch.py",
+    "wmx_ros2_general_nodes.launch.py",
+    "wmx_ros2_cr3a_manipulator.launch.py",
 }
 FILES = {
     "intel_manipulator_config_cr3a.yaml": "ament/config/intel_manipulator_config_cr3a.yaml",
     "orin_manipulator_config_cr3a.yaml": "ament/config/orin_manipulator_config_cr3a.yaml",
     "diff_drive_controller_config.yaml": "ament/config/diff_drive_controller_config.yaml",
+    "cr3a_manipulator_config.yaml": "ament/config/cr3a_manipulator_config.yaml",
     "cr3a_wmx_parameters.xml": "robots/cr3a/wmx_parameters.xml",
     "baymax_wmx_parameters.xml": "robots/baymax/wmx_parameters.xml",
 }

@@ -7,7 +7,10 @@ from typing import Any
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.action import (
+    get_action_names_and_types,
+    get_action_server_names_and_types_by_node,
+)
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -165,3 +168,17 @@ def test_a_namespace_moves_all_but_what_a_parameter_says_absolutely() -> None:
             assert not [name for name in services if name.startswith("/wmx")]
         finally:
             client.close()
+
+
+def test_an_action_can_be_remapped() -> None:
+    arguments = ("--nodes", "follow_joint_trajectory_server", "--ros-args", "-r")
+    with RobotProcess(*arguments, f"{ACTION}:=/arm/follow") as process:
+        process.wait_ready()
+        client = Client(process.domain)
+        wait_until(
+            lambda: "/arm/follow" in names_of(get_action_names_and_types(client.node)),
+            "the action under its new name",
+        )
+        names = names_of(get_action_names_and_types(client.node))
+        client.close()
+        assert ACTION not in names

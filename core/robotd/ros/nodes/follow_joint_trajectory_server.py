@@ -79,7 +79,7 @@ class FollowJointTrajectoryServer(Node):
         self._live = 0  # goals that have not ended; executor thread
         parameters = Parameters(self, robot.descriptor)
         declare_joint_number(parameters, robot)
-        action = parameters.topic("joint_trajectory_action", "name of the action", required=True)
+        action = parameters.action("joint_trajectory_action", "name of the action")
         gripper = parameters.topic(
             "wmx_gripper_topic", "service that closes the gripper", required=bool(robot.gripper)
         )

@@ -87,8 +87,16 @@ class Parameters:
         """A list of texts."""
         return tuple(self._declare(name, list(default), meaning))
 
+    def action(self, name: str, meaning: str) -> str:
+        """Full name of an action, with the remapping (``-r``) that rcl leaves out for actions.
+
+        rcl remaps nodes, topics and services by name; an action's own services and topics have
+        other names (``NAME/_action/send_goal``), so that a rule for the action matches none.
+        """
+        return str(self._node.resolve_topic_name(self.topic(name, meaning, required=True)))
+
     def topic(self, name: str, meaning: str, *, required: bool = False) -> str:
-        """Name of a topic, service or action; "" where it is not wanted and not required."""
+        """Name of a topic or service; "" where it is not wanted and not required."""
         value = self.text(name, "", meaning if required else f"{meaning}; empty: none")
         if value:
             self._check_topic(name, value)
