@@ -88,10 +88,10 @@ def test_a_refused_request_does_nothing_to_any_axis(client: Client, states: list
 @pytest.mark.parametrize(
     ("numerator", "denominator", "reason"),
     [
-        ([0.0], [1.0], "numerator 0 is not positive"),
-        ([1.0], [0.0], "denominator 0 is not positive"),
-        ([float("nan")], [1.0], "numerator nan is not positive"),
-        ([float("inf")], [1.0], "numerator inf is not positive"),
+        ([0.0], [1.0], "numerator 0.0 is outside 1e-06.."),
+        ([1.0], [0.0], "denominator 0.0 is outside 1e-06.."),
+        ([float("nan")], [1.0], "numerator nan is outside 1e-06.."),
+        ([float("inf")], [1.0], "numerator inf is outside 1e-06.."),
         ([1.0], [], "denominator has 0 values for 1 axes"),
         ([1.0], [1.0], "can change only while the servo is off"),
     ],
