@@ -12,8 +12,7 @@ from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd.ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd.ros.host import RosHost
-from robotd.ros.middleware.discovery import announce_often
-from robotd.ros.parameter_overrides import check_overrides
+from robotd.ros.middleware import announce_often, check_overrides
 from robotd.ros.registry import (
     BUILT_IN,
     SIMULATION_NODE,

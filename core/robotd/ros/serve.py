@@ -21,9 +21,7 @@ from robotd.plugin.registry import NodeInfo, NodeRegistry
 from robotd.robot import Robot
 from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
-from robotd.ros.middleware.discovery import announce_often
-from robotd.ros.middleware.exit_timer import exit_after
-from robotd.ros.middleware.shared_memory import remove_leftovers
+from robotd.ros.middleware import announce_often, exit_after, remove_leftovers
 from robotd.ros.registry import select_nodes
 from robotd.ros.run_nodes import run_nodes
 

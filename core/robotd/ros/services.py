@@ -20,8 +20,7 @@ from rclpy.subscription import Subscription
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.ros.host import RosHost
-from robotd.ros.middleware.rate_limit import RateLimit
-from robotd.ros.middleware.service_responses import Replies
+from robotd.ros.middleware import RateLimit, ServiceResponses
 
 log = get_logger("ros")
 
@@ -65,7 +64,8 @@ def add_service(
                 return _answer(service_type, name, handler, request)
 
         service = node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
-        service.send_response = Replies(node, service).send
+        responses = ServiceResponses(node, service)
+        responses.defer(responses.send)
         return service
     return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
 
@@ -118,7 +118,8 @@ def _add_deferred_service(
     service = node.create_service(
         service_type, name, lambda request, _: request, qos_profile=SERVICE_QOS
     )
-    send = Replies(node, service).send
+    responses = ServiceResponses(node, service)
+    send = responses.send
 
     def answer_later(request: Any, header: Any) -> None:
         with host.callback_guard():
@@ -130,9 +131,7 @@ def _add_deferred_service(
             except RobotdError as error:
                 send(_rejection(service_type, name, str(error)), header)
 
-    # Every rclpy executor passes what the callback returned, with the request's header, to
-    # send_response. That is the one place where the header can be had.
-    service.send_response = answer_later
+    responses.defer(answer_later)
     return service
 
 

@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
-from robotd.ros.middleware.discovery import discovery_server, see_whole_graph
+from robotd.ros.middleware import discovery_server, see_whole_graph
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

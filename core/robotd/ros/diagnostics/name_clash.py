@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from robotd.health.part_status import Level, Status
 from robotd.log import get_logger
-from robotd.ros.middleware.participants import Participant
+from robotd.ros.middleware import Participant
 
 log = get_logger("ros")
 

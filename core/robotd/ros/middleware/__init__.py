@@ -1,1 +1,40 @@
-"""Workarounds and fast paths around rclpy and the DDS, each with its measurement."""
+"""Workarounds for rclpy and the DDS; the other modules of ``robotd.ros`` import from here only.
+
+Each module states what it works around, its measurement, the upstream issue and the test or the
+benchmark that shows what breaks without it.
+"""
+
+from robotd.ros.middleware.action_names import remapped_action
+from robotd.ros.middleware.cdr import HotPublisher, Link
+from robotd.ros.middleware.discovery import announce_often, discovery_server, see_whole_graph
+from robotd.ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
+from robotd.ros.middleware.exit_timer import exit_after
+from robotd.ros.middleware.parameter_overrides import check_overrides, overrides_of
+from robotd.ros.middleware.participants import Participant
+from robotd.ros.middleware.rate_limit import RateLimit
+from robotd.ros.middleware.service_responses import ServiceResponses
+from robotd.ros.middleware.shared_memory import remove_leftovers
+from robotd.ros.middleware.stamp_clock import StampClock
+from robotd.ros.middleware.type_mismatch import TypeMismatchCheck
+
+__all__ = [
+    "EventsExecutor",
+    "HotPublisher",
+    "Link",
+    "Participant",
+    "RateLimit",
+    "ServiceResponses",
+    "StampClock",
+    "TypeMismatchCheck",
+    "announce_often",
+    "check_overrides",
+    "destroy_node",
+    "discovery_server",
+    "exit_after",
+    "overrides_of",
+    "remapped_action",
+    "remove_leftovers",
+    "see_whole_graph",
+    "spin_once",
+    "wake",
+]

@@ -1,13 +1,12 @@
 """End of the process by a native timer, whatever the middleware does meanwhile.
 
-``destroy_participant`` of Fast DDS was seen to spin for ever inside rclpy, which holds the
-interpreter for the call (2 of 600 stops): no Python code runs any more, no signal handler and no
-other thread, and only SIGKILL ends the process. A POSIX timer whose notification is ``_exit`` of
-the C library needs no interpreter, and keeps the exit status.
-
-Measured with the interpreter held by ``sleep(3600)`` in a destructor: without the timer the process
-ignores SIGINT and SIGTERM, with it the process ends after the limit with its status
-(``tests/ros/test_exit_timer.py`` shows both).
+Works around: ``destroy_participant`` of Fast DDS spins for ever now and then, in a call for which
+rclpy holds the interpreter: no Python code runs any more, no signal handler and no other thread,
+and only SIGKILL ends the process. A POSIX timer whose notification is ``_exit`` of the C library
+needs no interpreter, and keeps the exit status.
+Measured: 2 of 600 orderly stops hung.
+Upstream: https://github.com/eProsima/Fast-DDS/issues/6193 (hang on destruction; open).
+Shown by: tests/ros/test_exit_timer.py.
 """
 
 from __future__ import annotations

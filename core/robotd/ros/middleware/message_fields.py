@@ -4,6 +4,7 @@ A path names a number (``pose.pose.position.x``), an array (``position``), an el
 array of messages (``transforms.0.transform``) or a message. A message stands for all numbers in
 it, in the order of its definition; they must be of one type, so ``pose.pose.orientation`` is four
 float64. Names and types come from the generated class, so a field cannot be described wrongly.
+Part of ``cdr.py``.
 """
 
 from __future__ import annotations

@@ -1,16 +1,22 @@
-"""Responses that wait for their client without holding up anything else.
+"""Service responses that wait for their client without delaying anything else.
 
-rmw_fastrtps keeps ``rcl_send_response`` for up to 100 ms when it does not know the reader of the
-response: the client is not discovered whole yet, or has gone before its request was taken. So the
-reader of a client's first request is looked up in the ROS graph, 10 us for each client of the
-service (x86_64), and a response without one waits here. Where the graph is behind, the call itself
-waits, with the interpreter released: see ``unlocked.py``.
+Works around: rmw_fastrtps keeps ``rcl_send_response`` for up to 100 ms when it does not know the
+reader of the response: the client is not discovered whole yet, or has gone before its request was
+taken. So the reader of a client's first request is looked up in the ROS graph, and a response
+without one waits here. Where the graph is behind, the call itself waits, with the interpreter
+released (``release_gil.py``). rclpy shows the header of a request, which a deferred response needs,
+in one place only: in the call of ``Service.send_response``.
+Measured: the look-up takes 10 us for each client of the service (x86_64).
+Upstream: https://github.com/ros2/rmw_fastrtps/pull/390 introduced the wait,
+https://github.com/ros2/ros2/issues/1253 asks for another solution (closed).
+Shown by: tests/ros/test_service_responses.py.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import rclpy
@@ -20,7 +26,7 @@ from rclpy.node import Node
 from rclpy.service import Service
 
 from robotd.log import get_logger
-from robotd.ros.middleware.release_gil import RequestId, UnlockedSender, request_id_of
+from robotd.ros.middleware.release_gil import RequestId, ResponseSender, request_id_of
 
 log = get_logger("ros")
 
@@ -31,7 +37,7 @@ _READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
 _KNOWN = 64  # readers that are not looked up again
 
 
-class Replies:
+class ServiceResponses:
     """Sends the responses of one service.
 
     Args:
@@ -41,15 +47,24 @@ class Replies:
 
     def __init__(self, node: Node, service: Service) -> None:
         self._node = node
+        self._service = service
         self._name = service.service_name
         self._rclpy_send = service.send_response
-        self._send_unlocked = UnlockedSender(service)
+        self._send_unlocked = ResponseSender(service)
         self._looks = "fastrtps" in rclpy.get_rmw_implementation_identifier()
         self._known: set[bytes] = set()
         self._seen: set[bytes] | None = set()
         self._seen_s = -_FRESH_S
         self._lock = threading.Lock()
         self._waiting: list[_Waiting] = []
+
+    def defer(self, on_request: Callable[[Any, Any], None]) -> None:
+        """Call ``on_request(request, header)`` instead of sending a response at once.
+
+        The service's own callback must return the request: every rclpy executor passes what it
+        returned, with the request's header, to ``send_response``.
+        """
+        self._service.send_response = on_request
 
     def send(self, response: Any, header: Any) -> None:
         """Send now, or, in a thread of its own, as soon as the client's reader is there.
@@ -64,14 +79,14 @@ class Replies:
         request = request_id_of(header)
         reader = reader_of(request) if request and self._looks else None
         waiting = _Waiting(response, header, request, reader or b"", time.monotonic() + _WAIT_S)
-        if reader is None or reader in self._known or waiting.may_go(self._readers()):
+        if reader is None or reader in self._known or waiting.can_be_sent(self._readers()):
             self._send(waiting)
             return
         with self._lock:
             self._waiting.append(waiting)
             is_first = len(self._waiting) == 1
         if is_first:
-            threading.Thread(target=self._deliver, name="robotd-replies").start()
+            threading.Thread(target=self._deliver, name="robotd-responses").start()
 
     def _deliver(self) -> None:
         """Send what waits when its reader has come; ends when nothing waits any more."""
@@ -83,7 +98,7 @@ class Replies:
             with self._lock:
                 waiting, self._waiting = self._waiting, []
                 for each in waiting:
-                    if each.may_go(readers):
+                    if each.can_be_sent(readers):
                         ready.append(each)
                     elif time.monotonic() < each.until_s:
                         self._waiting.append(each)
@@ -140,7 +155,7 @@ class _Waiting(NamedTuple):
     reader: bytes
     until_s: float
 
-    def may_go(self, readers: set[bytes] | None) -> bool:
+    def can_be_sent(self, readers: set[bytes] | None) -> bool:
         """Whether it is not going to wait: where the node is gone, to send says so at once."""
         return readers is None or self.reader in readers
 

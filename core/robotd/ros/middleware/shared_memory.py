@@ -1,8 +1,11 @@
-"""Leftovers of killed processes in shared memory.
+"""Removal of what killed processes left in shared memory.
 
-Fast DDS makes a segment of half a megabyte for each process in /dev/shm, and beside it a file that
-the owner keeps locked for as long as it lives. Nobody removes the two of a process that was killed:
-a robot that a supervisor kills and restarts would fill the memory.
+Works around: Fast DDS makes a segment of half a megabyte for each process in /dev/shm, and beside
+it a file that the owner keeps locked while it runs. The two of a process that was killed stay: a
+robot that a supervisor kills and restarts would fill the memory.
+Measured: the search takes 0.2 ms, once at start.
+Upstream: https://github.com/eProsima/Fast-DDS/issues/2790 (answer: ``fastdds shm clean``).
+Shown by: tests/unit/ros/test_shared_memory.py, tests/ros/test_middleware.py.
 """
 
 from __future__ import annotations

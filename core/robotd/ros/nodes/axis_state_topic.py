@@ -9,8 +9,7 @@ from wmx_ros2_message.msg import AxisState
 
 from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
-from robotd.ros.middleware.cdr import HotPublisher, Link
-from robotd.ros.middleware.stamp_clock import StampClock
+from robotd.ros.middleware import HotPublisher, Link, StampClock
 
 TOPIC = "wmx/axis/state"
 RATE_HZ = 100.0

@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from robotd.errors import DescriptorError, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.middleware.type_mismatch import OfferedTypes
+from robotd.ros.middleware import TypeMismatchCheck
 from robotd.ros.nodes.drive_parameters import drive_settings
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.odometry_topics import OdometryFrames, OdometryTopics
@@ -67,7 +67,7 @@ class DiffDriveController(Node):
         else:
             taken, handler = Twist, self._command
         subscription = add_subscription(self, host, taken, topic, handler, COMMAND_DEPTH)
-        self._offered = OfferedTypes(
+        self._offered = TypeMismatchCheck(
             self,
             subscription,
             f"geometry_msgs/msg/{taken.__name__}",

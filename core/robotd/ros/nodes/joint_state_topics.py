@@ -15,8 +15,7 @@ from robotd.arrays import FloatArray
 from robotd.device.gripper import Gripper
 from robotd.device.process_image import ProcessImage, columns
 from robotd.robot import Robot
-from robotd.ros.middleware.cdr import HotPublisher, Link
-from robotd.ros.middleware.stamp_clock import StampClock
+from robotd.ros.middleware import HotPublisher, Link, StampClock
 
 DEPTH = 10
 

@@ -8,7 +8,7 @@ anything moves, by node, parameter, value and limit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError, did_you_mean
+from robotd.ros.middleware import overrides_of, remapped_action
 
 _KINDS = {
     bool: ("true or false", "truth values"),
@@ -88,12 +89,8 @@ class Parameters:
         return tuple(self._declare(name, list(default), meaning))
 
     def action(self, name: str, meaning: str) -> str:
-        """Full name of an action, with the remapping (``-r``) that rcl leaves out for actions.
-
-        rcl remaps nodes, topics and services by name; an action's own services and topics have
-        other names (``NAME/_action/send_goal``), so that a rule for the action matches none.
-        """
-        return str(self._node.resolve_topic_name(self.topic(name, meaning, required=True)))
+        """Full name of an action, remapped by ``-r``."""
+        return remapped_action(self._node, self.topic(name, meaning, required=True))
 
     def topic(self, name: str, meaning: str, *, required: bool = False) -> str:
         """Name of a topic or service; "" where it is not wanted and not required."""
@@ -132,15 +129,10 @@ class Parameters:
         """An error about parameter ``name``, ready to be raised; with file and line if it has."""
         key = f"{self._node.get_name()}.{name}"
         tree = self._descriptor.tree
-        if tree is None or name not in self._defaults or name in self._overrides:
+        if tree is None or name not in self._defaults or name in overrides_of(self._node):
             return DescriptorError(what, key=key)
         value = tree.find(["ros_parameters", self._node.get_name(), name])
         return DescriptorError(what, path=value.path, line=value.line, key=key)
-
-    @property
-    def _overrides(self) -> Mapping[str, Any]:
-        """Parameters of the command line and of parameter files, by name."""
-        return self._node._parameter_overrides  # noqa: SLF001
 
     def _origin(self, key: str) -> str:
         """The file and line of a key of the descriptor."""
@@ -161,7 +153,7 @@ class Parameters:
         try:
             return self._node.declare_parameter(name, default, descriptor).value
         except ParameterException as error:
-            override = self._overrides[name].value
+            override = overrides_of(self._node)[name].value
             raise self._wrong_type(name, override, reference) from error
 
     def _wrong_type(self, name: str, value: Any, reference: Any) -> DescriptorError:

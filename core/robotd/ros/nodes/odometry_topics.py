@@ -14,7 +14,7 @@ from tf2_msgs.msg import TFMessage
 
 from robotd.device.process_image import ProcessImage
 from robotd.robot import Robot
-from robotd.ros.middleware.cdr import HotPublisher
+from robotd.ros.middleware import HotPublisher
 
 DEPTH = 10
 TF_TOPIC = "tf"

@@ -22,7 +22,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.middleware.cdr import HotPublisher
+from robotd.ros.middleware import HotPublisher
 from robotd.ros.registry import SIMULATION_NODE
 from robotd.ros.services import add_service
 from robotd.scenario import FaultSchedule, nested, validate_fault

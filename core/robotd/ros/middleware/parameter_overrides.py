@@ -1,6 +1,10 @@
 """Check of the ROS parameters given at start: unknown names are errors, not silence.
 
-rclpy ignores an override that no node declares, so that a misspelled limit would have no effect.
+Works around: rclpy ignores an override that no node declares, so that a misspelled limit has no
+effect.
+Measured: nothing; once at start.
+Upstream: by design (https://github.com/ros2/rclcpp/pull/1751 documents it).
+Shown by: tests/ros/test_unknown_parameters.py, tests/ros/test_middleware.py.
 """
 
 from __future__ import annotations
@@ -49,10 +53,10 @@ def check_overrides(
     Raises:
         DescriptorError: the unknown parameters, or an unknown node of ``-p NODE:NAME:=VALUE``.
     """
-    accepted = {name for node in nodes for name in _overrides(node) if node.has_parameter(name)}
+    accepted = {name for node in nodes for name in overrides_of(node) if node.has_parameter(name)}
     errors = []
     for node in nodes:
-        for name in _overrides(node):
+        for name in overrides_of(node):
             if name in accepted or name.startswith(_ROS_PREFIX):
                 continue
             hint = did_you_mean(name, [*node._parameters])  # noqa: SLF001 - rclpy shows no list
@@ -68,8 +72,8 @@ def check_overrides(
         raise DescriptorError.join(errors)
 
 
-def _overrides(node: Node) -> Mapping[str, Any]:
-    """Parameters that the command line gives this node; rclpy has no public access to them."""
+def overrides_of(node: Node) -> Mapping[str, Any]:
+    """Parameters that the command line and files give a node, by name; rclpy hides them."""
     overrides: Mapping[str, Any] = node._parameter_overrides  # noqa: SLF001
     return overrides
 
