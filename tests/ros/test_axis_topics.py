@@ -77,7 +77,7 @@ def test_bad_moves_are_refused_and_logged_once(
 ) -> None:
     def rejections() -> list[str]:
         lines = cr3a.output.splitlines()
-        return [line for line in lines if "command refused" in line and reason in line]
+        return [line for line in lines if "command rejected" in line and reason in line]
 
     publisher = client.publisher(AxisPose, "/wmx/axis/position")
     for _ in range(5):

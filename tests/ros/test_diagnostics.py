@@ -16,7 +16,7 @@ from robotd.clock import FakeClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.health.part_status import Level
 from robotd.robot import build_robot
-from robotd.ros.diagnostics.diagnostics_publisher import LOOK_S, Diagnostics
+from robotd.ros.diagnostics.diagnostics_publisher import CHECK_PERIOD_S, Diagnostics
 from robotd.ros.host import RosHost
 
 pytestmark = pytest.mark.ros
@@ -108,18 +108,18 @@ def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPa
 
         def told_within(seconds: float) -> int:
             before = len(told)
-            for _ in range(round(seconds / LOOK_S)):
-                clock.advance(LOOK_S)
+            for _ in range(round(seconds / CHECK_PERIOD_S)):
+                clock.advance(CHECK_PERIOD_S)
                 diagnostics._look()
             return len(told) - before
 
-        assert told_within(LOOK_S) == 1
-        while not told_within(LOOK_S):
+        assert told_within(CHECK_PERIOD_S) == 1
+        while not told_within(CHECK_PERIOD_S):
             pass
         assert told_within(5.0) == 5
         assert told_within(0.3) == 0
         robot.connection.open()
-        assert told_within(LOOK_S) == 1
+        assert told_within(CHECK_PERIOD_S) == 1
         assert told_within(0.3) == 0
         assert told_within(5.0) == 5
         robot.connection.shutdown()

@@ -1,4 +1,4 @@
-"""What a set of nodes offers to others, as the ROS graph has it."""
+"""Topics, services and actions of a set of nodes, from the ROS graph."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class ServeReport:
 
 
 def report_of(nodes: Iterable[Node]) -> ServeReport:
-    """Ask the graph for everything that ``nodes`` publish, subscribe and serve.
+    """Return everything that ``nodes`` publish, subscribe and serve.
 
-    A node may tell the rates of its topics as ``rates_hz``, a mapping of resolved names.
+    A node may state the rates of its topics as ``rates_hz``, a mapping of resolved names.
     """
     names, topics, services, actions = [], {}, set(), set()
     for node in nodes:

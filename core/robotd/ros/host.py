@@ -1,4 +1,4 @@
-"""rclpy's lifetime: one context, one executor thread, a few workers, and the order they end in."""
+"""Lifetime of rclpy in a process: context, executor thread and workers."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _PENDING_LIMIT = 64
 
 
 class RosHost:
-    """The ROS side of a process: ``with RosHost(args) as host:``.
+    """ROS side of a process: ``with RosHost(args) as host:``.
 
     Threads: ``robotd-ros`` runs every callback, ``robotd-worker_N`` what is submitted. Signal
-    handlers are left alone; whoever owns them calls ``close``.
+    handlers are left alone; their owner calls ``close``.
 
     Args:
         args: command line of the process, from ``--ros-args`` on or whole.
@@ -105,7 +105,7 @@ class RosHost:
         self._watchdog.start()
 
     def add_node(self, node: Node) -> None:
-        """Serve ``node`` from now on and destroy it in ``close``. Any thread but the executor's.
+        """Serve ``node`` until ``close``, which destroys it. Any thread but the executor's.
 
         Raises:
             NotReady: the host was not started or is closed.
@@ -117,7 +117,7 @@ class RosHost:
 
     @contextmanager
     def callback_guard(self) -> Iterator[None]:
-        """Around a handler in the executor thread, which holds up all others until it returns."""
+        """Guard a handler in the executor thread, which delays all others until it returns."""
         self.yield_to_control_loop()
         self._handling_ns = time.monotonic_ns()
         try:
@@ -140,7 +140,7 @@ class RosHost:
         (self._urgent if urgent else self._workers).submit(function, *args)
 
     def close(self) -> None:
-        """End everything, in the order that loses nothing; a second call does nothing.
+        """End callbacks, calls, nodes and ROS, in this order; a second call does nothing.
 
         Callbacks end first, then running calls may answer, both within ``close_timeout_s``, then
         the nodes go, then the executor, then rclpy; none of them where a handler does not return.
@@ -155,7 +155,9 @@ class RosHost:
         wake(running.executor)
         running.thread.join(self._close_timeout_s)
         if running.thread.is_alive():
-            log.error("a ROS handler hangs and was left to itself", place=place_of(running.thread))
+            log.error(
+                "a ROS handler hangs; its thread is abandoned", place=place_of(running.thread)
+            )
             return
         for pool in (self._urgent, self._workers):
             pool.close(max(0.0, deadline - time.monotonic()))
@@ -193,10 +195,10 @@ class RosHost:
             try:
                 spin_once(executor)
             except ExternalShutdownException:
-                log.error("the ROS context was shut down by someone else")
+                log.error("the ROS context was shut down from outside robotd")
                 return
             except Exception:
-                # One broken callback must not silence the forty others.
+                # One broken callback must not stop the forty others.
                 log.exception("a ROS callback raised")
 
 
@@ -206,7 +208,7 @@ class _Running(NamedTuple):
 
 
 class _Workers:
-    """A bounded thread pool with a bounded queue, that can be closed within a time."""
+    """Thread pool with a bounded queue and a time limit for closing."""
 
     def __init__(self, name: str, threads: int) -> None:
         self._name = name
@@ -226,7 +228,7 @@ class _Workers:
         call.add_done_callback(self._forget)
 
     def close(self, timeout_s: float) -> None:
-        """Drop what waits, give what runs ``timeout_s``; the rest is left to its own time-out."""
+        """Cancel waiting calls, wait ``timeout_s`` for running ones, abandon the rest."""
         self._pool.shutdown(wait=False, cancel_futures=True)
         with self._lock:
             pending = set(self._pending)

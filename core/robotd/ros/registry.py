@@ -1,4 +1,4 @@
-"""The names of the ROS nodes, and how a node is made from its name. Imports no ROS by itself."""
+"""ROS nodes by name: properties and construction. Imports ROS only to make a node."""
 
 from __future__ import annotations
 

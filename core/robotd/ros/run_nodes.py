@@ -1,4 +1,4 @@
-"""A robot's nodes in this process: for ``serve``, and for programs that hold a robot themselves."""
+"""Nodes of a robot in this process, for ``serve`` and for other programs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def run_nodes(
     registry: NodeRegistry | None = None,
     faults: FaultSchedule | None = None,
 ) -> Iterator[list[Node]]:
-    """The nodes of a robot that is not started, answering; they end with the host.
+    """Serve the nodes of a robot that is not started; they end with the host.
 
     Args:
         robot, names, registry: as for ``serve``.
@@ -44,7 +44,7 @@ def run_nodes(
         DescriptorError, PluginError: a node or a parameter is wrong.
     """
     host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
-    host.on_hang = lambda reason: robot.bring_to_rest()  # nobody could stop it by ROS any more
+    host.on_hang = lambda reason: robot.bring_to_rest()  # no client could stop it by ROS any more
     chosen = select_nodes(names, registry)
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
     if faults is not None:

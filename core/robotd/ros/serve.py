@@ -1,4 +1,4 @@
-"""Serve a robot on ROS 2 until a signal: nodes first, then the robot, and back in order."""
+"""Serving of a robot on ROS 2 until a signal: nodes first, then the robot."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TEAR_DOWN_S = 8  # of nodes, executor and middleware; ``RosHost.close`` waits up
 M_ARENA_MAX, ARENAS = -8, 2  # malloc.h
 # A supervisor that signals the process and then its group means one signal, not two.
 REPEAT_S = 0.3
-LOOK_S = 0.1
+POLL_INTERVAL_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def serve(
         node_names: nodes to make; one that ``enables_servos`` switches them on.
         ros_args: from ``--ros-args`` on.
         registry: nodes that plugins bring.
-        served: called when the nodes answer, before the robot starts.
+        served: called when the nodes are served, before the robot starts.
         ready: called when the robot has started.
         ended: called when the robot is shut down, with the error that ``serve`` is going to raise;
             returns the exit status of the process. From then on the process ends after
@@ -104,7 +104,7 @@ def serve(
     announce_often()
     _share_heaps()
     if leftovers := remove_leftovers():
-        log.info("leftovers of killed processes removed from shared memory", segments=leftovers)
+        log.info("segments of killed processes removed from shared memory", segments=leftovers)
     events: SimpleQueue[Event] = SimpleQueue()
     with (
         _stop_signals(events),
@@ -124,7 +124,7 @@ def _run(
     ready: Callable[[], None] | None,
     ended: Callable[[Exception | None], int] | None,
 ) -> None:
-    """From start to shut-down of the robot, each in a thread, so that signals are heard."""
+    """Start the robot, wait, shut it down; in threads, so that signals are handled."""
     enable = any(node.enables_servos for node in nodes)
     may_repeat = any(node.keeps_failed_start for node in nodes)
     start = _in_thread("robotd-start", lambda: _start(robot, enable, events))
@@ -163,7 +163,7 @@ def _next(events: SimpleQueue[Event]) -> Event:
     """
     while True:
         with suppress(Empty):
-            return events.get(timeout=LOOK_S)
+            return events.get(timeout=POLL_INTERVAL_S)
 
 
 def _start(robot: Robot, enable: bool, events: SimpleQueue[Event]) -> None:
@@ -200,7 +200,7 @@ def _wait_until_ended(robot: Robot, events: SimpleQueue[Event]) -> _Ended:
 
 
 def _exit_now(robot: Robot) -> NoReturn:
-    """Ask for a quick stop, wait a moment for it to be on its way, and end the process."""
+    """Request a quick stop, wait ``EMERGENCY_S`` for it, and end the process."""
     log.error("second signal: quick stop, then exit without clean-up")
     axes = list(range(len(robot.axes)))
     _in_thread("robotd-quick-stop", lambda: robot.axes.quick_stop(axes)).join(EMERGENCY_S)
@@ -208,7 +208,7 @@ def _exit_now(robot: Robot) -> NoReturn:
 
 
 def _share_heaps() -> None:
-    """Keep glibc from giving each thread a heap, which keeps the most that was ever in it.
+    """Limit glibc to two heaps: each keeps its highest use for ever.
 
     A parameter file of 1 MB is 8 MiB while it is read: 50 MiB when each worker has read it once.
     """

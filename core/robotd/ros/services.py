@@ -1,7 +1,7 @@
-"""Services and subscriptions whose handlers may block and may raise, without harm to the others.
+"""Services and subscriptions whose handlers may block and may raise.
 
 A handler is a plain function. rclpy would run it in the executor thread, where one that waits for
-the hardware holds up every other callback, and where an exception leaves the client without an
+the hardware delays every other callback, and where an exception leaves the client without an
 answer. Coroutine handlers are no way out: the EventsExecutor does not await them. So the callback
 given to rclpy only hands the request on, and a worker sends the response when it has one.
 """
@@ -24,7 +24,7 @@ from robotd.ros.middleware import RateLimit, ServiceResponses
 
 log = get_logger("ros")
 
-# The usual depth, 10, loses unheard what comes beyond it before the executor has looked.
+# The usual depth, 10, drops what exceeds it before the executor has taken it.
 SERVICE_QOS = QoSProfile(depth=1000)
 
 HANDLER_SHARE = 0.2  # a move takes 0.2 ms: 1000 messages a second
@@ -93,13 +93,13 @@ def add_subscription(
                 with rate_limit.spent():
                     handle(data)
             elif rate_limit.is_news:
-                log.warning("messages come too fast, some are dropped", topic=topic)
+                log.warning("messages exceed the rate limit, some are dropped", topic=topic)
 
     def handle(data: bytes) -> None:
         try:
             handler(deserialize_message(data, message_type))
         except RobotdError as error:
-            log.warning("message refused", topic=topic, reason=str(error))
+            log.warning("message rejected", topic=topic, reason=str(error))
         except Exception:
             log.exception("message handler raised", topic=topic)
 
@@ -136,11 +136,11 @@ def _add_deferred_service(
 
 
 def _answer(service_type: Any, name: str, handler: ServiceHandler, request: Any) -> Any:
-    """The handler's response, or the rejection that its exception stands for. Never raises."""
+    """Return the handler's response, or a rejection for its exception. Never raises."""
     try:
         response = handler(request, service_type.Response())
     except RobotdError as error:
-        log.info("service refused", service=name, reason=str(error))
+        log.info("service rejected", service=name, reason=str(error))
         return _rejection(service_type, name, str(error))
     except Exception as error:
         log.exception("service handler raised", service=name)

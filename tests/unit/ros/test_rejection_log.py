@@ -11,7 +11,7 @@ def test_the_same_refusal_is_logged_once_whatever_its_numbers() -> None:
     log = RejectionLog()
     with capture_logs() as lines:
         for target in (3.2, 3.25, -4e-3):
-            log.refused("position", [1], f"joint2: target {target} rad exceeds 3.14 rad")
+            log.rejected("position", [1], f"joint2: target {target} rad exceeds 3.14 rad")
     assert len(lines) == 1
     assert lines[0]["reason"] == "joint2: target 3.2 rad exceeds 3.14 rad"
 
@@ -19,22 +19,22 @@ def test_the_same_refusal_is_logged_once_whatever_its_numbers() -> None:
 def test_another_reason_axis_or_topic_is_news() -> None:
     log = RejectionLog()
     with capture_logs() as lines:
-        log.refused("position", [1], "servo is off")
-        log.refused("position", [1], "engine is not ready")
-        log.refused("position", [2], "servo is off")
-        log.refused("velocity", [1], "servo is off")
-        log.refused("position", [1], "servo is off")
+        log.rejected("position", [1], "servo is off")
+        log.rejected("position", [1], "engine is not ready")
+        log.rejected("position", [2], "servo is off")
+        log.rejected("velocity", [1], "servo is off")
+        log.rejected("position", [1], "servo is off")
     assert len(lines) == 4
 
 
 def test_after_an_accepted_command_the_refusal_is_news_again() -> None:
     log = RejectionLog()
     with capture_logs() as lines:
-        log.refused("position", [1], "servo is off")
+        log.rejected("position", [1], "servo is off")
         log.accepted("position", [2])
-        log.refused("position", [1], "servo is off")
+        log.rejected("position", [1], "servo is off")
         log.accepted("position", [1])
-        log.refused("position", [1], "servo is off")
+        log.rejected("position", [1], "servo is off")
     assert len(lines) == 2
 
 
@@ -42,10 +42,10 @@ def test_a_flood_of_ever_other_axes_is_cut_off_until_a_command_is_accepted() -> 
     log = RejectionLog()
     with capture_logs() as lines:
         for axis in range(10 * MAX_KNOWN):
-            log.refused("velocity", [axis] * (2 * MAX_AXES), "an axis is outside 0..5")
+            log.rejected("velocity", [axis] * (2 * MAX_AXES), "an axis is outside 0..5")
     assert len(lines) == MAX_KNOWN + 1
     assert all(len(line.get("axes", ())) <= MAX_AXES for line in lines)
     with capture_logs() as lines:
         log.accepted("velocity", [0])
-        log.refused("velocity", [9999], "an axis is outside 0..5")
+        log.rejected("velocity", [9999], "an axis is outside 0..5")
     assert len(lines) == 1

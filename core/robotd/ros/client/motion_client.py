@@ -32,11 +32,11 @@ OnProgress = Callable[[float, Positions], None]
 
 
 class Ending(Enum):
-    """How a motion ended; the arm stands."""
+    """Outcome of a motion; the arm is at rest."""
 
     REACHED = "reached"
     CANCELED = "canceled"
-    ABORTED = "aborted"  # or refused, and nothing moved
+    ABORTED = "aborted"  # or rejected, and nothing moved
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def find_arm(client: RosClient, action: str | None = None) -> Arm:
     """The only arm that is running, or the one with ``action``.
 
     Raises:
-        DeviceTimeout: there is none, or it does not tell where it is.
+        DeviceTimeout: there is none, or its joint states do not come.
         OperationError: there are several and ``action`` is None.
     """
     with client.listen(JointState, JOINT_STATES) as joint_states:
@@ -77,7 +77,7 @@ def move(
     is_canceled: Callable[[], bool],
     on_progress: OnProgress,
 ) -> tuple[Ending, str]:
-    """Bring joints to ``targets``, all others stay; returns at standstill, with the robot's reason.
+    """Move joints to ``targets``; return at standstill, with the robot's reason.
 
     Args:
         targets: rad or m.
@@ -87,7 +87,7 @@ def move(
 
     Raises:
         InvalidArgument: the arm has no such joint; nothing moved.
-        DeviceTimeout: the robot went silent. It may be moving.
+        DeviceTimeout: no feedback for ``timeout_s`` of the client. The robot may be moving.
     """
     for name in targets:
         if name not in arm.positions:
@@ -108,7 +108,7 @@ class _Motion:
     def __init__(self, client: RosClient, on_progress: OnProgress) -> None:
         self._client = client
         self._on_progress = on_progress
-        self._heard_s = time.monotonic()
+        self._feedback_s = time.monotonic()
 
     def run(
         self, actions: ActionClient, goal: Any, is_canceled: Callable[[], bool]
@@ -120,15 +120,15 @@ class _Motion:
             return Ending.ABORTED, "the robot did not accept the goal"
         result = handle.get_result_async()
         cancel = None
-        self._heard_s = time.monotonic()
+        self._feedback_s = time.monotonic()
         while not result.done():
             self._client.spin()
             if cancel is None and is_canceled():
                 cancel = handle.cancel_goal_async()
-            silence_s = time.monotonic() - self._heard_s
+            silence_s = time.monotonic() - self._feedback_s
             if silence_s > self._client.timeout_s:
                 raise DeviceTimeout(
-                    f"nothing heard from the robot for {silence_s:.0f} s; it may be moving"
+                    f"no feedback from the robot for {silence_s:.0f} s; it may be moving"
                 )
         answer = result.result()
         endings = {
@@ -138,7 +138,7 @@ class _Motion:
         return endings.get(answer.status, Ending.ABORTED), answer.result.error_string
 
     def _on_feedback(self, message: Any) -> None:
-        self._heard_s = time.monotonic()
+        self._feedback_s = time.monotonic()
         feedback = message.feedback
         passed = feedback.desired.time_from_start
         positions = dict(zip(feedback.joint_names, feedback.actual.positions, strict=True))
@@ -170,7 +170,7 @@ def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:
 
 
 def _check_only_one(client: RosClient, settled_s: float) -> None:
-    """Refuse to guess, once every arm has had the time to be found."""
+    """Raise OperationError for several arms, after the time that discovery takes."""
     while time.monotonic() < settled_s:
         client.spin()
     servers = _action_servers(client.node)
@@ -197,7 +197,7 @@ def _action_servers(node: Node) -> list[tuple[str, str]]:
 
 
 def _joint_count(client: RosClient, node: str) -> int | None:
-    """How many of the joint states are the arm's; None: all, where the node does not say."""
+    """Number of joint states that are the arm's; None: all, the node has no such parameter."""
     response = client.call(GetParameters, f"{node}/get_parameters", names=["joint_number"])
     value = response.values[0] if response.values else None
     if value is None or value.type != ParameterType.PARAMETER_INTEGER:

@@ -1,4 +1,4 @@
-"""A client of a running robot, in a process of its own: what the commands for people are made of.
+"""Client of a running robot, used by the commands of the command line.
 
 It uses the names that the nodes have by default. A robot started with remaps or a namespace is
 reached with the same ``--ros-args``. One thread; nothing here is meant for a control loop.
@@ -27,7 +27,7 @@ _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
 
 class RosClient:
-    """Calls services and waits for messages, between ``start`` and ``close``.
+    """ROS node that calls services and waits for messages, between ``start`` and ``close``.
 
     Signal handlers are left alone: Ctrl-C raises KeyboardInterrupt out of a wait.
 
@@ -72,13 +72,13 @@ class RosClient:
         self._executor.add_node(self.node)
 
     def close(self) -> None:
-        """End what ``start`` began."""
+        """Destroy the node and shut ROS down."""
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
 
     def wait(self, condition: Callable[[], Any], what: str, timeout_s: float | None = None) -> Any:
-        """The first true answer of ``condition``, asked after every event.
+        """Return the first true result of ``condition``, called after every event.
 
         Args:
             condition: must not block.
@@ -97,14 +97,14 @@ class RosClient:
         return answer
 
     def spin(self) -> None:
-        """Handle the next event, or let a moment pass."""
+        """Handle the next event, or wait 20 ms for one."""
         self._executor.spin_once(timeout_sec=_TICK_S)
 
     def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
         """The response of service ``name``; the request's fields by name.
 
         Raises:
-            DeviceTimeout: nobody offers the service, or it does not answer in time.
+            DeviceTimeout: there is no such service, or it does not answer in time.
             OperationError: the response says ``success=False``; its reason is the text.
         """
         client = self.node.create_client(service_type, name)
@@ -125,7 +125,7 @@ class RosClient:
 
 
 class Listener:
-    """Keeps the newest message of a topic.
+    """Subscription that keeps the newest message.
 
     Attributes:
         newest: None before the first message.

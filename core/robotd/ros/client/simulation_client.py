@@ -1,4 +1,4 @@
-"""Reach into a simulation that runs in another process: faults and time."""
+"""Client of a simulation in another process: faults and time."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from robotd.ros.registry import SIMULATION_NODE
 
 
 def inject(ros_args: Sequence[str], timeout_s: float, fields: Mapping[str, Any]) -> str:
-    """Let a fault happen; returns it as the simulation understood it.
+    """Inject a fault; return it as the simulation understood it.
 
     Args:
         ros_args, timeout_s: as for ``RosClient``.
         fields: dotted names, like ``{"amp_alarm.axis": 2, "at_s": 1.5}``.
 
     Raises:
-        OperationError: the simulation refused it; its reason is the text.
+        OperationError: the simulation rejected it; its reason is the text.
         DeviceTimeout: no simulation with a node ``robotd_sim`` answers.
     """
     return _ask(ros_args, timeout_s, "inject", fields)
 
 
 def step(ros_args: Sequence[str], timeout_s: float, periods: int) -> str:
-    """Let periods pass, then let time stand. Raises as ``inject`` does."""
+    """Run ``periods`` of the control loop, then pause. Raises as ``inject`` does."""
     return _ask(ros_args, max(timeout_s, STEP_TIMEOUT_S), "step", {"periods": periods})
 
 
 def pause(ros_args: Sequence[str], timeout_s: float, *, paused: bool) -> str:
-    """Let time stand or pass. Raises as ``inject`` does."""
+    """Pause or resume simulated time. Raises as ``inject`` does."""
     with _client(ros_args, timeout_s) as client:
         return str(client.call(SetBool, f"{SIMULATION_NODE}/pause", data=paused).message)
 

@@ -1,4 +1,4 @@
-"""``/diagnostics``: how the robot is, once a second and when something changes."""
+"""Publisher of ``/diagnostics``: once a second and on every change."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ log = get_logger("diagnostics")
 TOPIC = "/diagnostics"  # absolute: aggregators and monitors of ROS listen there
 DEPTH = 10
 PERIOD_NS = NANOSECONDS  # 1 Hz
-LOOK_S = 0.1  # the longest that a change waits to be told
-END_S = 1.0  # for a look that is under way
+CHECK_PERIOD_S = 0.1  # period of the check for changes
+END_TIMEOUT_S = 1.0  # for a check that is under way
 
 
 class Diagnostics:
-    """``with Diagnostics(nodes, robot):`` publishes for a whole process, on its first node.
+    """Diagnostics of a process, published on its first node: ``with Diagnostics(nodes, robot):``.
 
-    A thread of its own, ``robotd-diagnostics``, does it: to ask the fieldbus may block, which
-    neither the cycle nor the executor can afford.
+    A thread of its own, ``robotd-diagnostics``, does it: reading the fieldbus may block, which
+    neither the control loop nor the executor can afford.
 
     Args:
-        nodes: all of the process; the namespace of the first tells robots apart that share the
+        nodes: all of the process; the namespace of the first distinguishes robots that share the
             topic.
     """
 
@@ -47,7 +47,7 @@ class Diagnostics:
         self._health = Health(robot)
         self._clash = NameClash(nodes)
         self._clash_status: Status | None = None
-        self._told: object = None
+        self._published: object = None
         self._due_ns = 0
         self._failing = False
         self._stop = threading.Event()
@@ -63,28 +63,28 @@ class Diagnostics:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """The last state is told, too."""
+        """Publish the last state, too."""
         self._stop.set()
-        self._thread.join(END_S)
+        self._thread.join(END_TIMEOUT_S)
         if not self._thread.is_alive():
-            self._look()
+            self._check()
 
     def _run(self) -> None:
-        while not self._stop.wait(LOOK_S):
-            self._look()
+        while not self._stop.wait(CHECK_PERIOD_S):
+            self._check()
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         """Publish if it is time to, or if something changed. What fails is logged once."""
         try:
             now_ns = MonotonicClock.now_ns()
             seen = self._health.fingerprint()
             is_due = now_ns >= self._due_ns
-            if seen == self._told and not is_due:
+            if seen == self._published and not is_due:
                 return
             if is_due:  # on a grid of whole periods, unless one was left out
                 self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
                 self._clash_status = self._clash.check()
-            self._told = seen
+            self._published = seen
             statuses = self._health.statuses()
             self._publish([*statuses, self._clash_status] if self._clash_status else statuses)
             self._failing = False

@@ -40,7 +40,7 @@ class LayoutError(ValueError):
 
 
 class HotMessage(Protocol):
-    """A message of constant shape whose numbers change. One thread owns it: the cycle."""
+    """Message of constant shape whose numbers change; owned by the control loop's thread."""
 
     def view(self, path: str) -> NDArray[Any]:
         """The numbers of ``path``, shape (count,); what is written here is published."""
@@ -49,7 +49,7 @@ class HotMessage(Protocol):
         """Set every ``builtin_interfaces/Time`` of the message; ns since the epoch."""
 
     def payload(self) -> Any:
-        """What ``Publisher.publish`` takes. Valid until the next change of the message."""
+        """Argument for ``Publisher.publish``, valid until the next change of the message."""
 
 
 class PatchedMessage:
@@ -111,7 +111,7 @@ class PatchedMessage:
 
 
 class PlainMessage:
-    """The same interface over an ordinary message object, filled field by field.
+    """``HotMessage`` over an ordinary message object, filled field by field.
 
     Raises:
         ValueError: a path does not exist or does not mean numbers of one type.
@@ -144,7 +144,7 @@ class PlainMessage:
 class Link:
     """Copies the numbers of ``source`` to the beginning of ``target`` when called.
 
-    Both are contiguous, not empty, and of one type. Bytes of memory views: in a cycle that comes
+    Both are contiguous, not empty, and of one type. Bytes of memory views: in a loop that comes
     out of a sleep a third of what an assignment of NumPy costs.
     """
 
@@ -157,7 +157,7 @@ class Link:
 
 
 class HotPublisher:
-    """A publisher and its one message. Made in any thread, then owned by the cycle thread.
+    """Publisher with one message, made in any thread, then owned by the control loop.
 
     Falls back to ordinary messages, at about ten times the cost, where the serialized form
     cannot be patched; the numbers that are published are the same.
@@ -191,11 +191,11 @@ class HotPublisher:
         self._message.stamp(time_ns)
 
     def publish(self) -> None:
-        """Send the message as it stands. Never raises for a publisher that is gone."""
+        """Send the message. Never raises for a destroyed publisher."""
         try:
             self._publisher.publish(self._message.payload())
         except (InvalidHandle, RCLError) as error:
-            # The cycle outlives ROS by a period or two at shut-down; say it once, go on.
+            # The control loop outlives ROS by a period or two at shut-down: one warning.
             if not self._lost:
                 self._lost = True
                 log.warning("publishing failed", topic=self._publisher.topic, reason=str(error))

@@ -39,7 +39,7 @@ RENAMED = {
 def check_overrides(
     nodes: Sequence[Node], own: Collection[str], known: Collection[str], ros_args: Sequence[str]
 ) -> None:
-    """Refuse parameters that no node has; warn of sections that match no node.
+    """Reject parameters that no node has; warn of sections that match no node.
 
     A name given for all nodes (``-p NAME:=VALUE``, ``/**`` in a file) need be known to one of
     them. A plugin's node may declare parameters later: there an unknown name is a warning.
@@ -105,7 +105,7 @@ def _check_sections(
 
 
 def _sections(ros_args: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Option or file of each section of parameters, and the node name or pattern it is for."""
+    """Yield option or file of each section of parameters, and its node name or pattern."""
     for option, value in itertools.pairwise(ros_args):
         if option in _PARAMETER_OPTIONS:
             node, colon, _ = value.partition(":=")[0].rpartition(":")
@@ -134,6 +134,6 @@ def _sections_of(content: Any, prefix: str = "") -> Iterable[str]:
 
 
 def _pattern(section: str) -> re.Pattern[str]:
-    """The regular expression of a node name: ``*`` is one part of it, ``**`` any number."""
+    """Return the regular expression of a node name: ``*`` one part, ``**`` any number."""
     parts = {"*": "/[^/]+", "**": "(/[^/]+)*"}
     return re.compile("".join(parts.get(p) or f"/{re.escape(p)}" for p in section[1:].split("/")))

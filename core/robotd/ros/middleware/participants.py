@@ -41,7 +41,7 @@ class Participant:
 
     @property
     def is_own(self) -> bool:
-        """Whether this may be the calling process; another host can have the same number."""
+        """True where this may be the calling process; another host can have its number."""
         return self.process == os.getpid() % 0x10000
 
     def describe(self, own_host: int | None) -> str:

@@ -31,18 +31,18 @@ class RateLimit:
         self._share = share
         self._left_s = BURST_S
         self._seen_s = time.monotonic()
-        self._refused_s = -QUIET_S
+        self._rejected_s = -QUIET_S
 
     def is_left(self) -> bool:
-        """Whether there is time for one more, however long it takes."""
+        """Return True while tokens are left for one more message, however long it takes."""
         now_s = time.monotonic()
         earned_s = (now_s - self._seen_s) * self._share
         self._left_s = min(BURST_S, self._left_s + earned_s)
         self._seen_s = now_s
         if self._left_s > 0.0:
             return True
-        self.is_news = now_s - self._refused_s >= QUIET_S
-        self._refused_s = now_s
+        self.is_news = now_s - self._rejected_s >= QUIET_S
+        self._rejected_s = now_s
         return False
 
     @contextmanager

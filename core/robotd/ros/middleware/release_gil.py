@@ -25,7 +25,7 @@ class RequestId(ctypes.Structure):
 
 
 def request_id_of(header: Any) -> RequestId | None:
-    """What a request is known by; None when it cannot be told.
+    """Return the identity of a request; None where it cannot be read.
 
     Args:
         header: of the request, ``rmw_service_info_t`` or ``rmw_request_id_t`` of rclpy.
@@ -55,10 +55,10 @@ class ResponseSender:
         self._destroy = _function(support, "_DESTROY_ROS_MESSAGE", _DESTROY)
 
     def __call__(self, response: Any, request: RequestId) -> str:
-        """Send; why it failed, "" if it did not.
+        """Send; return the reason of a failure, "" for none.
 
         Raises:
-            TypeError: ``response`` is none of the service's.
+            TypeError: ``response`` is of another type than the service's.
             rclpy.exceptions.InvalidHandle: the service is gone.
         """
         if not isinstance(response, self._type):
@@ -86,7 +86,7 @@ def _function(support: Any, name: str, signature: Any) -> Any:
 
 
 def _error() -> str:
-    """What rcl has to say of its last failure in this thread."""
+    """Return the text of rcl's last error in this thread."""
     text: bytes = _rcutils.rcutils_get_error_string().text
     _rcutils.rcutils_reset_error()
     return text.decode(errors="replace")

@@ -30,11 +30,11 @@ from robotd.ros.middleware.release_gil import RequestId, ResponseSender, request
 
 log = get_logger("ros")
 
-_WAIT_S = 0.5  # rmw_fastrtps: 0.1, but it holds up others meanwhile
-_LOOK_S = 0.01
-_FRESH_S = 0.002  # a burst is answered by one look
+_READER_TIMEOUT_S = 0.5  # rmw_fastrtps: 0.1, but it holds up others meanwhile
+_CHECK_PERIOD_S = 0.01
+_GRAPH_VALIDITY_S = 0.002  # one look-up serves a burst
 _READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
-_KNOWN = 64  # readers that are not looked up again
+_MAX_KNOWN = 64  # readers remembered without a look-up
 
 
 class ServiceResponses:
@@ -51,10 +51,10 @@ class ServiceResponses:
         self._name = service.service_name
         self._rclpy_send = service.send_response
         self._send_unlocked = ResponseSender(service)
-        self._looks = "fastrtps" in rclpy.get_rmw_implementation_identifier()
+        self._checks_readers = "fastrtps" in rclpy.get_rmw_implementation_identifier()
         self._known: set[bytes] = set()
         self._seen: set[bytes] | None = set()
-        self._seen_s = -_FRESH_S
+        self._seen_s = -_GRAPH_VALIDITY_S
         self._lock = threading.Lock()
         self._waiting: list[_Waiting] = []
 
@@ -67,7 +67,7 @@ class ServiceResponses:
         self._service.send_response = on_request
 
     def send(self, response: Any, header: Any) -> None:
-        """Send now, or, in a thread of its own, as soon as the client's reader is there.
+        """Send now, or from a thread as soon as the client's reader is discovered.
 
         A client whose reader does not come within half a second has gone, its response is dropped.
         For a node that is gone there is a warning. Any thread.
@@ -77,8 +77,10 @@ class ServiceResponses:
             header: of the request, from rclpy.
         """
         request = request_id_of(header)
-        reader = reader_of(request) if request and self._looks else None
-        waiting = _Waiting(response, header, request, reader or b"", time.monotonic() + _WAIT_S)
+        reader = reader_of(request) if request and self._checks_readers else None
+        waiting = _Waiting(
+            response, header, request, reader or b"", time.monotonic() + _READER_TIMEOUT_S
+        )
         if reader is None or reader in self._known or waiting.can_be_sent(self._readers()):
             self._send(waiting)
             return
@@ -92,7 +94,7 @@ class ServiceResponses:
         """Send what waits when its reader has come; ends when nothing waits any more."""
         left = 1
         while left:
-            time.sleep(_LOOK_S)
+            time.sleep(_CHECK_PERIOD_S)
             readers = self._readers() or set()
             ready = []
             with self._lock:
@@ -122,20 +124,20 @@ class ServiceResponses:
         log.warning("response not sent", service=self._name, reason=failure)
 
     def _remember(self, reader: bytes) -> None:
-        """Its answers go without a look; one that has gone meanwhile costs one wait."""
+        """Skip the look-up for this reader from now on."""
         if reader not in self._known:
-            if len(self._known) >= _KNOWN:
+            if len(self._known) >= _MAX_KNOWN:
                 self._known.clear()
             self._known.add(reader)
 
     def _readers(self) -> set[bytes] | None:
-        """GUIDs of all that read responses of this service; None when the node is gone."""
+        """GUIDs of all readers of the service's responses; None when the node is destroyed."""
         now_s = time.monotonic()
-        if now_s - self._seen_s >= _FRESH_S:
-            self._seen, self._seen_s = self._look(), now_s
+        if now_s - self._seen_s >= _GRAPH_VALIDITY_S:
+            self._seen, self._seen_s = self._read_graph(), now_s
         return self._seen
 
-    def _look(self) -> set[bytes] | None:
+    def _read_graph(self) -> set[bytes] | None:
         """``Node.get_subscriptions_info_by_topic`` has it in public, in three times the time."""
         topic = f"rr{self._name}Reply"
         try:
@@ -156,11 +158,11 @@ class _Waiting(NamedTuple):
     until_s: float
 
     def can_be_sent(self, readers: set[bytes] | None) -> bool:
-        """Whether it is not going to wait: where the node is gone, to send says so at once."""
+        """True where sending does not wait; with a destroyed node it fails at once."""
         return readers is None or self.reader in readers
 
 
 def reader_of(request: RequestId) -> bytes | None:
-    """GUID of the reader that waits for the response, 16 bytes; None when it cannot be told."""
+    """Return the 16-byte GUID of the reader of the response; None where it is not known."""
     guid = bytes(request.guid)
     return guid if guid[-1] & _READER else None

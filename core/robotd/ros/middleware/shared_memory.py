@@ -23,7 +23,7 @@ _LOCK = re.compile(r"fastrtps_[0-9a-f]{16}_el")
 
 
 def remove_leftovers(folder: Path = FOLDER) -> int:
-    """Remove the segments whose owners are dead; how many there were. Any thread.
+    """Remove the segments whose owners are dead; return their number. Any thread.
 
     What is of another user, and what is in use, stays.
     """
@@ -39,7 +39,7 @@ def remove_leftovers(folder: Path = FOLDER) -> int:
 
 
 def _orphans(folder: Path) -> Iterator[Path]:
-    """The lock files that nobody holds, of this user."""
+    """Yield the lock files of this user that no process holds."""
     for path in folder.glob("fastrtps_*_el"):
         try:
             if _LOCK.fullmatch(path.name) and _is_orphan(path):

@@ -15,7 +15,7 @@ from rclpy.clock import Clock, JumpThreshold, ROSClock
 
 
 class StampClock:
-    """The time of a node's clock, for one that lives as long as its node. Any thread.
+    """Fast reader of a node's clock. Any thread.
 
     ``Clock.now()`` takes 2 us, and to ask whether ROS time is the system's nearly as long: 10 us
     each in a cycle that comes out of a sleep. The clock says by itself when that changes.
@@ -23,15 +23,15 @@ class StampClock:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._look()
+        self._update()
         threshold = JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True)
         # Kept, because the clock does not keep it.
-        self._handle = clock.create_jump_callback(threshold, post_callback=lambda _: self._look())
+        self._handle = clock.create_jump_callback(threshold, post_callback=lambda _: self._update())
 
     def now_ns(self) -> int:
         """Nanoseconds since the epoch, or of simulated time where the node follows that."""
         return int(self._clock.now().nanoseconds) if self._follows_topic else time.time_ns()
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         clock = self._clock
         self._follows_topic = isinstance(clock, ROSClock) and clock.ros_time_is_active

@@ -1,4 +1,4 @@
-"""The topic wmx/axis/state: all axes of the robot, published by the cycle."""
+"""Topic wmx/axis/state: all axes of the robot, published by the control loop."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ FIELDS = {
 
 
 class AxisStateTopic:
-    """Made in any thread; ``publish`` belongs to the cycle.
+    """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while the engine is not ready: old values must not look alive.
+    Nothing is published while the engine is not ready: old values must not look current.
 
     Attributes:
         topic: its resolved name.

@@ -31,7 +31,7 @@ TWIST_VARIANCES = (1e-3, 1e-3, NOT_MEASURED, NOT_MEASURED, NOT_MEASURED, 1e-2)
 
 
 class DiffDriveController(Node):
-    """Takes twists and publishes odometry; the cycle does the rest (``MobileBase``).
+    """Node of a mobile base: twists in, odometry out; ``MobileBase`` does the control.
 
     With this node in the set, the wheels are switched on at start.
 
@@ -45,7 +45,7 @@ class DiffDriveController(Node):
         if robot.base is None or drive is None:
             raise DescriptorError(f"{NAME} needs a drive, which {robot.descriptor.name} has not")
         self._base = robot.base
-        self._refusals = RejectionLog()
+        self._rejections = RejectionLog()
         parameters = Parameters(self, robot.descriptor)
         self._base.configure(drive_settings(parameters, drive))
         if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
@@ -106,13 +106,13 @@ class DiffDriveController(Node):
         try:
             self._base.command(twist.linear.x, twist.angular.z)
         except RobotdError as error:
-            self._refusals.refused(self._topic, (), str(error))
+            self._rejections.rejected(self._topic, (), str(error))
             return
-        self._refusals.accepted(self._topic, ())
+        self._rejections.accepted(self._topic, ())
         self._echo.publish(twist)
 
     def _reset_odometry(self, request: Any, response: Any) -> Any:
         self._base.reset_odometry()
         response.success = True
-        response.message = "the odometry begins at zero"
+        response.message = "odometry set to zero"
         return response

@@ -1,4 +1,4 @@
-"""What the parameters of diff_drive_controller make of the robot's drive section."""
+"""Drive settings: the robot's drive section under the parameters of diff_drive_controller."""
 
 from __future__ import annotations
 

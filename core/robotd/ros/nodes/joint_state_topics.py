@@ -1,4 +1,4 @@
-"""The joint topics: one set of numbers, published by the cycle in up to three shapes."""
+"""Joint topics, published by the control loop in up to three message types."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DEPTH = 10
 
 
 class Fingers:
-    """Where the gripper's fingers are, told from its output bit. Cycle thread.
+    """Position of the gripper's fingers, from its output bit. Control loop thread.
 
     Args:
         open_m, closed_m: position of every finger at the two ends.
@@ -38,9 +38,9 @@ class Fingers:
 
 
 class JointStateTopics:
-    """Made in any thread; ``publish`` belongs to the cycle.
+    """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while the engine is not ready: old values must not look alive.
+    Nothing is published while the engine is not ready: old values must not look current.
 
     Attributes:
         topics: their resolved names.

@@ -1,4 +1,4 @@
-"""manipulator_state: the joints' state at the feedback rate, and the mirrors for simulators."""
+"""manipulator_state: joint states at the feedback rate, republished for simulators."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAME = "manipulator_state"
 
 
 class ManipulatorState(Node):
-    """Publishes arm joints and gripper fingers from the cycle.
+    """Node that publishes arm joints and gripper fingers from the control loop.
 
     With this node in the set, the robot's joints are switched on at start.
 

@@ -1,7 +1,7 @@
 """A node's parameters: the reference's default < the robot's descriptor < the command line.
 
 Every parameter here is read once, while its node is made, and is read-only from then on: to set
-one at run time is refused by ROS with a reason. What is wrong with a value is said before
+one at run time is rejected by ROS with a reason. A wrong value is an error before
 anything moves, by node, parameter, value and limit.
 """
 
@@ -119,14 +119,14 @@ class Parameters:
             raise self.error(name, f"{given} contradicts {key}: {known} ({self._origin(key)})")
 
     def done(self) -> None:
-        """Refuse what the descriptor gives and the node does not have."""
+        """Reject what the descriptor gives and the node does not have."""
         for name in self._defaults:
             if name not in self._declared:
                 hint = did_you_mean(name, self._declared)
                 raise self.error(name, f"the node has no such parameter{hint}")
 
     def error(self, name: str, what: str) -> DescriptorError:
-        """An error about parameter ``name``, ready to be raised; with file and line if it has."""
+        """Return an error about parameter ``name``, with file and line where it has them."""
         key = f"{self._node.get_name()}.{name}"
         tree = self._descriptor.tree
         if tree is None or name not in self._defaults or name in overrides_of(self._node):

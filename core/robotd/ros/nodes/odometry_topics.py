@@ -1,4 +1,4 @@
-"""What a mobile base tells: wheel speeds, odometry and its transform, published by the cycle."""
+"""Topics of a mobile base: wheel speeds, odometry and transform, from the control loop."""
 
 from __future__ import annotations
 

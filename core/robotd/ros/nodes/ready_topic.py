@@ -1,4 +1,4 @@
-"""The latched topic that tells whether the engine takes commands."""
+"""Latched topic: true while the robot takes commands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ReadyTopic:
         connection.on_ready(lambda ready: self._publish())
 
     def _publish(self) -> None:
-        """Any thread. The value is read under the lock, so the last one out is the newest."""
+        """Publish; the value is read under the lock, so that the last one is the newest."""
         with self._lock:
             try:
                 self._publisher.publish(Bool(data=self._connection.ready))

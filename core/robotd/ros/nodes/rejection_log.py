@@ -1,4 +1,4 @@
-"""Commands that come as a stream are refused as a stream: one line of log for each reason."""
+"""Log of rejected streamed commands: one line for each reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NUMBERS = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 class RejectionLog:
-    """Logs the first rejection of each kind until a command on the same axes is accepted again.
+    """Log of the first rejection of each kind, until a command is accepted again.
 
     Two rejections are of one kind when they concern the same axes of the same topic and their
     texts differ in numbers only. A flood of ever other axes is cut off until a command is
@@ -26,8 +26,8 @@ class RejectionLog:
     def __init__(self) -> None:
         self._known: dict[tuple[str, tuple[int, ...]], set[str]] = {}
 
-    def refused(self, topic: str, axes: Sequence[int], reason: str) -> None:
-        """A message on ``topic`` was not obeyed."""
+    def rejected(self, topic: str, axes: Sequence[int], reason: str) -> None:
+        """A message on ``topic`` was not executed."""
         concerned = (topic, tuple(axes[:MAX_AXES]))
         if concerned not in self._known:
             if len(self._known) == MAX_KNOWN:
@@ -39,10 +39,10 @@ class RejectionLog:
         kind = _NUMBERS.sub("#", reason)
         if kind not in kinds:
             kinds.add(kind)
-            log.warning("command refused", topic=topic, axes=list(concerned[1]), reason=reason)
+            log.warning("command rejected", topic=topic, axes=list(concerned[1]), reason=reason)
 
     def accepted(self, topic: str, axes: Sequence[int]) -> None:
-        """A message on ``topic`` was obeyed: the next rejection is news again."""
+        """A message on ``topic`` was executed: the next rejection is news again."""
         if len(self._known) == MAX_KNOWN:
             self._known.clear()
         self._known.pop((topic, tuple(axes[:MAX_AXES])), None)

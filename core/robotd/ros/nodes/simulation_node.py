@@ -1,4 +1,4 @@
-"""robotd_sim: simulated time on /clock, faults on request, and the services of both.
+"""robotd_sim: simulated time on /clock, fault injection, and the services of both.
 
 The nodes of this process get the time from the cycle, not from the topic: their stamps are those
 of the period, exactly, whatever the topic costs.
@@ -33,7 +33,7 @@ STEP_TIMEOUT_S = 60.0  # real time
 
 
 class SimulationNode(Node):
-    """Lets faults happen; on a ``PacedClock`` it publishes /clock and lets time stand and step.
+    """Node of a simulation: injects faults; on a ``PacedClock`` publishes /clock and steps time.
 
     Args:
         robot: on a simulated backend.
@@ -47,7 +47,7 @@ class SimulationNode(Node):
     ) -> None:
         super().__init__(SIMULATION_NODE, context=host.context)
         self._faults = faults
-        add_service(self, host, SetParametersAtomically, "~/inject", _refusable(self._inject))
+        add_service(self, host, SetParametersAtomically, "~/inject", _with_reason(self._inject))
         if isinstance(robot.clock, PacedClock):
             self._time = _TimeServices(self, robot, robot.clock, host, nodes)
 
@@ -58,7 +58,7 @@ class SimulationNode(Node):
 
 
 class _TimeServices:
-    """/clock, the clocks of the nodes, and the services that let time stand and step."""
+    """/clock, the clocks of the nodes, and the services that pause and step time."""
 
     def __init__(
         self, node: Node, robot: Robot, clock: PacedClock, host: RosHost, nodes: Sequence[Node]
@@ -74,7 +74,7 @@ class _TimeServices:
         control_loop.every(rate_hz, "clocks of the nodes", self._follow, first=True)
         control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
         add_service(node, host, SetBool, "~/pause", self._pause)
-        add_service(node, host, SetParametersAtomically, "~/step", _refusable(self._step))
+        add_service(node, host, SetParametersAtomically, "~/step", _with_reason(self._step))
 
     def _follow(self, image: ProcessImage) -> None:
         self._set_clocks()
@@ -108,8 +108,8 @@ class _TimeServices:
         return f"time stands at {self._time.now_ns() * 1e-9:.6f} s"
 
 
-def _refusable(handle: Any) -> Any:
-    """A handler of a request that is a table of named values, and whose rejection has a reason."""
+def _with_reason(handle: Any) -> Any:
+    """Wrap a handler of named values; what it raises becomes the reason of the rejection."""
 
     def answer(request: Any, response: Any) -> Any:
         fields = {each.name: parameter_value_to_python(each.value) for each in request.parameters}

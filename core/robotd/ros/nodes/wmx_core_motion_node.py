@@ -36,7 +36,7 @@ class WmxCoreMotionNode(Node):
         super().__init__("wmx_core_motion_node", context=host.context)
         self._axes = robot.axes
         self._connection = robot.connection
-        self._refusals = RejectionLog()
+        self._rejections = RejectionLog()
         self._add_axis_services(host)
         add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)
@@ -45,7 +45,7 @@ class WmxCoreMotionNode(Node):
             (AxisPose, "wmx/axis/position", self._move),
             (AxisPose, "wmx/axis/position/relative", self._move_relative),
         ):
-            handler = self._obey_or_tell(topic, command)
+            handler = self._execute_or_log(topic, command)
             add_subscription(self, host, message_type, topic, handler, COMMAND_DEPTH)
         state = AxisStateTopic(self, robot.image, robot.connection)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
@@ -122,14 +122,14 @@ class WmxCoreMotionNode(Node):
         response.message = "ok"
         return response
 
-    def _obey_or_tell(self, topic: str, command: Callable[[Any], None]) -> Callable[[Any], None]:
+    def _execute_or_log(self, topic: str, command: Callable[[Any], None]) -> Callable[[Any], None]:
         def on_message(message: Any) -> None:
             try:
                 command(message)
             except RobotdError as error:
-                self._refusals.refused(topic, message.index, str(error))
+                self._rejections.rejected(topic, message.index, str(error))
             else:
-                self._refusals.accepted(topic, message.index)
+                self._rejections.accepted(topic, message.index)
 
         return on_message
 

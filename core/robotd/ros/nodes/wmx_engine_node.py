@@ -1,4 +1,4 @@
-"""wmx_engine_node: the life of the engine, over services, and whether it is ready."""
+"""wmx_engine_node: services that open, start, stop and close the engine, and its state."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PACKAGES = {"SetBool": "std_srvs", "SetEngine": "wmx_ros2_message"}
 
 
 class WmxEngineNode(Node):
-    """Opens and closes the device, starts and stops communication, tells the state.
+    """Node that opens and closes the device, starts and stops communication, reports the state.
 
     Nothing here enables a servo: after a restart of the engine the axes wait for ``set_on``.
     """
@@ -84,7 +84,7 @@ class WmxEngineNode(Node):
         return response
 
     def _done(self, response: Any) -> Any:
-        """Success, with the state that the engine has now."""
+        """Fill the response with success and the present state."""
         response.success = True
         response.message = self._connection.state.value
         return response

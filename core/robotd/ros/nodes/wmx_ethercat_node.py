@@ -1,4 +1,4 @@
-"""wmx_ethercat_node: what the fieldbus says of itself and of its slaves."""
+"""wmx_ethercat_node: state, registers and statistics of the fieldbus."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from robotd.ros.services import add_service
 
 
 class WmxIoNode(Node):
-    """Six services on the I/O image. Reads only look at memory; writes wait for the driver."""
+    """Six services on the I/O image: reads use memory only, writes wait for the driver."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_io_node", context=host.context)
