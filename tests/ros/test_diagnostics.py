@@ -110,7 +110,7 @@ def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPa
             before = len(told)
             for _ in range(round(seconds / CHECK_PERIOD_S)):
                 clock.advance(CHECK_PERIOD_S)
-                diagnostics._look()
+                diagnostics._check()
             return len(told) - before
 
         assert told_within(CHECK_PERIOD_S) == 1
