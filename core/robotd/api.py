@@ -10,14 +10,8 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
 from robotd.descriptor import (
     RobotDescriptor,
-    WmxParameters,
-    axis_text,
-    default_wmx_parameters,
     load_robot_descriptor,
-    read_wmx_parameters,
-    require_same_scaling,
     validate_section,
-    write_wmx_parameters,
 )
 from robotd.descriptor.files import read_limited
 from robotd.device.bus_status import BusNode, BusState, BusStatus
@@ -42,6 +36,7 @@ from robotd.errors import (
     PluginError,
     RobotdError,
     Unsupported,
+    did_you_mean,
 )
 from robotd.log import get_logger
 from robotd.motion.profile import (
@@ -99,9 +94,7 @@ __all__ = [
     "Segment",
     "Underrun",
     "Unsupported",
-    "WmxParameters",
-    "axis_text",
-    "default_wmx_parameters",
+    "did_you_mean",
     "get_logger",
     "hookimpl",
     "load_robot_descriptor",
@@ -109,10 +102,7 @@ __all__ = [
     "profile_to_rest",
     "profile_to_velocity",
     "read_limited",
-    "read_wmx_parameters",
     "request_realtime",
-    "require_same_scaling",
     "validate_section",
     "wait_until",
-    "write_wmx_parameters",
 ]

@@ -30,7 +30,6 @@ from robotd.api import (
     Underrun,
     Unsupported,
     hookimpl,
-    read_wmx_parameters,
 )
 from robotd_sim import (
     SimAxes,
@@ -41,6 +40,7 @@ from robotd_sim import (
     SimOptions,
     Simulation,
 )
+from robotd_wmx_parameters import read_wmx_parameters
 
 DEGREES = 180.0 / np.pi
 

@@ -10,12 +10,10 @@ from lxml import etree
 from robotd.descriptor import (
     RobotDescriptor,
     default_search_path,
-    default_wmx_parameters,
     list_robots,
     load_robot_descriptor,
-    read_wmx_parameters,
-    write_wmx_parameters,
 )
+from robotd_wmx_parameters import default_wmx_parameters, read_wmx_parameters, write_wmx_parameters
 
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
 MANIPULATOR_STATE = {

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from robotd.descriptor import default_wmx_parameters, load_robot_descriptor, read_wmx_parameters
-from robotd.descriptor.wmx_xml import write_wmx_parameters
+from robotd.descriptor import load_robot_descriptor
 from robotd.motion import JointLimits, MotionState, TrajectoryRequest, plan
+from robotd_wmx_parameters import default_wmx_parameters, read_wmx_parameters
+from robotd_wmx_parameters.xml_file import write_wmx_parameters
 
 POINTS = 1000
 JOINTS = 6

@@ -14,11 +14,12 @@ from tools.fuzz.mutations import Mutator, mutate_lines, mutate_xml, mutate_yaml
 
 from robotd.cli.commands.sim import _value
 from robotd.cli.urdf_check import check_urdf
-from robotd.descriptor import RobotDescriptor, load_robot_descriptor, read_wmx_parameters
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError, RobotdError
 from robotd.plugin.manager import load_backend
 from robotd.scenario import load_scenario, nested, validate_fault
 from robotd_canopen.object_dictionary import read_eds
+from robotd_wmx_parameters import read_wmx_parameters
 
 ROOT = Path(__file__).parents[2]
 

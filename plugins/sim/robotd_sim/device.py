@@ -11,11 +11,11 @@ from robotd.api import (
     DeviceDriver,
     DeviceTimeout,
     NotReady,
-    read_wmx_parameters,
     wait_until,
 )
 from robotd_sim.alarms import NO_FRAMES
 from robotd_sim.simulation import Simulation
+from robotd_wmx_parameters import read_wmx_parameters
 
 
 class SimDevice(DeviceDriver):

@@ -8,12 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from robotd.api import FloatArray, WmxParameters
+from robotd.api import FloatArray
 from robotd_servo_model.world import World
 from robotd_sim.axis_states import AxisStates, Flags
 from robotd_sim.motion import Motion
 from robotd_sim.options import LimitSwitches
 from robotd_sim.power import Power
+from robotd_wmx_parameters import WmxParameters
 
 
 class LimitType(IntEnum):

@@ -14,7 +14,6 @@ from robotd.api import (
     Operation,
     Profile,
     Segment,
-    WmxParameters,
     profile_to_position,
     profile_to_rest,
     profile_to_velocity,
@@ -22,6 +21,7 @@ from robotd.api import (
 from robotd_servo_model.world import FOREVER, World
 from robotd_sim.axis_states import AxisStates
 from robotd_sim.setpoint_stream import Stream
+from robotd_wmx_parameters import WmxParameters
 
 _STANDS = 1e-3  # a last setpoint slower than this (rad/s) ends a stream at rest
 _ROUNDING = 1e-6  # part of a tick by which computed times may be late

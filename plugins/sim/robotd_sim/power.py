@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robotd.api import FloatArray, NotReady, WmxParameters
+from robotd.api import FloatArray, NotReady
 from robotd_servo_model.world import World
 from robotd_sim.alarms import NO_ANSWER, alarm_text
 from robotd_sim.axis_states import AxisStates
 from robotd_sim.motion import Motion
 from robotd_sim.scaling import Scaling
+from robotd_wmx_parameters import WmxParameters
 
 ENABLE_TICKS = 3  # from the request to the drive's "operation enabled"
 CLEAR_TICKS = 1

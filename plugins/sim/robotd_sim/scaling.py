@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotd.api import FloatArray, WmxParameters
+from robotd.api import FloatArray
+from robotd_wmx_parameters import WmxParameters
 
 _RANGE = 2.0**32
 

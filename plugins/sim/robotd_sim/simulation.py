@@ -20,10 +20,6 @@ from robotd.api import (
     NotReady,
     Operation,
     RobotDescriptor,
-    WmxParameters,
-    default_wmx_parameters,
-    read_wmx_parameters,
-    require_same_scaling,
 )
 from robotd_servo_model import Mechanics, Servo, World
 from robotd_sim.axis_states import AxisStates
@@ -34,6 +30,12 @@ from robotd_sim.network import Network
 from robotd_sim.options import SimOptions
 from robotd_sim.power import Power
 from robotd_sim.scaling import Scaling, gains, wrap32
+from robotd_wmx_parameters import (
+    WmxParameters,
+    default_wmx_parameters,
+    read_wmx_parameters,
+    require_same_scaling,
+)
 
 
 class Simulation:

@@ -5,19 +5,22 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from robotd_wmx_parameters import (
+    WmxParameters,
+    axis_text,
+    read_wmx_parameters,
+    require_same_scaling,
+    write_wmx_parameters,
+)
+
 from robotd.api import (
     ConnectionState,
     DeviceDriver,
     DeviceTimeout,
     NotReady,
     OperationError,
-    WmxParameters,
-    axis_text,
     get_logger,
-    read_wmx_parameters,
-    require_same_scaling,
     wait_until,
-    write_wmx_parameters,
 )
 from robotd_wmx._native import CallError, Master, Snapshot
 from robotd_wmx.connection import Connection

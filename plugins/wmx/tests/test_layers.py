@@ -27,7 +27,10 @@ def test_only_the_plugin_api_is_imported(module: object) -> None:
     }
     top = {name: name.split(".")[0] for name in imported}
     ours = {name for name in imported if top[name].startswith("robotd")}
-    assert {name for name in ours if top[name] != "robotd_wmx"} <= {"robotd.api"}
+    assert {name for name in ours if top[name] != "robotd_wmx"} <= {
+        "robotd.api",
+        "robotd_wmx_parameters",
+    }
 
 
 def test_the_stand_in_is_not_part_of_the_package() -> None:

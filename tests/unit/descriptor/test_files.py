@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from robotd.descriptor import load_robot_descriptor, read_wmx_parameters
+from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.files import is_file, read_limited
 from robotd.errors import DescriptorError
+from robotd_wmx_parameters import read_wmx_parameters
 
 LIMIT = 1000
 Make = Callable[[Path], object]

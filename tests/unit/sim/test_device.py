@@ -16,8 +16,8 @@ from robotd.api import (
     DeviceTimeout,
     NotReady,
 )
-from robotd.descriptor import default_wmx_parameters, write_wmx_parameters
 from robotd_sim.options import SimOptions
+from robotd_wmx_parameters import default_wmx_parameters, write_wmx_parameters
 
 
 def test_the_backend_describes_itself() -> None:

@@ -11,15 +11,11 @@ from robotd.cli.check_report import CheckReport
 from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import configure_logging, log_options, robot_options
 from robotd.cli.urdf_check import check_urdf
-from robotd.descriptor import (
-    Override,
-    RobotDescriptor,
-    load_robot_descriptor,
-    read_wmx_parameters,
-)
+from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability
 from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.manager import Backend, load_backend
+from robotd_wmx_parameters import read_wmx_parameters
 
 
 @click.command("check")

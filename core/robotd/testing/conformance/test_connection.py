@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.descriptor import (
+from robotd.device.capabilities import Capability
+from robotd.device.state import ConnectionState
+from robotd.errors import NotReady, RobotdError
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd_wmx_parameters import (
     WmxParameters,
     default_wmx_parameters,
     read_wmx_parameters,
     write_wmx_parameters,
 )
-from robotd.device.capabilities import Capability
-from robotd.device.state import ConnectionState
-from robotd.errors import NotReady, RobotdError
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 
 
 def test_a_device_that_is_made_is_idle(make_harness: MakeHarness) -> None:

@@ -1,4 +1,4 @@
-"""Reading and writing WMX parameter files, in the layout that the engine itself writes."""
+"""Reading and writing of WMX parameter files, in the layout of the engine."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from robotd.descriptor.files import read_limited
-from robotd.descriptor.wmx_parameter_table import (
+from robotd.api import DescriptorError, did_you_mean, read_limited
+from robotd_wmx_parameters.element_table import (
     AXIS_SECTIONS,
     GLOBAL_SECTIONS,
     Kind,
     Parameter,
     Sections,
 )
-from robotd.descriptor.wmx_parameters import (
+from robotd_wmx_parameters.parameters import (
     N_AXES,
     Column,
     Scalar,
@@ -29,12 +29,11 @@ from robotd.descriptor.wmx_parameters import (
     column_problems,
     gear_problems,
 )
-from robotd.errors import DescriptorError, did_you_mean
 
 MAX_BYTES = 4_000_000
 """A complete file has 1.1 MB."""
 MAX_MARKUP = 150_000
-"""Tags and attributes; a complete file has 44 000. Freeing more would hold up the cycle."""
+"""Tags and attributes; a complete file has 44 000. Freeing more would delay the control loop."""
 VERSION = "1.00"
 
 _MAX_PROBLEMS = 1000  # then reading ends: each costs a search for the nearest known word
@@ -44,7 +43,7 @@ _NUMBER = re.compile(r"\s*[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,3})
 
 @dataclass
 class _Cells:
-    """Values of one kind of block while it is read: one row per element, one cell per axis."""
+    """Values of one kind of block during reading: a row per element, a cell per axis."""
 
     sections: Sections
     count: int
@@ -233,7 +232,7 @@ def write_wmx_parameters(parameters: WmxParameters, path: Path) -> None:
 
 
 def axis_text(parameters: WmxParameters, axis: int) -> str:
-    """One axis as XML text for people, in the layout of the file."""
+    """Return one axis as XML text, in the layout of the file."""
     block = etree.Element("AxisParameters", Axis=str(axis))
     _fill(block, AXIS_SECTIONS, parameters.axis(axis))
     return _indented(block)
@@ -261,7 +260,7 @@ def _fill(block: Any, sections: Sections, values: Mapping[str, Scalar]) -> None:
 
 
 def _text(item: Parameter, value: Scalar) -> str:
-    """Six decimals, or as many as the number needs to be read back unchanged."""
+    """Format with six decimals, or as many as reading back unchanged needs."""
     if item.kind is not Kind.REAL:
         return str(int(value))
     text = f"{value:.6f}"

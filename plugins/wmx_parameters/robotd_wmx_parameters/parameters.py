@@ -1,7 +1,7 @@
 """The WMX parameters of 128 axes, column by column.
 
 Values are in the vendor's units (user unit of the axis, ms, %), because that is what the file
-and the engine hold; a backend converts. Nothing here touches a file: see ``wmx_xml``.
+and the engine hold; a backend converts. Nothing here touches a file: see ``xml_file``.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotd.descriptor.wmx_parameter_table import (
+from robotd.api import DescriptorError, NotReady, did_you_mean
+from robotd_wmx_parameters.element_table import (
     AXIS_SECTIONS,
     GLOBAL_SECTIONS,
     Kind,
     Parameter,
     Sections,
 )
-from robotd.errors import DescriptorError, NotReady, did_you_mean
 
 N_AXES = 128
 MIN_GEAR_RATIO, MAX_GEAR_RATIO = 1e-6, 2**31 - 1
@@ -78,7 +78,7 @@ class WmxParameters:
     path: Path | None = None
 
     def __getitem__(self, name: str) -> Column:
-        """The column of an element. Raises KeyError naming the nearest element."""
+        """Return the column of an element. Raises KeyError naming the nearest element."""
         try:
             return self.columns[name]
         except KeyError:
@@ -86,11 +86,11 @@ class WmxParameters:
             raise KeyError(f"unknown WMX parameter {name!r}{hint}") from None
 
     def axis(self, axis: int) -> Mapping[str, Scalar]:
-        """All parameters of one axis by element name, as Python numbers."""
+        """Return all parameters of one axis by element name, as Python numbers."""
         return {name: column[axis].item() for name, column in self.columns.items()}
 
     def with_values(self, changes: Mapping[str, Mapping[int, Scalar]]) -> WmxParameters:
-        """A copy with ``changes``: element name → axis → value.
+        """Return a copy with ``changes``: element name → axis → value.
 
         Raises DescriptorError naming element, axis, value and limit; KeyError as above.
         """
@@ -106,7 +106,7 @@ class WmxParameters:
         return WmxParameters(columns, self.global_values, self.missing, self.path)
 
     def missing_summary(self, axes: int = N_AXES) -> str:
-        """One line for a log: what the file leaves out; empty when it leaves out nothing.
+        """Return one line that lists the missing elements; empty when the file is complete.
 
         Args:
             axes: number of axes of the robot, from axis 0; the others' elements do not count.
@@ -122,7 +122,7 @@ class WmxParameters:
         return f"missing elements, which get their defaults: {'; '.join(shown)}"
 
     def absent_axes(self, axes: int) -> tuple[int, ...]:
-        """Those of the first ``axes`` axes of which the file states nothing at all."""
+        """Return those of the first ``axes`` axes that the file does not contain."""
         stated = set(range(axes))
         for name in AXIS_PARAMETERS:
             stated &= set(self.missing.get(name, ()))
@@ -130,7 +130,7 @@ class WmxParameters:
 
 
 def default_wmx_parameters() -> WmxParameters:
-    """The vendor's default of every parameter on all axes."""
+    """Return the vendor's default of every parameter on all axes."""
     columns = {
         name: checked_column(item, np.full(N_AXES, float(item.default)))
         for name, item in AXIS_PARAMETERS.items()
@@ -183,7 +183,7 @@ def _pulses_per_unit(columns: Mapping[str, Column], axis: int) -> float:
 
 
 def column_problems(item: Parameter, column: NDArray[np.float64]) -> Iterator[tuple[int, str]]:
-    """Each index whose value ``item`` does not allow, and why."""
+    """Yield each index whose value is invalid for ``item``, and why."""
     good = (column >= item.low) & (column <= item.high)
     if item.kind is Kind.SIGN:
         good &= np.abs(column) == 1
@@ -194,7 +194,7 @@ def column_problems(item: Parameter, column: NDArray[np.float64]) -> Iterator[tu
 
 
 def gear_problems(columns: Mapping[str, Column]) -> Iterator[tuple[int, str]]:
-    """Each axis whose gear ratio the engine would refuse, and why."""
+    """Yield each axis whose gear ratio the engine rejects, and why."""
     ratio = columns["AxisGearRatioNumerator"] / columns["AxisGearRatioDenominator"]
     for axis in np.flatnonzero(~((ratio >= MIN_GEAR_RATIO) & (ratio <= MAX_GEAR_RATIO))):
         limits = f"{MIN_GEAR_RATIO:g} to {MAX_GEAR_RATIO}"
@@ -202,7 +202,7 @@ def gear_problems(columns: Mapping[str, Column]) -> Iterator[tuple[int, str]]:
 
 
 def checked_column(item: Parameter, column: NDArray[np.float64]) -> Column:
-    """``column`` in the dtype of ``item``, read-only. Raises DescriptorError."""
+    """Return ``column`` in the dtype of ``item``, read-only. Raises DescriptorError."""
     problems = [
         DescriptorError(f"{item.name} of axis {axis} {text}")
         for axis, text in column_problems(item, column)
@@ -215,7 +215,7 @@ def checked_column(item: Parameter, column: NDArray[np.float64]) -> Column:
 
 
 def global_value(item: Parameter, value: float) -> Scalar:
-    """``value`` in the type of ``item``."""
+    """Return ``value`` in the type of ``item``."""
     return float(value) if item.kind is Kind.REAL else _whole_value(item, value)
 
 
@@ -235,7 +235,7 @@ def _rejection(item: Parameter, value: float) -> str:
 
 
 def axes_text(axes: tuple[int, ...]) -> str:
-    """``axis 3``, ``axes 3..5``, ``axes 0, 2``, or ``global`` for none."""
+    """Format axes: ``axis 3``, ``axes 3..5``, ``axes 0, 2``, or ``global`` for none."""
     if not axes:
         return "global"
     if axes == tuple(range(axes[0], axes[-1] + 1)):

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from robotd.descriptor import (
+from robotd.errors import DescriptorError, NotReady
+from robotd_wmx_parameters import (
     WmxParameters,
     axis_text,
     default_wmx_parameters,
@@ -16,10 +17,9 @@ from robotd.descriptor import (
     require_same_scaling,
     write_wmx_parameters,
 )
-from robotd.descriptor.wmx_parameter_table import Kind
-from robotd.descriptor.wmx_parameters import AXIS_PARAMETERS
-from robotd.descriptor.wmx_xml import MAX_BYTES, MAX_MARKUP
-from robotd.errors import DescriptorError, NotReady
+from robotd_wmx_parameters.element_table import Kind
+from robotd_wmx_parameters.parameters import AXIS_PARAMETERS
+from robotd_wmx_parameters.xml_file import MAX_BYTES, MAX_MARKUP
 
 DEFAULTS = default_wmx_parameters()
 NEW_IN_3_7 = (

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from robotd.descriptor import default_wmx_parameters
-from robotd.descriptor.wmx_parameter_table import Kind
-from robotd.descriptor.wmx_parameters import AXIS_PARAMETERS, GLOBAL_PARAMETERS
 from robotd.errors import DescriptorError
+from robotd_wmx_parameters import default_wmx_parameters
+from robotd_wmx_parameters.element_table import Kind
+from robotd_wmx_parameters.parameters import AXIS_PARAMETERS, GLOBAL_PARAMETERS
 
 DEFAULTS = default_wmx_parameters()
 

@@ -1,4 +1,4 @@
-"""Every element of a WMX parameter file, once: kind, unit, range and default.
+"""Table of the elements of a WMX parameter file: kind, unit, range and default.
 
 Ranges and defaults are those of WMX 3.7, in the order in which the engine writes them. "uu" is
 the user unit of an axis: the radian where the gear denominator is 2π. A nested element is
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Kind(Enum):
-    """How the text of an element is to be read."""
+    """Syntax of the text of an element."""
 
     REAL = "a number"
     WHOLE = "a whole number"
