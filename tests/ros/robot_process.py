@@ -167,9 +167,14 @@ class Client:
         wait_until(lambda: messages and messages[-1].data is ready, f"{topic} is {ready}")
 
     def send_goal(
-        self, goal: Any, feedback: list[Any] | None = None, *, action: str = ACTION
+        self,
+        goal: Any,
+        feedback: list[Any] | None = None,
+        *,
+        action: str = ACTION,
+        ask_result: bool = True,
     ) -> Goal:
-        """Send a goal and wait until it is accepted."""
+        """Send a goal and wait until it is accepted; without ``ask_result`` ask for it later."""
         client = self._actions.get(action)
         if client is None:
             client = GoalClient(self.node, FollowJointTrajectory, action)
@@ -178,15 +183,20 @@ class Client:
         on_feedback = None if feedback is None else lambda each: feedback.append(each.feedback)
         handle = wait_for(client.send_goal_async(goal, feedback_callback=on_feedback))
         assert handle.accepted
-        return Goal(handle)
+        return Goal(handle, ask_result=ask_result)
 
 
 class Goal:
-    """An accepted goal; its result is asked for from the start."""
+    """An accepted goal; its result is asked for from the start, or by ``ask_result``."""
 
-    def __init__(self, handle: Any) -> None:
+    def __init__(self, handle: Any, *, ask_result: bool = True) -> None:
         self._handle = handle
-        self._result = handle.get_result_async()
+        if ask_result:
+            self.ask_result()
+
+    def ask_result(self) -> None:
+        """Send the request for the result."""
+        self._result = self._handle.get_result_async()
 
     @property
     def done(self) -> bool:

@@ -126,6 +126,19 @@ class PacedClock:
             self._changed.wait_for(lambda: self._ended or self._now_ns >= deadline_ns)
             self._sleepers -= 1
 
+    def wait_for(self, event: threading.Event, deadline_ns: int) -> None:
+        """Block until ``event`` is set, or until the simulated time ``deadline_ns``.
+
+        The event is one that the cycle sets, and seen at the end of the period.
+        """
+        with self._changed:
+            self._sleepers += 1
+            self._changed.notify_all()
+            self._changed.wait_for(
+                lambda: self._ended or event.is_set() or self._now_ns >= deadline_ns
+            )
+            self._sleepers -= 1
+
     @contextmanager
     def held(self) -> Iterator[None]:
         """Pause time while the block computes; it advances while a thread sleeps on it."""
@@ -206,6 +219,14 @@ class _Leader:
 
 
 SimulatedClock = SteppedClock | PacedClock
+
+
+def wait_for_event(event: threading.Event, deadline_ns: int, clock: Clock) -> None:
+    """Block until ``event``, which the cycle sets, or until ``deadline_ns`` on ``clock``."""
+    if isinstance(clock, PacedClock):
+        clock.wait_for(event, deadline_ns)
+    else:
+        event.wait(max(0.0, (deadline_ns - clock.now_ns()) / NANOSECONDS))
 
 
 def held(clock: Clock) -> AbstractContextManager[None]:

@@ -10,7 +10,7 @@ import threading
 
 import numpy as np
 
-from robotd.arrays import FloatArray, IntArray
+from robotd.arrays import IntArray
 from robotd.clock import NANOSECONDS
 from robotd.control.trajectory_execution import Outcome, Phase, TrajectoryExecution
 from robotd.device.drivers import AxisDriver
@@ -18,12 +18,11 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd.motion import Interpolation, JointLimits, MotionState, Tolerances, Trajectory
+from robotd.motion import JointLimits, MotionState, Tolerances, Trajectory, spline_points
 
 log = get_logger("trajectory")
 
-STEP_S = 0.01  # spacing of the points that stand for a path that is no cubic spline
-ZERO_TWIST = 1e-6  # rad or m; a path shorter than this is none, and no device needs to be asked
+MIN_PATH = 1e-6  # rad or m; a shorter path is not handed to the device
 OVERTIME_S = 2.0  # how long after its time the device may still be on its way
 END_TOLERANCE = 1e-3  # rad or m, between the device's last command and the last point
 EARLY_S, EARLY_SHARE = 0.05, 0.02  # of the duration: an arrival before that is a fault
@@ -42,7 +41,6 @@ class DeviceExecution(TrajectoryExecution):
 
     Args:
         driver: the axes; the others are those of ``TrajectoryExecution``.
-        max_points: the device's points per trajectory.
     """
 
     streams = False
@@ -50,7 +48,6 @@ class DeviceExecution(TrajectoryExecution):
     def __init__(
         self,
         driver: AxisDriver,
-        max_points: int,
         trajectory: Trajectory,
         axes: IntArray,
         limits: JointLimits,
@@ -61,8 +58,8 @@ class DeviceExecution(TrajectoryExecution):
         super().__init__(trajectory, axes, limits, tolerances, start_ns, stopped_velocity)
         self._start_ns = start_ns
         self._driver = driver
-        self._times_s, self._points = device_points(trajectory, max_points)
-        self._still = bool(np.ptp(self._points, axis=0).max() < ZERO_TWIST)
+        self._times_s, self._points = spline_points(trajectory, driver.max_trajectory_points)
+        self._still = bool(np.ptp(self._points, axis=0).max() < MIN_PATH)
         self._watched = threading.Event()
         self._ended = threading.Event()
         self._end_point = trajectory.state_at(trajectory.duration_s).position
@@ -218,16 +215,3 @@ def stop_time(trajectory: Trajectory, from_s: float, limits: JointLimits) -> flo
             break
         time_s *= STOP_STEP
     return time_s
-
-
-def device_points(trajectory: Trajectory, max_points: int) -> tuple[FloatArray, FloatArray]:
-    """Times (k,) and positions (k, m) through which a cubic spline at rest at both ends runs.
-
-    The knots where the path is such a spline; for other kinds samples of the path, so close
-    together that the difference does not matter.
-    """
-    if trajectory.kind is Interpolation.CUBIC_SPLINE:
-        return trajectory.breaks, np.ascontiguousarray(trajectory.knot_positions)
-    count = int(np.clip(np.ceil(trajectory.duration_s / STEP_S), 2, max_points - 1))
-    times_s = np.linspace(0.0, trajectory.duration_s, count + 1)
-    return times_s, np.ascontiguousarray(trajectory.evaluate(times_s)[0])

@@ -9,7 +9,8 @@ from enum import Enum, auto
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
-from robotd.clock import NANOSECONDS
+from robotd.clock import NANOSECONDS, Clock
+from robotd.clock.simulated import wait_for_event
 from robotd.control.stall_recovery import StallRecovery
 from robotd.device.process_image import ProcessImage, columns
 from robotd.device.state import Operation, Underrun
@@ -146,6 +147,10 @@ class TrajectoryExecution:
     def wait(self, timeout_s: float | None = None) -> bool:
         """Block until it has ended; False when ``timeout_s`` (None: for ever) is over."""
         return self._done.wait(timeout_s)
+
+    def wait_until(self, deadline_ns: int, clock: Clock) -> None:
+        """Block until it has ended, or until ``deadline_ns`` on ``clock``."""
+        wait_for_event(self._done, deadline_ns, clock)
 
     def progress(self) -> Progress:
         """The last period's values, copied; two arrays may be one period apart."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -29,13 +30,19 @@ from robotd.motion import (
     Trajectory,
     TrajectoryRequest,
     plan,
+    spline_points,
 )
 
 OWNER = "follow_joint_trajectory"
+REPLAN_S = 0.5  # age of the joint positions that a client may have planned from
+MAX_RECENT = 50  # trajectories within that time
 LEAD_S = 0.03  # planning time granted to a goal that takes over from a running one
 STOP_TIMEOUT_S = 10.0  # the longest controlled stop that is waited for
 MOVED_RAD = 1e-6  # a command that differs by more has moved
 PLANNINGS = 8  # of one goal, each with twice the lead of the one before
+
+
+Planner = Callable[[MotionState], Trajectory]
 
 
 @dataclass(frozen=True)
@@ -76,14 +83,16 @@ class TrajectoryFollower:
         self._axes = axes
         self._mixer = mixer
         self._clock = clock
+        self._on_device = on_device
         self._execution = (
-            partial(DeviceExecution, on_device, descriptor.trajectory.max_points)
+            partial(DeviceExecution, on_device)
             if on_device
             else partial(TrajectoryExecution, underrun=axes.underrun)
         )
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._claim = ExitStack()
         self._active = 0
+        self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)
         self._lock = threading.RLock()
 
     def tolerances(
@@ -153,13 +162,17 @@ class TrajectoryFollower:
         self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int
     ) -> TrajectoryExecution:
         """Plan and hand over, again until it fits what runs by then."""
-        lead_s = LEAD_S
+        lead_s, recent_path = LEAD_S, self._recent_path(start_ns)
+
+        def planner(state: MotionState) -> Trajectory:
+            return plan(request, self.limits, self.settings, state, recent_path)
+
         for _ in range(PLANNINGS):
             running = self._mixer.running
             if running is None or running.done:
-                after, planned = None, self._plan_from_rest(request, running, start_ns)
+                after, planned = None, self._plan_from_rest(planner, running, start_ns)
             else:
-                after, planned = running, self._plan_splice(request, running, start_ns, lead_s)
+                after, planned = running, self._plan_splice(planner, running, start_ns, lead_s)
                 lead_s *= 2.0
             if planned is None:
                 continue
@@ -172,32 +185,34 @@ class TrajectoryFollower:
                 self.settings.stopped_velocity_rad_s,
             )
             if self._mixer.submit(execution, after):
+                self._recent.append(execution)
                 execution.begin()
                 return execution
         raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
 
     def _plan_splice(
-        self, request: TrajectoryRequest, running: TrajectoryExecution, start_ns: int, lead_s: float
+        self, planner: Planner, running: TrajectoryExecution, start_ns: int, lead_s: float
     ) -> _Planned | None:
-        """From the path of ``running``; None when that is left, after the standstill."""
+        """Plan from the path of ``running``; None when that is left, after the standstill."""
         splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns)
         state = running.splice_state(splice_ns)
         if state is not None:
-            return _Planned(plan(request, self.limits, self.settings, state), splice_ns)
-        if isinstance(running, DeviceExecution):
-            # It has to stop first; a request that would be refused anyway leaves it alone.
-            plan(request, self.limits, self.settings, MotionState.at_rest(self._command()))
+            return _Planned(planner(state), splice_ns)
+        if isinstance(running, DeviceExecution) and self._on_device is not None:
+            # It has to stop first; a request that would be rejected anyway leaves it alone.
+            trajectory = planner(MotionState.at_rest(self._command()))
+            spline_points(trajectory, self._on_device.max_trajectory_points)
             running.preempt()
         if not self._await_end(running, STOP_TIMEOUT_S):
             raise NotReady("the joints did not come to rest after the last trajectory")
         return None
 
     def _plan_from_rest(
-        self, request: TrajectoryRequest, running: TrajectoryExecution | None, start_ns: int
+        self, planner: Planner, running: TrajectoryExecution | None, start_ns: int
     ) -> _Planned | None:
-        """From standstill, on axes claimed anew; None when they have moved meanwhile."""
+        """Plan from standstill, on axes claimed anew; None when they have moved meanwhile."""
         state = self._rest_state()
-        trajectory = plan(request, self.limits, self.settings, state)
+        trajectory = planner(state)
         if not self._mixer.release_after(running):
             return None
         # The old claim is no use: after a fault the device has taken axes out of the stream.
@@ -208,8 +223,32 @@ class TrajectoryFollower:
         earliest_ns = max(self._mixer.next_start_ns, self._clock.now_ns())
         return _Planned(trajectory, max(earliest_ns, start_ns))
 
+    def _recent_path(self, start_ns: int) -> FloatArray:
+        """Return (w, m) commanded positions of the last ``REPLAN_S``, and of as long to come.
+
+        A client that replans in motion does not know where the joints will be when its goal
+        takes over. It may start from any of these positions.
+        """
+        now_ns = max(self._clock.now_ns(), start_ns)
+        first_ns = now_ns - round(REPLAN_S * NANOSECONDS)
+        while len(self._recent) > 1 and self._recent[1].start_ns <= first_ns:
+            self._recent.popleft()
+        moving = bool(self._recent) and not self._recent[-1].done and self._recent[-1].on_path
+        seconds = (2.0 if moving else 1.0) * REPLAN_S
+        step_s = self.settings.start_tolerance_rad / float(self.limits.velocity.max())
+        times_s = np.linspace(0.0, seconds, int(np.ceil(seconds / step_s)) + 1)
+        path = np.tile(self._command(), (len(times_s), 1))
+        for execution in self._recent:
+            path_s = times_s + (first_ns - execution.start_ns) / NANOSECONDS
+            end_s = execution.trajectory.duration_s
+            if not execution.on_path:  # stopped, or being stopped
+                end_s = execution.progress().time_s
+            covered = (path_s >= 0.0) & (path_s <= end_s)
+            path[covered] = execution.trajectory.evaluate(path_s[covered])[0]
+        return path
+
     def _rest_state(self) -> MotionState:
-        """Where the command stands: planning from the measured position would be a jump."""
+        """Return the command's position; planning from the measured one would be a jump."""
         for axis in self._joint_axes.tolist():
             if error := self._axes.rejection(axis, CommandMode.POSITION, OWNER):
                 raise error

@@ -184,9 +184,17 @@ class GripperSettings(Section):
 class TrajectorySettings(Section):
     """What a trajectory must satisfy to be accepted, and to count as done."""
 
-    max_points: int = Field(1000, ge=1, description="Points in one trajectory.")
+    max_points: int = Field(3000, ge=1, description="Points in one trajectory.")
     velocity_margin: float = Field(
         0.10, ge=0, le=1, description="Part by which a path may exceed velocity_rad_s."
+    )
+    acceleration_margin: NotNegative | None = Field(
+        1.0,
+        description="Part by which a path may exceed acceleration_rad_s2 between the points of a "
+        "planner; null: reported, never rejected.",
+    )
+    allow_partial_joints_goal: bool = Field(
+        True, description="Accept goals of some of the joints; the others must stand, and hold."
     )
     start_tolerance_rad: Positive = Field(
         0.01, description="Distance from the present position of a first point at time 0."

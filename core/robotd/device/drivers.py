@@ -120,6 +120,11 @@ class AxisDriver(ABC):
         return 0.0
 
     @property
+    def max_trajectory_points(self) -> int:
+        """Number of points that ``follow`` takes at most (TRAJECTORIES_ON_DEVICE)."""
+        return 1000
+
+    @property
     def servo_groups(self) -> Sequence[Sequence[int]]:
         """Axes that share one servo switch, group by group; an axis in no group has its own.
 
@@ -208,7 +213,7 @@ class AxisDriver(ABC):
 
         Args:
             axes: m axes, in position mode.
-            times_s: (k,) increasing, from 0.
+            times_s: (k,) increasing, from 0; k ≤ ``max_trajectory_points``.
             positions: (k, m); the first is the present command.
 
         Raises:

@@ -12,6 +12,11 @@ from robotd.descriptor import JointSettings
 from robotd.export.export_input import ExportInput
 
 SERVER = "follow_joint_trajectory_server"
+
+# Longest time from the planned end of a trajectory to its result, beside goal_time_s: a device
+# may still be moving for 2 s, and a joint that creeps at the end is reported after 2 s more. The
+# rest is for planning before the start and for the way of the messages.
+RESULT_DELAY_S = 5.0
 MANAGER = "moveit_simple_controller_manager"
 
 
@@ -51,11 +56,11 @@ def _controllers(action: str, joints: list[str]) -> dict[str, Any]:
 
 
 def _execution(source: ExportInput) -> dict[str, Any]:
-    """MoveIt checks the start as the robot does, and waits as long as the robot does."""
+    """Return the start tolerance of the robot, and a margin within which its result comes."""
     rules = source.descriptor.trajectory
     return {
         "allowed_start_tolerance": rules.start_tolerance_rad,
-        "allowed_goal_duration_margin": rules.goal_time_s,
+        "allowed_goal_duration_margin": rules.goal_time_s + RESULT_DELAY_S,
     }
 
 

@@ -7,10 +7,10 @@ cycle; ``plan_stop`` ends it early, along its path.
 from robotd.motion.interpolation import Interpolation
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.limits import AxisLimits, check_jog, check_move
-from robotd.motion.peaks import PathPeaks
 from robotd.motion.planning import check_start_delay, plan
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected
 from robotd.motion.request import TrajectoryRequest
+from robotd.motion.spline_points import spline_points
 from robotd.motion.stopping import StopPlan, plan_stop
 from robotd.motion.tolerance import (
     JointTolerance,
@@ -26,7 +26,6 @@ __all__ = [
     "JointLimits",
     "JointTolerance",
     "MotionState",
-    "PathPeaks",
     "RejectionCode",
     "Sampler",
     "StopPlan",
@@ -41,4 +40,5 @@ __all__ = [
     "check_start_delay",
     "plan",
     "plan_stop",
+    "spline_points",
 ]

@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 
 from robotd.arrays import FloatArray
 
-# Where the search stops: relative to the value, absolute below 1.
+# At which the search stops: relative to the value, absolute below 1.
 _PRECISION = 1e-9
 # The hull of a half is four times closer to its curve, so 4**-26 covers any double.
-_MOST_HALVINGS = 26
+_MAX_HALVINGS = 26
 
 
 @dataclass(frozen=True, eq=False)
 class Extreme:
-    """An extreme value of each joint (m,) and the time in s (m,) at which it is reached."""
+    """Extreme value of each joint (m,), and the time in s (m,) at which it is reached."""
 
     value: FloatArray
     time_s: FloatArray
 
 
 def derivative(coefficients: FloatArray) -> FloatArray:
-    """Derivative of coefficients (k, order, m), one order lower."""
+    """Return the derivative of coefficients (k, order, m), one order lower."""
     return coefficients[:, :-1] * np.arange(coefficients.shape[1] - 1, 0, -1.0)[:, None]
 
 
 def extremes(breaks: FloatArray, coefficients: FloatArray) -> tuple[Extreme, Extreme]:
-    """Minimum and maximum of coefficients (k, order, m) over ``breaks`` (k + 1,).
+    """Return minimum and maximum of coefficients (k, order, m) over ``breaks`` (k + 1,).
 
     Branch and bound: a polynomial lies in the hull of its Bernstein coefficients (Farouki
     and Rajan, 1987), so a segment whose hull stays under the best value found so far is
@@ -46,13 +46,13 @@ def extremes(breaks: FloatArray, coefficients: FloatArray) -> tuple[Extreme, Ext
 
 
 def _maxima(breaks: FloatArray, control: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Maximum over time of each of the signals of ``control`` (order, k, signals)."""
+    """Return the maximum over time of each signal of ``control`` (order, k, signals)."""
     best, best_time = _best_at_ends(breaks, control)
     left, right = _halving(control.shape[0])
     segment, signal = np.nonzero(_promising(control, best))
     control = control[:, segment, signal]
     begin, width = breaks[segment], np.diff(breaks)[segment]
-    for _ in range(_MOST_HALVINGS):
+    for _ in range(_MAX_HALVINGS):
         if not len(signal):
             break
         width = width / 2.0
@@ -67,7 +67,7 @@ def _maxima(breaks: FloatArray, control: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _promising(control: FloatArray, best: FloatArray) -> NDArray[np.bool_]:
-    """Where the hull still allows a value above ``best`` that is worth looking for."""
+    """Return True for hulls that allow a value above ``best`` by more than the precision."""
     promising: NDArray[np.bool_] = control.max(axis=0) > best + _PRECISION * np.maximum(
         1.0, np.abs(best)
     )
@@ -96,7 +96,7 @@ def _improve(
 
 
 def _bernstein(breaks: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Bernstein coefficients (order, k, m) of every segment over its own width."""
+    """Return Bernstein coefficients (order, k, m) of every segment over its own width."""
     order = coefficients.shape[1]
     width = np.diff(breaks)[:, None] ** np.arange(order - 1, -1, -1.0)
     control: FloatArray = _to_bernstein(order) @ (coefficients * width[:, :, None])
@@ -105,13 +105,13 @@ def _bernstein(breaks: FloatArray, coefficients: FloatArray) -> FloatArray:
 
 @cache
 def _to_bernstein(order: int) -> FloatArray:
-    """(order, order): b_i = Σ_{j ≤ i} C(i, j) / C(n, j) · a_j, with a_n in the first column."""
+    """Return (order, order) of b_i = Σ_{j ≤ i} C(i, j) / C(n, j) · a_j; a_n is in column 0."""
     n = order - 1
     return np.array([[comb(i, n - c) / comb(n, n - c) for c in range(order)] for i in range(order)])
 
 
 @cache
 def _halving(order: int) -> tuple[FloatArray, FloatArray]:
-    """De Casteljau's algorithm at one half as a matrix for the left and one for the right."""
+    """Return de Casteljau's algorithm at one half, as matrices for the left and the right."""
     left = np.array([[comb(i, j) / 2.0**i for j in range(order)] for i in range(order)])
     return left, left[::-1, ::-1].copy()

@@ -1,4 +1,4 @@
-"""From knots to polynomials. Which kind follows from what the client gave.
+"""Polynomials through knots; the kind follows from the values that the client gave.
 
 All kinds share one form: coefficients of shape (k, order, m), highest power first, of the
 time since the start of the segment.
@@ -11,23 +11,23 @@ from enum import Enum
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.motion.joints import MotionState
 from robotd.motion.rejection import reject
-from robotd.motion.request import Points
+from robotd.motion.request import TrajectoryRequest
 
-_HUGE = 1e100  # of a coefficient: its products with powers of the time stay finite
+_MAX_COEFFICIENT = 1e100  # products with powers of the time stay finite
 
 
 class Interpolation(Enum):
-    """How the path runs between its knots, and what is continuous at them."""
+    """Kind of path between knots, and what is continuous at them."""
 
     CUBIC_SPLINE = "cubic spline"  # positions given; acceleration too is continuous
     CUBIC_HERMITE = "cubic Hermite"  # and velocities given; velocity is continuous
     QUINTIC_HERMITE = "quintic Hermite"  # and accelerations given; acceleration is continuous
+    BLENDED = "blended"  # one of these with a dwell, or with a start deviation blended in
 
 
-def interpolation_of(knots: Points) -> Interpolation:
-    """The kind that uses all that is given."""
+def interpolation_of(knots: TrajectoryRequest) -> Interpolation:
+    """Return the kind that uses all that is given."""
     if knots.velocities is None:
         return Interpolation.CUBIC_SPLINE
     if knots.accelerations is None:
@@ -35,26 +35,39 @@ def interpolation_of(knots: Points) -> Interpolation:
     return Interpolation.QUINTIC_HERMITE
 
 
-def interpolate(knots: Points, start: MotionState) -> FloatArray:
-    """Coefficients (k, order, m) of a path through the k + 1 knots; it ends at standstill.
+def interpolate(knots: TrajectoryRequest, start_velocity: FloatArray) -> FloatArray:
+    """Return coefficients (k, order, m) of a path through the k + 1 knots, at rest at its end.
 
-    Raises TrajectoryRejected when the numbers are too large to compute with.
+    ``start_velocity`` (m,) is that at the first knot where the knots have no velocities.
+
+    Raises:
+        TrajectoryRejected: the numbers are too large to compute with.
     """
     times_s, positions = knots.times_s, knots.positions
     with np.errstate(all="ignore"):
         if knots.velocities is None:
-            coefficients = _cubic(times_s, positions, spline_velocities(knots, start.velocity))
+            coefficients = _cubic(
+                times_s, positions, spline_velocities(times_s, positions, start_velocity)
+            )
         elif knots.accelerations is None:
             coefficients = _cubic(times_s, positions, knots.velocities)
         else:
-            coefficients = _quintic(times_s, positions, knots.velocities, knots.accelerations)
-    if not (np.abs(coefficients) < _HUGE).all():
+            coefficients = quintic(times_s, positions, knots.velocities, knots.accelerations)
+    if not (np.abs(coefficients) < _MAX_COEFFICIENT).all():
         raise reject("the points are too far apart to be joined by a finite path")
     return coefficients
 
 
-def spline_velocities(knots: Points, start_velocity: FloatArray) -> FloatArray:
-    """(k + 1, m) velocities of the clamped cubic spline: ``start_velocity`` first, 0 at the end.
+def clamped_spline(times_s: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return coefficients (k, 4, m) of the cubic spline at rest at both ends."""
+    rest = np.zeros(positions.shape[1])
+    return _cubic(times_s, positions, spline_velocities(times_s, positions, rest))
+
+
+def spline_velocities(
+    times_s: FloatArray, positions: FloatArray, start_velocity: FloatArray
+) -> FloatArray:
+    """Return (k + 1, m) velocities of the cubic spline from ``start_velocity`` to standstill.
 
     With segment lengths h and slopes s, equal second derivatives at the inner knots say
 
@@ -62,9 +75,9 @@ def spline_velocities(knots: Points, start_velocity: FloatArray) -> FloatArray:
 
     The matrix is tridiagonal and diagonally dominant, so elimination needs no pivots.
     """
-    h = np.diff(knots.times_s)
-    slope = np.diff(knots.positions, axis=0) / h[:, None]
-    velocity = np.zeros_like(knots.positions)
+    h = np.diff(times_s)
+    slope = np.diff(positions, axis=0) / h[:, None]
+    velocity = np.zeros_like(positions)
     velocity[0] = start_velocity
     velocity[1:-1] = 3.0 * (h[1:, None] * slope[:-1] + h[:-1, None] * slope[1:])
     lengths = h.tolist()
@@ -80,7 +93,7 @@ def spline_velocities(knots: Points, start_velocity: FloatArray) -> FloatArray:
 
 
 def _cubic(times_s: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
-    """(k, 4, m): the cubics that have the given values and derivatives at both their ends."""
+    """Return (k, 4, m): cubics with the given values and derivatives at both their ends."""
     h = np.diff(times_s)[:, None]
     slope = np.diff(position, axis=0) / h
     start, end = velocity[:-1], velocity[1:]
@@ -95,10 +108,10 @@ def _cubic(times_s: FloatArray, position: FloatArray, velocity: FloatArray) -> F
     )
 
 
-def _quintic(
+def quintic(
     times_s: FloatArray, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
-    """(k, 6, m): the quintics that have the given values and two derivatives at both their ends.
+    """Return (k, 6, m): quintics with the given values and two derivatives at both ends.
 
     In τ = t/h the powers 0 to 2 are fixed by the left
     end; the rest a, b, c of the right end's position, velocity and acceleration solve

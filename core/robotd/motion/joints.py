@@ -1,4 +1,4 @@
-"""What the planner knows about the joints: their limits and how they move now."""
+"""Limits and present state of joints, as planning needs them."""
 
 from __future__ import annotations
 
@@ -59,5 +59,5 @@ class MotionState:
 
     @classmethod
     def at_rest(cls, position: FloatArray) -> MotionState:
-        """Standstill at ``position`` (copied)."""
+        """Return standstill at ``position`` (copied)."""
         return cls(np.array(position), np.zeros_like(position), np.zeros_like(position))

@@ -1,4 +1,4 @@
-"""The one place where a command to a single axis is refused.
+"""Checks of a command to a single axis, against its limits.
 
 Values are in the axis' SI units: rad or m, rad/s, rad/s². The texts carry the unit.
 """
@@ -9,13 +9,14 @@ import math
 from dataclasses import dataclass
 
 from robotd.errors import InvalidArgument
+from robotd.motion.digits import distinct
 
-LEAST = 1e-9  # of a speed or a ramp: what takes decades overflows in drives
+MIN_RATE = 1e-9  # lower bound of speeds and ramps; smaller values overflow drive integers
 
 
 @dataclass(frozen=True)
 class AxisLimits:
-    """What an axis may be asked for; inf (and -inf) where there is no limit.
+    """Limits of the commands to one axis; inf (and -inf) where there is none.
 
     Attributes:
         lower, upper: position in ``unit``.
@@ -31,14 +32,14 @@ class AxisLimits:
 
     @classmethod
     def unlimited(cls) -> AxisLimits:
-        """An axis of which nothing is known."""
+        """Return the limits of an axis of which nothing is known."""
         return cls(-math.inf, math.inf, math.inf, math.inf)
 
 
 def check_move(
     limits: AxisLimits, target: float, velocity: float, acceleration: float, deceleration: float
 ) -> None:
-    """Refuse a move that the axis must not make.
+    """Reject a move that the axis must not make.
 
     Args:
         limits: of the axis.
@@ -60,7 +61,7 @@ def check_move(
 def check_jog(
     limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
 ) -> None:
-    """Refuse a velocity command beyond the limits; ``velocity`` is signed and may be 0.
+    """Reject a velocity command beyond the limits; ``velocity`` is signed and may be 0.
 
     Raises:
         InvalidArgument: naming the value and the limit, not the axis.
@@ -72,7 +73,7 @@ def check_jog(
 def room_to_stop(
     limits: AxisLimits, position: float, velocity: float, deceleration: float
 ) -> float:
-    """Distance that is left to a position limit after braking; negative where it is too late.
+    """Return the distance to a position limit after braking; negative where it is too late.
 
     Args:
         limits: of the axis.
@@ -84,16 +85,17 @@ def room_to_stop(
 
 
 def check_room(limits: AxisLimits, position: float, velocity: float, deceleration: float) -> None:
-    """Refuse a velocity command that could not be stopped before a position limit.
+    """Reject a velocity command that could not be stopped before a position limit.
 
     Raises:
         InvalidArgument: naming the values and the limit, not the axis.
     """
     if room_to_stop(limits, position, velocity, deceleration) < 0.0:
-        limit, unit = (limits.upper if velocity > 0.0 else limits.lower), limits.unit
+        unit = limits.unit
+        begin, limit = distinct(position, limits.upper if velocity > 0.0 else limits.lower, 6)
         raise InvalidArgument(
-            f"from {position:.6g} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
-            f" before the limit {limit:.6g} {unit}"
+            f"from {begin} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
+            f" before the limit {limit} {unit}"
         )
 
 
@@ -119,9 +121,10 @@ def _check_positive(name: str, value: float) -> None:
     _check_finite(name, value)
     if value <= 0.0:
         raise InvalidArgument(f"{name} is {value:g}, must be positive")
-    if value < LEAST:
-        raise InvalidArgument(f"{name} is {value:g}, must be at least {LEAST:g}")
+    if value < MIN_RATE:
+        raise InvalidArgument(f"{name} is {value:g}, must be at least {MIN_RATE:g}")
 
 
 def _beyond(name: str, value: float, relation: str, limit: float, unit: str) -> InvalidArgument:
-    return InvalidArgument(f"{name} {value:.6g} {unit} {relation} {limit:.6g} {unit}")
+    given, bound = distinct(value, limit, 6)
+    return InvalidArgument(f"{name} {given} {unit} {relation} {bound} {unit}")

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.descriptor.model import TrajectorySettings
+from robotd.motion.digits import distinct
 from robotd.motion.extremes import Extreme
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.peaks import PathPeaks
@@ -15,12 +19,13 @@ _ROUNDING = 1e-6
 
 
 def check_path_limits(
-    peaks: PathPeaks, limits: JointLimits, velocity_margin: float, start: MotionState
+    peaks: PathPeaks, limits: JointLimits, settings: TrajectorySettings, start: MotionState
 ) -> None:
-    """Refuse a path that leaves the position limits or exceeds the velocity limits.
+    """Reject a path that leaves the position limits or exceeds velocity or acceleration limits.
 
     A joint that stands outside its limits may come back but go no further out: its range
-    reaches to ``start``. Every joint at fault is named, with its worst point.
+    reaches to ``start``. Every joint at fault is named, with its worst point. With
+    ``settings.acceleration_margin`` None accelerations are not checked.
 
     Raises:
         TrajectoryRejected: ``INVALID_GOAL``.
@@ -28,45 +33,76 @@ def check_path_limits(
     faults = [
         *_above(peaks.highest, "position", "", np.maximum(limits.upper, start.position), limits),
         *_below(peaks.lowest, np.minimum(limits.lower, start.position), limits),
-        *_too_fast(peaks.velocity, limits, velocity_margin),
+        *_beyond_margin(
+            peaks.velocity, "velocity", "/s", limits.velocity, settings.velocity_margin, limits
+        ),
     ]
+    margin = settings.acceleration_margin
+    if margin is not None and (
+        found := _beyond_margin(
+            peaks.acceleration, "acceleration", "/s²", limits.acceleration, margin, limits
+        )
+    ):
+        ratio = float(np.max(peaks.acceleration.value / (limits.acceleration * (1.0 + margin))))
+        slower = math.ceil(100.0 * math.sqrt(ratio)) / 100.0
+        faults += [*found, f"allow the motion {slower:.2f} times its time"]
     if faults:
         raise reject("; ".join(faults))
 
 
 def acceleration_notes(peaks: PathPeaks, limits: JointLimits) -> tuple[str, ...]:
-    """A sentence for each joint above its acceleration limit.
+    """Return a sentence on the joint that exceeds its acceleration limit by most, if any does.
 
-    Not a rejection: planners limit acceleration at their own sampling, and the spline through
-    the samples has peaks between them.
+    Planners limit acceleration at their own sampling; the polynomials through the samples
+    have peaks between them.
     """
-    bound = limits.acceleration * (1.0 + _ROUNDING)
-    return tuple(_above(peaks.acceleration, "acceleration", "/s²", bound, limits))
+    ratio = peaks.acceleration.value / limits.acceleration
+    bound = np.where(ratio < ratio.max(), np.inf, limits.acceleration * (1.0 + _ROUNDING))
+    return tuple(_above(peaks.acceleration, "acceleration", "/s²", bound, limits)[:1])
 
 
 def _above(
     peak: Extreme, quantity: str, per: str, bound: FloatArray, limits: JointLimits
 ) -> list[str]:
     return [
-        f"{limits.names[j]} at {peak.time_s[j]:.3f} s: {quantity} {peak.value[j]:.5g} "
-        f"{limits.units[j]}{per} exceeds {bound[j]:.5g} {limits.units[j]}{per}"
-        for j in np.flatnonzero(peak.value > bound + _ROUNDING)
+        _sentence(peak, j, quantity, "exceeds", bound[j], limits.units[j] + per, limits)
+        for j in np.flatnonzero(peak.value > bound + _ROUNDING).tolist()
     ]
 
 
 def _below(peak: Extreme, bound: FloatArray, limits: JointLimits) -> list[str]:
     return [
-        f"{limits.names[j]} at {peak.time_s[j]:.3f} s: position {peak.value[j]:.5g} "
-        f"{limits.units[j]} is below {bound[j]:.5g} {limits.units[j]}"
-        for j in np.flatnonzero(peak.value < bound - _ROUNDING)
+        _sentence(peak, j, "position", "is below", bound[j], limits.units[j], limits)
+        for j in np.flatnonzero(peak.value < bound - _ROUNDING).tolist()
     ]
 
 
-def _too_fast(peak: Extreme, limits: JointLimits, margin: float) -> list[str]:
-    bound = limits.velocity * (1.0 + margin) * (1.0 + _ROUNDING)
+def _beyond_margin(
+    peak: Extreme,
+    quantity: str,
+    per: str,
+    limit: FloatArray,
+    margin: float,
+    limits: JointLimits,
+) -> list[str]:
     return [
-        f"{limits.names[j]} at {peak.time_s[j]:.3f} s: velocity {peak.value[j]:.5g} "
-        f"{limits.units[j]}/s exceeds {limits.velocity[j]:.5g} {limits.units[j]}/s "
-        f"(+{100.0 * margin:.3g} % margin)"
-        for j in np.flatnonzero(peak.value > bound)
+        _sentence(peak, j, quantity, "exceeds", limit[j], limits.units[j] + per, limits)
+        + f" (+{100.0 * margin:.3g} % margin)"
+        for j in np.flatnonzero(peak.value > limit * (1.0 + margin) * (1.0 + _ROUNDING)).tolist()
     ]
+
+
+def _sentence(
+    peak: Extreme,
+    joint: int,
+    quantity: str,
+    relation: str,
+    bound: float,
+    unit: str,
+    limits: JointLimits,
+) -> str:
+    value, limit = distinct(float(peak.value[joint]), float(bound))
+    return (
+        f"{limits.names[joint]} at {peak.time_s[joint]:.3f} s: {quantity} {value} {unit} "
+        f"{relation} {limit} {unit}"
+    )

@@ -1,4 +1,4 @@
-"""How far and how fast a path gets."""
+"""Extremes of position, velocity and acceleration of a path."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robotd.motion.extremes import Extreme, derivative, extremes
 
 @dataclass(frozen=True, eq=False)
 class PathPeaks:
-    """The extremes of a path per joint, with their times; exact to 1e-9, SI units.
+    """Extremes of a path per joint, with their times; exact to 1e-9, SI units.
 
     Attributes:
         lowest, highest: positions.
@@ -26,7 +26,7 @@ class PathPeaks:
 
     @classmethod
     def of(cls, breaks: FloatArray, coefficients: FloatArray) -> PathPeaks:
-        """Of the piecewise polynomial ``coefficients`` (k, order, m) over ``breaks`` (k + 1,)."""
+        """Find the extremes of ``coefficients`` (k, order, m) over ``breaks`` (k + 1,)."""
         velocity = derivative(coefficients)
         lowest, highest = extremes(breaks, coefficients)
         return cls(

@@ -1,17 +1,20 @@
-"""Planning: a request is checked whole, then becomes a trajectory, or is refused."""
+"""Planning: check a request whole and turn it into a trajectory, or reject it."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
-from robotd.motion.interpolation import interpolate, interpolation_of
 from robotd.motion.joints import JointLimits, MotionState
-from robotd.motion.knots import attach_start, merge_close
+from robotd.motion.knots import check_end, merge_close, merge_note
+from robotd.motion.path import PathBuilder
 from robotd.motion.path_limits import acceleration_notes, check_path_limits
 from robotd.motion.peaks import PathPeaks
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected, reject
-from robotd.motion.request import Points, TrajectoryRequest, arrange
+from robotd.motion.request import TrajectoryRequest, arrange
 from robotd.motion.trajectory import Trajectory
 
 
@@ -20,39 +23,42 @@ def plan(
     limits: JointLimits,
     settings: TrajectorySettings,
     start: MotionState,
+    recent_path: FloatArray | None = None,
 ) -> Trajectory:
     """Check ``request`` and plan it from ``start``, in the axis order of ``limits``.
 
     ``start`` is the commanded state at the moment the trajectory begins. It may be moving:
-    position and velocity go on without a step, and so does acceleration where the request
-    gives accelerations. A single point that is elsewhere is a plain move within its time.
+    position and velocity go on without a step. The acceleration does so too where the request
+    gives accelerations and its first point comes after time 0. A single point that is
+    elsewhere is a plain move within its time. Joints that the request lacks hold their
+    position.
 
-    A pure function, for a worker thread: some ms for 1000 points of 6 joints, during which
-    NumPy lets other threads run.
+    A pure function, for a worker thread: 35 ms for 3000 points of 6 joints, during most of
+    which NumPy lets other threads run.
+
+    Args:
+        request: as the client sent it.
+        limits, settings: of the robot.
+        start: see above.
+        recent_path: (w, m) positions that the joints had or will have, at any of which a
+            first point at time 0 may be; None: at ``start`` only.
 
     Raises:
         TrajectoryRejected: naming joint, time, value and limit.
     """
     _check_start(start, limits)
-    points = arrange(request, limits, settings.max_points)
+    points = arrange(request, limits, settings, start)
     merged = merge_close(points, limits)
-    knots = attach_start(merged, start, limits, settings.start_tolerance_rad)
-    coefficients = interpolate(knots, start)
-    peaks = PathPeaks.of(knots.times_s, coefficients)
-    check_path_limits(peaks, limits, settings.velocity_margin, start)
-    return Trajectory(
-        names=limits.names,
-        kind=interpolation_of(knots),
-        breaks=knots.times_s,
-        coefficients=coefficients,
-        final_position=knots.positions[-1].copy(),
-        peaks=peaks,
-        notes=(*_merge_note(points, merged), *acceleration_notes(peaks, limits)),
-    )
+    check_end(merged, limits)
+    trajectory = PathBuilder(merged, start, limits, settings, recent_path).build()
+    peaks = PathPeaks.of(trajectory.breaks, trajectory.coefficients)
+    check_path_limits(peaks, limits, settings, start)
+    notes = (*points.notes, *merge_note(points, merged), *acceleration_notes(peaks, limits))
+    return replace(trajectory, notes=notes)
 
 
 def check_start_delay(delay_s: float, duration_s: float) -> None:
-    """Refuse a trajectory that is over already.
+    """Reject a trajectory that is over already.
 
     Args:
         delay_s: start stamp of the goal minus now; 0 for a goal without a stamp.
@@ -77,8 +83,3 @@ def _check_start(start: MotionState, limits: JointLimits) -> None:
         if not known.all():
             joint = int(np.argmin(known))
             raise reject(f"{limits.names[joint]}: the present {quantity} is not known")
-
-
-def _merge_note(points: Points, merged: Points) -> tuple[str, ...]:
-    dropped = len(points.times_s) - len(merged.times_s)
-    return (f"{dropped} points less than 1 ms after another were merged",) if dropped else ()

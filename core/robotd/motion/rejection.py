@@ -1,4 +1,4 @@
-"""Why a trajectory is refused before anything moves."""
+"""Rejection of a trajectory before anything moves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robotd.errors import InvalidArgument
 
 
 class RejectionCode(IntEnum):
-    """The error codes of the FollowJointTrajectory result that a rejection can have."""
+    """Error codes of the FollowJointTrajectory result that a rejection can have."""
 
     INVALID_GOAL = -1
     INVALID_JOINTS = -2
@@ -16,7 +16,7 @@ class RejectionCode(IntEnum):
 
 
 class TrajectoryRejected(InvalidArgument):
-    """The trajectory is not executed. The text names the joint, the time, the value, the limit."""
+    """Rejection of a trajectory. The text names the joint, the time, the value and the limit."""
 
     code: RejectionCode
 
@@ -25,10 +25,10 @@ class TrajectoryRejected(InvalidArgument):
 
 
 def reject(message: str) -> TrajectoryRejected:
-    """An ``INVALID_GOAL`` rejection, ready to be raised."""
+    """Return an ``INVALID_GOAL`` rejection, to be raised."""
     return TrajectoryRejected(RejectionCode.INVALID_GOAL, message)
 
 
 def reject_joints(message: str) -> TrajectoryRejected:
-    """An ``INVALID_JOINTS`` rejection, ready to be raised."""
+    """Return an ``INVALID_JOINTS`` rejection, to be raised."""
     return TrajectoryRejected(RejectionCode.INVALID_JOINTS, message)

@@ -1,32 +1,39 @@
-"""A trajectory as a client gave it, and the checks that need no robot state."""
+"""Points of a trajectory, and the checks that need no interpolation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.motion.joints import JointLimits
+from robotd.descriptor.model import TrajectorySettings
+from robotd.motion.digits import distinct
+from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.rejection import reject, reject_joints
 
-# What a ROS duration can hold. Also keeps the powers of a time difference in range.
-LONGEST_S = 2.0**31
+# Range of a ROS duration. Also keeps the powers of a time difference finite.
+MAX_TIME_S = 2.0**31
+
+# Largest velocity that counts as standstill in a goal: the rest of a zero that went through
+# single precision.
+REST_VELOCITY = 1.2e-7
 
 Rows = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryRequest:
-    """Points of a goal, unchecked, with joints in the client's order.
+    """Points of a goal: as the client gave them, or checked and in axis order (``arrange``).
 
     Attributes:
         joint_names: m names.
         times_s: (n,) seconds from the start of the trajectory.
         positions: (n, m) rad or m.
         velocities, accelerations: (n, m), None where the client gave none.
+        notes: sentences for the result's text, on values that are ignored.
     """
 
     joint_names: tuple[str, ...]
@@ -34,6 +41,7 @@ class TrajectoryRequest:
     positions: FloatArray
     velocities: FloatArray | None = None
     accelerations: FloatArray | None = None
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def from_rows(
@@ -44,78 +52,113 @@ class TrajectoryRequest:
         velocities: Rows = (),
         accelerations: Rows = (),
     ) -> TrajectoryRequest:
-        """From one row per point, as messages carry them. Empty rows mean "not given".
+        """Build a request from one row per point, as messages carry them; empty rows: not given.
 
-        Raises TrajectoryRejected when a row has another length than ``joint_names``, or when
-        only some of the points carry velocities or accelerations.
+        Velocities and accelerations are used where every point has them. Those of some points
+        only are ignored, with a note; accelerations also where velocities are ignored.
+
+        Raises:
+            TrajectoryRejected: no positions, or a row of another length than ``joint_names``.
         """
         width = len(joint_names)
         if positions and not any(len(row) for row in positions):
             raise reject("the points have no positions")
+        position_table = _table("positions", positions, width)
+        velocity_table, notes = _optional_table("velocities", velocities, width)
+        acceleration_table, more_notes = _optional_table("accelerations", accelerations, width)
+        if notes and acceleration_table is not None:
+            acceleration_table = None
+            more_notes = ("accelerations are ignored, because velocities are",)
         return cls(
             tuple(joint_names),
             np.array(times_s, np.float64),
-            _table("positions", positions, width),
-            _optional_table("velocities", velocities, width),
-            _optional_table("accelerations", accelerations, width),
+            position_table,
+            velocity_table,
+            acceleration_table,
+            (*notes, *more_notes),
+        )
+
+    def select(self, rows: Sequence[int] | slice) -> TrajectoryRequest:
+        """Return the points of ``rows`` alone."""
+        return replace(
+            self,
+            times_s=self.times_s[rows],
+            positions=self.positions[rows],
+            velocities=None if self.velocities is None else self.velocities[rows],
+            accelerations=None if self.accelerations is None else self.accelerations[rows],
         )
 
 
-def _optional_table(label: str, rows: Rows, width: int) -> FloatArray | None:
-    return _table(label, rows, width) if any(len(row) for row in rows) else None
+def _optional_table(
+    label: str, rows: Rows, width: int
+) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Return the table of rows that every point has, or None and a note on those ignored."""
+    given = [row for row in rows if len(row)]
+    if given and len(given) < len(rows):
+        _check_widths(label, rows, width)
+        ignored = f"{label} are ignored: only {len(given)} of {len(rows)} points have them"
+        return None, (ignored,)
+    return (_table(label, rows, width) if given else None), ()
 
 
 def _table(label: str, rows: Rows, width: int) -> FloatArray:
-    for index, row in enumerate(rows):
-        if len(row) != width:
-            raise reject(f"point {index}: {len(row)} {label} for {width} joints")
+    _check_widths(label, rows, width, may_be_empty=False)
     flat = np.fromiter(chain.from_iterable(rows), np.float64, len(rows) * width)
     return flat.reshape(len(rows), width)
 
 
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Points in axis order, finite, in the order of time. Shapes (n,) and (n, m)."""
-
-    times_s: FloatArray
-    positions: FloatArray
-    velocities: FloatArray | None
-    accelerations: FloatArray | None
-
-    def select(self, rows: Sequence[int] | slice) -> Points:
-        """The points of ``rows`` alone."""
-        return Points(
-            self.times_s[rows],
-            self.positions[rows],
-            None if self.velocities is None else self.velocities[rows],
-            None if self.accelerations is None else self.accelerations[rows],
-        )
+def _check_widths(label: str, rows: Rows, width: int, *, may_be_empty: bool = True) -> None:
+    for index, row in enumerate(rows):
+        if len(row) != width and (len(row) or not may_be_empty):
+            raise reject(f"point {index}: {len(row)} {label} for {width} joints")
 
 
-def arrange(request: TrajectoryRequest, limits: JointLimits, max_points: int) -> Points:
-    """Check a request by itself and put its joints into axis order.
+def arrange(
+    request: TrajectoryRequest,
+    limits: JointLimits,
+    settings: TrajectorySettings,
+    start: MotionState,
+) -> TrajectoryRequest:
+    """Check a request and put its joints into axis order; joints that it lacks hold at ``start``.
 
     Raises:
-        TrajectoryRejected: joints unknown, missing or doubled; no points or more than
-            ``max_points``; lengths that do not fit; numbers that are not finite; a time that
-            is negative or before the one of the point in front of it.
+        TrajectoryRejected: joints unknown or doubled; joints missing that move, or where
+            ``settings.allow_partial_joints_goal`` is off; no points or more than
+            ``settings.max_points``; lengths that do not fit; numbers that are not finite; a
+            time that is negative or before the one of the point in front of it.
     """
-    order = _joint_order(request.joint_names, limits.names)
-    _check_shapes(request, max_points)
+    _check_names(request.joint_names, limits.names)
+    _check_missing(request.joint_names, limits, settings, start)
+    _check_shapes(request, settings.max_points)
     _check_times(request.times_s)
-    points = Points(
+    given = [index for index, name in enumerate(limits.names) if name in request.joint_names]
+    order = [request.joint_names.index(limits.names[index]) for index in given]
+
+    def columns(table: FloatArray | None, held: FloatArray) -> FloatArray | None:
+        if table is None:
+            return None
+        arranged = np.tile(held, (len(table), 1))
+        arranged[:, given] = table[:, order]
+        return arranged
+
+    nothing = np.zeros(len(limits.names))
+    positions = columns(request.positions, start.position)
+    assert positions is not None  # noqa: S101 - for mypy
+    points = TrajectoryRequest(
+        limits.names,
         request.times_s,
-        request.positions[:, order],
-        None if request.velocities is None else request.velocities[:, order],
-        None if request.accelerations is None else request.accelerations[:, order],
+        positions,
+        columns(request.velocities, nothing),
+        columns(request.accelerations, nothing),
+        request.notes,
     )
-    _check_finite("position", points.positions, points, limits)
-    _check_finite("velocity", points.velocities, points, limits)
-    _check_finite("acceleration", points.accelerations, points, limits)
+    _check_finite("position", points.positions, points)
+    _check_finite("velocity", points.velocities, points)
+    _check_finite("acceleration", points.accelerations, points)
     return points
 
 
-def _joint_order(given: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
+def _check_names(given: tuple[str, ...], names: tuple[str, ...]) -> None:
     if not given:
         raise reject_joints("the trajectory names no joints")
     for name in given:
@@ -123,10 +166,25 @@ def _joint_order(given: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
             raise reject_joints(f"unknown joint '{name}'; the joints are {', '.join(names)}")
         if given.count(name) > 1:
             raise reject_joints(f"joint '{name}' is given {given.count(name)} times")
-    missing = [name for name in names if name not in given]
-    if missing:
-        raise reject_joints(f"missing joint {', '.join(missing)}: every joint must be named")
-    return [given.index(name) for name in names]
+
+
+def _check_missing(
+    given: tuple[str, ...], limits: JointLimits, settings: TrajectorySettings, start: MotionState
+) -> None:
+    missing = [index for index, name in enumerate(limits.names) if name not in given]
+    if missing and not settings.allow_partial_joints_goal:
+        names = ", ".join(limits.names[index] for index in missing)
+        raise reject_joints(
+            f"missing joint {names}: every joint must be named"
+            " (trajectory.allow_partial_joints_goal is false)"
+        )
+    for index in missing:
+        if abs(start.velocity[index]) > REST_VELOCITY:
+            raise reject_joints(
+                f"missing joint {limits.names[index]}: it moves with"
+                f" {start.velocity[index]:.3g} {limits.units[index]}/s and cannot be held; name"
+                " it, or wait until it stands"
+            )
 
 
 def _check_shapes(request: TrajectoryRequest, max_points: int) -> None:
@@ -149,29 +207,27 @@ def _check_shapes(request: TrajectoryRequest, max_points: int) -> None:
 
 def _check_times(times_s: FloatArray) -> None:
     # Comparisons with NaN are false, so each test is written such that NaN fails it.
-    if not (times_s[0] >= 0.0 and (np.diff(times_s) >= 0.0).all() and times_s[-1] <= LONGEST_S):
+    if not (times_s[0] >= 0.0 and (np.diff(times_s) >= 0.0).all() and times_s[-1] <= MAX_TIME_S):
         _explain_times(times_s.tolist())
 
 
 def _explain_times(times_s: list[float]) -> None:
     for index, time_s in enumerate(times_s):
-        if not 0.0 <= time_s <= LONGEST_S:
-            raise reject(f"point {index}: time {time_s:g} s is outside 0 to {LONGEST_S:g} s")
+        if not 0.0 <= time_s <= MAX_TIME_S:
+            raise reject(f"point {index}: time {time_s:g} s is outside 0 to {MAX_TIME_S:g} s")
     for index, (before_s, time_s) in enumerate(pairwise(times_s), start=1):
         if time_s < before_s:
+            time, before = distinct(time_s, before_s, 6)
             raise reject(
-                f"point {index}: time {time_s:g} s is not after the {before_s:g} s "
-                f"of point {index - 1}"
+                f"point {index}: time {time} s is not after the {before} s of point {index - 1}"
             )
 
 
-def _check_finite(
-    quantity: str, table: FloatArray | None, points: Points, limits: JointLimits
-) -> None:
+def _check_finite(quantity: str, table: FloatArray | None, points: TrajectoryRequest) -> None:
     if table is None or np.isfinite(table).all():
         return
     row, column = np.argwhere(~np.isfinite(table))[0]
     raise reject(
-        f"{limits.names[column]} at {points.times_s[row]:.3f} s (point {row}): "
+        f"{points.joint_names[column]} at {points.times_s[row]:.3f} s (point {row}): "
         f"{quantity} is {table[row, column]}"
     )

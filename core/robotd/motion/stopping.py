@@ -15,27 +15,26 @@ from robotd.arrays import FloatArray
 from robotd.motion.joints import JointLimits
 from robotd.motion.trajectory import Trajectory
 
-# Hardest stop there is: 1 ms. Only reached at standstill and by joints without a limit.
-_HARDEST = 1e3  # 1/s
+# Shortest stop is 1 ms. Only reached at standstill and by joints without a limit.
+_MAX_DECELERATION = 1e3  # 1/s, of the rate
 # Share of a joint's acceleration limit that goes into stopping where the plan itself brakes
 # beyond the limit and leaves nothing to spare. Without it such a plan could not be stopped.
-_FLOOR = 0.2
-# A chunk of cells is looked at together; the cells of the next chunk are twice as wide.
+_MIN_SHARE = 0.2
+# A chunk of cells is evaluated together; the cells of the next chunk are twice as wide.
 _CELLS, _SAMPLES = 32, 5
-_WIDEST_CELL_S = 0.02
-_UNLIMITED = 1e12  # rad/s²: stands for inf, which arithmetic does not forgive
-_SLOW = 1e-9  # rad/s: below, a joint has nothing to stop
+_MAX_CELL_S = 0.02
+_UNLIMITED = 1e12  # rad/s², replaces inf, with which the products below would be NaN
+_MIN_SPEED = 1e-9  # rad/s; slower joints count as standing
 
 
 @dataclass(frozen=True, eq=False)
 class StopPlan:
-    """The ramp of the rate from 1 to 0, in pieces of constant deceleration. Immutable.
+    """Ramp of the rate from 1 to 0, in pieces of constant deceleration. Immutable.
 
     Attributes:
         from_s, to_s: trajectory time at which the stop begins, and at which it stands still.
-        duration_s: how long the stop takes.
-        position: (m,) where the joints will stand, rad or m.
-        distance: (m,) how far that is from where the stop begins, rad or m, not negative.
+        duration_s: of the stop.
+        position: (m,) at standstill, rad or m.
         elapsed_s, times_s, rates: time since the stop began, trajectory time and rate at the
             beginning of every piece and at the end.
         decelerations: of the rate, in 1/s, one per piece.
@@ -45,14 +44,13 @@ class StopPlan:
     to_s: float
     duration_s: float
     position: FloatArray
-    distance: FloatArray
     elapsed_s: tuple[float, ...]
     times_s: tuple[float, ...]
     rates: tuple[float, ...]
     decelerations: tuple[float, ...]
 
     def at(self, elapsed_s: float) -> tuple[float, float, float]:
-        """Trajectory time (s), rate, and its deceleration (1/s). Cycle: yes.
+        """Return trajectory time (s), rate, and its deceleration (1/s). Cycle: yes.
 
         Before 0 the rate is 1; from ``duration_s`` on it is 0.
         """
@@ -67,7 +65,7 @@ class StopPlan:
 
 
 def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> StopPlan:
-    """The quickest stop along the path that keeps every joint within its acceleration limit.
+    """Plan the quickest stop along the path within every joint's acceleration limit.
 
     In each short cell of the path the rate falls as fast as ``|q''_j|·r² + |q'_j|·D ≤ limit``
     allows for the joints that the plan is braking already, and ``|q'_j|·D ≤ limit`` for those
@@ -87,14 +85,12 @@ def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> Sto
     while ramp.rate > 0.0 and ramp.time_s < trajectory.duration_s:
         edges = np.minimum(ramp.time_s + cell_s * np.arange(_CELLS + 1), trajectory.duration_s)
         ramp.follow(edges.tolist(), *_capacity(trajectory, edges, acceleration))
-        cell_s = min(2.0 * cell_s, _WIDEST_CELL_S)
-    start, end = trajectory.evaluate(np.array([from_s, ramp.time_s]))[0]
+        cell_s = min(2.0 * cell_s, _MAX_CELL_S)
     return StopPlan(
         from_s,
         ramp.time_s,
         ramp.elapsed_s,
-        end,
-        np.abs(end - start),
+        trajectory.state_at(ramp.time_s).position,
         tuple(ramp.all_elapsed_s),
         tuple(ramp.all_times_s),
         tuple(ramp.all_rates),
@@ -103,7 +99,7 @@ def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> Sto
 
 
 class _Ramp:
-    """The pieces found so far and where the last of them ends."""
+    """Pieces found so far, and the end of the last of them."""
 
     def __init__(self, from_s: float) -> None:
         self.elapsed_s, self.time_s, self.rate = 0.0, from_s, 1.0
@@ -113,13 +109,13 @@ class _Ramp:
     def follow(
         self, edges: list[float], limit: FloatArray, braking: FloatArray, speed: FloatArray
     ) -> None:
-        """Through the cells between ``edges``, or to standstill within one of them."""
+        """Add the cells between ``edges``, or those until standstill."""
         for cell, end_s in enumerate(edges[1:]):
             if self.rate <= 0.0 or end_s <= self.time_s:
                 return
             spare = limit - braking[cell] * self.rate**2
-            allowed = np.where(spare > 0.0, spare, _FLOOR * limit) / speed[cell]
-            self._slow_down(min(float(allowed.min()), _HARDEST), end_s)
+            allowed = np.where(spare > 0.0, spare, _MIN_SHARE * limit) / speed[cell]
+            self._slow_down(min(float(allowed.min()), _MAX_DECELERATION), end_s)
 
     def _slow_down(self, slope: float, end_s: float) -> None:
         squared = self.rate**2 - 2.0 * slope * (end_s - self.time_s)
@@ -138,16 +134,16 @@ class _Ramp:
 
 
 def _first_cell(trajectory: Trajectory, from_s: float, acceleration: FloatArray) -> float:
-    """A cell of which a stop at the present speed takes about 24."""
-    speed = np.maximum(np.abs(trajectory.state_at(from_s).velocity), _SLOW)
-    stop_s = 0.5 / float(np.min(np.minimum(acceleration / speed, _HARDEST)))
-    return min(max(stop_s / 24.0, 1e-3), _WIDEST_CELL_S)
+    """Return the width of a cell of which a stop at the present speed takes about 24."""
+    speed = np.maximum(np.abs(trajectory.state_at(from_s).velocity), _MIN_SPEED)
+    stop_s = 0.5 / float(np.min(np.minimum(acceleration / speed, _MAX_DECELERATION)))
+    return min(max(stop_s / 24.0, 1e-3), _MAX_CELL_S)
 
 
 def _capacity(
     trajectory: Trajectory, edges: FloatArray, limit: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Per cell and sample in it: the limit, the plan's own braking, and the speed.
+    """Return limit, the plan's own braking, and speed, per cell and sample in it.
 
     Shapes (samples * m,) and twice (cells, samples * m). Samples include both edges.
     """
@@ -156,10 +152,10 @@ def _capacity(
     _, velocity, acceleration = trajectory.evaluate(times_s.reshape(-1))
     speed = np.abs(velocity)
     braking = np.maximum(-acceleration * np.sign(velocity), 0.0)
-    braking[speed < _SLOW] = 0.0
+    braking[speed < _MIN_SPEED] = 0.0
     shape = (len(times_s), -1)
     return (
         np.tile(limit, _SAMPLES),
         braking.reshape(shape),
-        np.maximum(speed, _SLOW).reshape(shape),
+        np.maximum(speed, _MIN_SPEED).reshape(shape),
     )

@@ -1,4 +1,4 @@
-"""Tolerances of a goal: which apply, and whether the joints are within."""
+"""Tolerances of a goal: resolve and check them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
+from robotd.motion.digits import distinct
 from robotd.motion.rejection import reject, reject_joints
 
-# The unit is that of the joint; this is what follows it.
-_PER = {"position": "", "velocity": "/s"}
+_UNIT_SUFFIX = {"position": "", "velocity": "/s"}
 
 
 class ToleranceKind(Enum):
-    """When a tolerance is looked at; the values are words for texts."""
+    """Time at which a tolerance is checked; the values are words for texts."""
 
     PATH = "path tolerance"  # while the trajectory runs
     GOAL = "goal tolerance"  # after its end
@@ -25,7 +25,7 @@ class ToleranceKind(Enum):
 
 @dataclass(frozen=True)
 class JointTolerance:
-    """One entry of a goal message: 0 means the configured default, -1 no limit, > 0 the value."""
+    """Tolerance entry of a goal: 0: configured default, -1: no limit, > 0: the value."""
 
     name: str
     position: float = 0.0
@@ -35,7 +35,7 @@ class JointTolerance:
 
 @dataclass(frozen=True)
 class Violation:
-    """A joint out of tolerance. ``str()`` is a sentence for ``error_string``."""
+    """Joint out of tolerance. ``str()`` is a sentence for ``error_string``."""
 
     kind: ToleranceKind
     joint: str
@@ -46,26 +46,27 @@ class Violation:
     unit: str
 
     def __str__(self) -> str:
+        error, limit = distinct(self.error, self.limit, 3)
         return (
-            f"{self.joint} at {self.time_s:.3f} s: {self.quantity} error {self.error:.3g} "
-            f"{self.unit} exceeds {self.kind.value} {self.limit:.3g} {self.unit}"
+            f"{self.joint} at {self.time_s:.3f} s: {self.quantity} error {error} "
+            f"{self.unit} exceeds {self.kind.value} {limit} {self.unit}"
         )
 
 
 class Tolerances:
-    """What applies to one execution. One owner thread; the checks allocate only for a violation.
+    """Tolerances of one execution. One owner thread; checks allocate only for a violation.
 
     Attributes:
         path, goal: limits per joint and quantity.
         goal_time_s: time after the end to get within ``goal``; inf waits without an end.
-        ignored: a sentence for each entry that nothing measures (acceleration).
+        notes: a sentence for each entry that is ignored (acceleration), for the result's text.
     """
 
     def __init__(self, path: JointBounds, goal: JointBounds, goal_time_s: float) -> None:
         self.path = path
         self.goal = goal
         self.goal_time_s = goal_time_s
-        self.ignored = (*path.ignored, *goal.ignored)
+        self.notes = (*path.notes, *goal.notes)
         self._standstill = np.zeros(len(goal.names))
 
     @classmethod
@@ -77,7 +78,7 @@ class Tolerances:
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
     ) -> Tolerances:
-        """The descriptor's defaults with the tolerances of a goal message laid over them.
+        """Return the descriptor's defaults, overridden by the tolerances of a goal message.
 
         Raises:
             TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
@@ -103,7 +104,7 @@ class Tolerances:
         velocity: FloatArray,
         actual_velocity: FloatArray,
     ) -> Violation | None:
-        """The worst path violation, None when every joint is within. Cycle: yes.
+        """Return the worst path violation, None when every joint is within. Cycle: yes.
 
         Desired and actual values are (m,) and of the same moment, ``time_s`` on the
         trajectory. An actual value that is not a number is out of every tolerance.
@@ -117,12 +118,12 @@ class Tolerances:
         actual_position: FloatArray,
         actual_velocity: FloatArray,
     ) -> Violation | None:
-        """The worst goal violation; the joints should stand still at ``position``. Cycle: yes."""
+        """Return the worst goal violation; ``position`` is a standstill. Cycle: yes."""
         return self.goal.check(time_s, position, actual_position, self._standstill, actual_velocity)
 
 
 class JointBounds:
-    """The bounds of one kind, arrays (m,) in rad or m and their rates; inf is no limit.
+    """Bounds of one kind, arrays (m,) in rad or m and their rates; inf is no limit.
 
     Args:
         kind: for texts.
@@ -147,7 +148,7 @@ class JointBounds:
         self.kind, self.names, self.unit = kind, names, unit
         self.position: FloatArray = np.full(len(names), np.inf if position is None else position)
         self.velocity: FloatArray = np.full(len(names), np.inf if velocity is None else velocity)
-        self.ignored = self._apply(list(entries))
+        self.notes = self._apply(list(entries))
         self._position_limited = bool(np.isfinite(self.position).any())
         self._velocity_limited = bool(np.isfinite(self.velocity).any())
         self._error: FloatArray = np.zeros(len(names))
@@ -161,7 +162,7 @@ class JointBounds:
         velocity: FloatArray,
         actual_velocity: FloatArray,
     ) -> Violation | None:
-        """The worst violation, of position before velocity; None when all are within."""
+        """Return the worst violation, of position before velocity; None when all are within."""
         if self._position_limited and self._exceeds(position, actual_position, self.position):
             return self._worst("position", self.position, time_s)
         if self._velocity_limited and self._exceeds(velocity, actual_velocity, self.velocity):
@@ -169,7 +170,7 @@ class JointBounds:
         return None
 
     def _apply(self, entries: list[JointTolerance]) -> tuple[str, ...]:
-        ignored: list[str] = []
+        notes: list[str] = []
         given: set[str] = set()
         for entry in entries:
             if entry.name not in self.names or entry.name in given:
@@ -181,8 +182,8 @@ class JointBounds:
                 default = float(bounds[joint])
                 bounds[joint] = _resolve(getattr(entry, name), default, f"{label} {name}")
             if np.isfinite(_resolve(entry.acceleration, np.inf, f"{label} acceleration")):
-                ignored.append(f"{label} acceleration is not watched: it is not measured")
-        return tuple(ignored)
+                notes.append(f"{label} acceleration is ignored: it is not measured")
+        return tuple(notes)
 
     def _exceeds(self, desired: FloatArray, actual: FloatArray, bounds: FloatArray) -> bool:
         np.subtract(desired, actual, self._error)
@@ -191,7 +192,7 @@ class JointBounds:
         return not self._within.all()
 
     def _worst(self, quantity: str, bounds: FloatArray, time_s: float) -> Violation:
-        # No number counts as infinitely wrong, also where there is no limit to divide by.
+        # NaN counts as infinitely wrong, also where there is no limit to divide by.
         ratio = np.nan_to_num(self._error / bounds, nan=np.inf)
         joint = int(np.argmax(np.where(self._within, -1.0, ratio)))
         return Violation(
@@ -201,7 +202,7 @@ class JointBounds:
             float(self._error[joint]),
             float(bounds[joint]),
             time_s,
-            self.unit + _PER[quantity],
+            self.unit + _UNIT_SUFFIX[quantity],
         )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from tests.unit.control.harness import ACCELERATION, arm
+from tests.unit.motion.helpers import peaks_of
 
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock
@@ -109,4 +110,4 @@ def _assert_works(robot: Robot) -> None:
     with robot.follower.follow(request) as execution:
         assert execution.wait(10.0)
     assert execution.outcome is Outcome.SUCCEEDED, execution.message
-    assert float(execution.trajectory.peaks.acceleration.value.max()) < ACCELERATION
+    assert float(peaks_of(execution.trajectory).acceleration.value.max()) < ACCELERATION

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.device_execution import STOP_STEP, DeviceExecution, device_points, stop_time
+from robotd.control.device_execution import STOP_STEP, DeviceExecution, stop_time
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_execution import Outcome
 from robotd.descriptor.model import TrajectorySettings
@@ -18,7 +18,6 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import OperationError
 from robotd.motion import (
-    Interpolation,
     JointLimits,
     JointTolerance,
     MotionState,
@@ -52,7 +51,6 @@ class Harness:
     def start(self, limits: JointLimits = LIMITS) -> DeviceExecution:
         execution = DeviceExecution(
             self.axes,
-            SETTINGS.max_points,
             self.trajectory,
             np.array([0, 1]),
             limits,
@@ -268,12 +266,3 @@ def test_a_path_that_leads_nowhere_is_not_handed_over() -> None:
     harness.until(lambda: execution.done)
     assert execution.outcome is Outcome.SUCCEEDED
     assert not harness.called("follow")
-
-
-def test_another_kind_of_path_is_sampled_densely() -> None:
-    trajectory = Harness(velocities=True).trajectory
-    assert trajectory.kind is Interpolation.CUBIC_HERMITE
-    times_s, positions = device_points(trajectory, 1000)
-    np.testing.assert_allclose(np.diff(times_s), 0.01)
-    np.testing.assert_allclose(positions, trajectory.evaluate(times_s)[0])
-    assert len(device_points(trajectory, 20)[0]) == 20

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness
+from tests.unit.motion.helpers import peaks_of
 
 from robotd.control import trajectory_follower
 from robotd.control.setpoint_mixer import ABANDONED, NOT_RUNNING
@@ -34,9 +35,9 @@ def while_planning(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[float]
     def install(*events: Meanwhile) -> list[float]:
         coming, starts = list(events), list[float]()
 
-        def planned(request: Any, limits: Any, settings: Any, start: Any) -> Any:
+        def planned(request: Any, limits: Any, settings: Any, start: Any, *rest: Any) -> Any:
             starts.append(float(np.abs(start.velocity).max()))
-            trajectory = plan(request, limits, settings, start)
+            trajectory = plan(request, limits, settings, start, *rest)
             if coming:
                 coming.pop(0)()
             return trajectory
@@ -48,7 +49,7 @@ def while_planning(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[float]
 
 
 def peak(*executions: TrajectoryExecution) -> float:
-    return max(float(each.trajectory.peaks.acceleration.value.max()) for each in executions)
+    return max(float(peaks_of(each.trajectory).acceleration.value.max()) for each in executions)
 
 
 def test_planning_that_takes_longer_than_its_lead_is_done_again(

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness
+from tests.unit.motion.helpers import peaks_of
 
 from robotd.control.setpoint_mixer import PREEMPTED, SPLICE_LOST
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
@@ -26,7 +27,7 @@ def harness() -> Harness:
 
 def peak(*executions: TrajectoryExecution) -> float:
     """The highest acceleration that was planned."""
-    return max(float(each.trajectory.peaks.acceleration.value.max()) for each in executions)
+    return max(float(peaks_of(each.trajectory).acceleration.value.max()) for each in executions)
 
 
 def at(harness: Harness, seconds: float) -> int:
@@ -69,7 +70,7 @@ def test_twenty_points_in_any_order_of_joints(seed: int, order: list[int]) -> No
     ended = at(harness, execution.start_ns * 1e-9 + times_s[-1] + PERIOD_S)
     assert harness.setpoints.position[ended] == pytest.approx(points[-1], abs=1e-9)
     harness.setpoints.assert_smooth(peak(execution))
-    fastest = execution.trajectory.peaks.velocity.value
+    fastest = peaks_of(execution.trajectory).velocity.value
     steps = np.abs(np.diff(harness.setpoints.position, axis=0)).max(axis=0)
     assert (steps <= fastest * PERIOD_S * 1.001 + 1e-9).all()
     harness.robot.shutdown()
@@ -324,3 +325,115 @@ def test_progress_tells_where_it_is(harness: Harness) -> None:
     assert progress.time_s == pytest.approx(0.5, abs=0.01)
     assert progress.desired_position == pytest.approx(progress.actual_position, abs=1e-2)
     assert progress.desired_velocity == pytest.approx(progress.actual_velocity, abs=0.1)
+
+
+def replan(harness: Harness, execution: TrajectoryExecution, age_s: float) -> TrajectoryRequest:
+    """Points from where the joints were ``age_s`` ago, at rest in the client's model."""
+    progress = execution.progress()
+    was = execution.trajectory.state_at(progress.time_s - age_s).position
+    times_s = np.arange(0.0, 2.01, 0.02)
+    share = (times_s / times_s[-1])[:, None]
+    way = np.array([0.2, -0.4, 0.1]) - was
+    positions = was + way * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return TrajectoryRequest(harness.robot.joint_names, times_s, positions)
+
+
+@pytest.mark.parametrize("age_s", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("seconds", [1.5, 5.0])
+def test_replanning_in_motion_with_a_first_point_at_time_zero(
+    harness: Harness, seconds: float, age_s: float
+) -> None:
+    with harness.goal(FAR, seconds=seconds) as first:
+        harness.run(0.4 * seconds)
+        with harness.follower.follow(replan(harness, first, age_s)) as second:
+            harness.end(second)
+            assert harness.image.position == pytest.approx([0.2, -0.4, 0.1], abs=1e-3)
+    assert (first.outcome, second.outcome) == (Outcome.PREEMPTED, Outcome.SUCCEEDED)
+    harness.setpoints.assert_smooth(min(ACCELERATION, peak(first, second)))
+
+
+def test_replanning_from_positions_that_are_too_old_is_rejected(harness: Harness) -> None:
+    with harness.goal(FAR, seconds=1.5) as first:
+        harness.run(0.9)
+        with (
+            pytest.raises(TrajectoryRejected, match="away from the recent path"),
+            harness.follower.follow(replan(harness, first, 0.7)),
+        ):
+            pass
+        harness.end(first)
+    assert first.outcome is Outcome.SUCCEEDED
+    harness.setpoints.assert_smooth(peak(first))
+
+
+def test_replanning_while_a_cancel_slows_the_joints_down(harness: Harness) -> None:
+    with harness.goal(FAR, seconds=1.5) as first:
+        harness.run(0.6)
+        request = replan(harness, first, 0.1)
+        first.cancel()
+        harness.run(2 * PERIOD_S)
+        with harness.follower.follow(request) as second:
+            assert first.outcome is Outcome.CANCELED
+            harness.end(second)
+    assert second.outcome is Outcome.SUCCEEDED, second.message
+    harness.setpoints.assert_smooth_streams(max(ACCELERATION, peak(second)))
+
+
+def test_a_goal_of_some_joints_leaves_the_others_where_they_are(harness: Harness) -> None:
+    with harness.goal(FAR) as execution:
+        harness.end(execution)
+    request = TrajectoryRequest.from_rows(["joint3", "joint1"], [1.0], [[0.0, 0.5]])
+    with harness.follower.follow(request) as execution:
+        harness.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    assert harness.image.position == pytest.approx([0.5, FAR[1], 0.0], abs=1e-3)
+
+
+def test_a_goal_of_some_joints_needs_the_others_at_rest(harness: Harness) -> None:
+    request = TrajectoryRequest.from_rows(["joint1"], [1.0], [[0.5]])
+    with harness.goal(FAR) as execution:
+        harness.run(0.3)
+        with (
+            pytest.raises(TrajectoryRejected, match="missing joint joint2: it moves with -0"),
+            harness.follower.follow(request),
+        ):
+            pass
+        harness.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED
+
+
+def test_the_joints_stand_until_a_first_point_at_their_position(harness: Harness) -> None:
+    request = TrajectoryRequest.from_rows(harness.robot.joint_names, [0.5, 1.0], [HOME, FAR])
+    with harness.follower.follow(request) as execution:
+        harness.run(0.49)
+        assert np.abs(harness.setpoints.position).max() < 1e-9
+        harness.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED
+    assert harness.image.position == pytest.approx(FAR, abs=1e-3)
+
+
+def test_replanning_soon_after_a_takeover(harness: Harness) -> None:
+    """The joint positions of the third goal are from before the second one took over."""
+    with harness.goal(FAR, seconds=1.5) as first:
+        harness.run(0.6)
+        with harness.follower.follow(replan(harness, first, 0.0)) as second:
+            request = replan(harness, first, 0.02)
+            harness.run(0.1)
+            with harness.follower.follow(request) as third:
+                harness.end(third)
+    assert second.outcome is Outcome.PREEMPTED
+    assert third.outcome is Outcome.SUCCEEDED, third.message
+    harness.setpoints.assert_smooth(max(ACCELERATION, peak(first, second, third)))
+
+
+def test_the_place_where_an_earlier_goal_ended_is_no_start(harness: Harness) -> None:
+    """The joints were moved by other commands since."""
+    with harness.goal(FAR) as execution:
+        harness.end(execution)
+    harness.move(0, 0.2)
+    harness.run(3.0)
+    request = TrajectoryRequest.from_rows(harness.robot.joint_names, [0.0, 1.0], [FAR, HOME])
+    with (
+        pytest.raises(TrajectoryRejected, match="away from the present position"),
+        harness.follower.follow(request),
+    ):
+        pass

@@ -17,6 +17,7 @@ from robotd.motion import (
     TrajectoryRequest,
     plan,
 )
+from robotd.motion.peaks import PathPeaks
 from robotd.motion.request import Rows
 
 Table = Rows | FloatArray
@@ -72,8 +73,13 @@ def planned(
     joints: JointLimits = UNLIMITED,
     start: MotionState | None = None,
     settings: TrajectorySettings = SETTINGS,
+    recent_path: FloatArray | None = None,
 ) -> Trajectory:
-    return plan(asked, joints, settings, start or at_rest())
+    return plan(asked, joints, settings, start or at_rest(), recent_path)
+
+
+def peaks_of(trajectory: Trajectory) -> PathPeaks:
+    return PathPeaks.of(trajectory.breaks, trajectory.coefficients)
 
 
 def values(bound: float) -> st.SearchStrategy[float]:

@@ -5,10 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.motion.helpers import (
+    NAMES,
     SETTINGS,
     UNLIMITED,
     at_rest,
     limits,
+    peaks_of,
     planned,
     request,
     requests,
@@ -74,7 +76,8 @@ def test_velocity_may_use_the_margin_and_no_more() -> None:
 
 def test_every_joint_at_fault_is_named() -> None:
     text = rejection(request([0.1], [[1.0, 0.0, -4.0]]), limits())
-    assert [part.split()[0] for part in text.split("; ")] == ["joint3", "joint1", "joint3"]
+    named = [part.split()[0] for part in text.split("; ")]
+    assert named == ["joint3", "joint1", "joint3", "joint1", "joint3", "allow"]
 
 
 def test_a_point_on_the_limit_is_within() -> None:
@@ -92,9 +95,39 @@ def test_a_start_that_runs_into_a_limit_is_found() -> None:
     assert "joint1" in rejection(request([1.0], [[2.9, 0, 0]]), limits(), running)
 
 
-def test_acceleration_above_its_limit_is_said_but_not_refused() -> None:
-    trajectory = planned(request([1.0], [[0, 1.0, 0]]), limits(acceleration=5.0))
+def test_acceleration_within_its_margin_is_noted() -> None:
+    trajectory = planned(request([1.0], [[0.9, 1.0, 0]]), limits(acceleration=5.0))
     assert trajectory.notes == ("joint2 at 0.000 s: acceleration 6 rad/s² exceeds 5 rad/s²",)
+    assert planned(request([1.0], [[0, 1.0, 0]]), limits(acceleration=6.0)).notes == ()
+
+
+def test_acceleration_beyond_its_margin_is_rejected_with_what_to_do() -> None:
+    asked = request([0.5], [[0, 1.0, 0]])
+    assert rejection(asked, limits(velocity=9.0, acceleration=5.0)) == (
+        "joint2 at 0.000 s: acceleration 24 rad/s² exceeds 5 rad/s² (+100 % margin); "
+        "allow the motion 1.55 times its time"
+    )
+    planned(request([0.5 * 1.55], [[0, 1.0, 0]]), limits(velocity=9.0, acceleration=5.0))
+
+
+def test_acceleration_is_only_noted_without_a_margin() -> None:
+    settings = TrajectorySettings(acceleration_margin=None)
+    trajectory = planned(
+        request([0.5], [[0, 1.0, 0]]),
+        limits(velocity=9.0, acceleration=5.0),
+        settings=settings,
+    )
+    assert trajectory.notes == ("joint2 at 0.000 s: acceleration 24 rad/s² exceeds 5 rad/s²",)
+
+
+def test_value_and_limit_differ_in_the_text_by_as_many_digits_as_needed() -> None:
+    joints = JointLimits(
+        NAMES, np.full(3, -1351774.0), np.full(3, 1351774.0), np.full(3, np.inf), np.full(3, np.inf)
+    )
+    start = at_rest(-1351774.0)
+    assert rejection(request([1.0], [[-1351774.001, -1351774.0, -1351774.0]]), joints, start) == (
+        "joint1 at 1.000 s: position -1351774.001 rad is below -1351774 rad"
+    )
 
 
 def test_the_unit_of_a_linear_joint_is_metres() -> None:
@@ -111,7 +144,7 @@ def test_peaks_bound_the_path_and_are_reached(asked: TrajectoryRequest, start: M
     position, velocity, acceleration = trajectory.evaluate(
         np.linspace(0.0, trajectory.duration_s, 2001)
     )
-    peaks = trajectory.peaks
+    peaks = peaks_of(trajectory)
     for peak, sampled in (
         (peaks.highest, position),
         (peaks.velocity, np.abs(velocity)),

@@ -6,9 +6,26 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.unit.motion.helpers import NAMES, SETTINGS, limits, planned, request, requests, rows
+from tests.unit.motion.helpers import (
+    NAMES,
+    SETTINGS,
+    limits,
+    planned,
+    request,
+    requests,
+    rows,
+    states,
+)
 
-from robotd.motion import RejectionCode, TrajectoryRejected, TrajectoryRequest
+from robotd.arrays import FloatArray
+from robotd.descriptor import TrajectorySettings
+from robotd.motion import (
+    Interpolation,
+    MotionState,
+    RejectionCode,
+    TrajectoryRejected,
+    TrajectoryRequest,
+)
 from robotd.motion.request import Rows
 
 TIMES = [1.0, 2.0]
@@ -27,7 +44,6 @@ def named(*names: str) -> TrajectoryRequest:
             "unknown joint 'elbow'; the joints are joint1, joint2, joint3",
         ),
         (named("joint1", "joint2", "joint2"), "joint 'joint2' is given 2 times"),
-        (named("joint3"), "missing joint joint1, joint2: every joint must be named"),
     ],
 )
 def test_wrong_joints_are_refused_as_such(asked: TrajectoryRequest, text: str) -> None:
@@ -42,8 +58,8 @@ def test_wrong_joints_are_refused_as_such(asked: TrajectoryRequest, text: str) -
     [
         (request([], np.zeros((0, 3))), "the trajectory has no points"),
         (
-            request(np.arange(1, 1002), np.zeros((1001, 3))),
-            "1001 points exceed the limit of 1000",
+            request(np.arange(1, 3002), np.zeros((3001, 3))),
+            "3001 points exceed the limit of 3000",
         ),
         (
             request(TIMES, rows(0, 0), None, rows(0, 0)),
@@ -85,10 +101,17 @@ def test_wrong_points_are_refused_as_such(asked: TrajectoryRequest, text: str) -
     assert refused.value.code is RejectionCode.INVALID_GOAL
 
 
-def test_a_thousand_points_are_accepted() -> None:
-    trajectory = planned(request(np.arange(1, 1001), np.zeros((1000, 3))))
-    assert SETTINGS.max_points == 1000
-    assert trajectory.duration_s == 1000.0
+def test_three_thousand_points_are_accepted() -> None:
+    trajectory = planned(request(np.arange(1, 3001), np.zeros((3000, 3))))
+    assert SETTINGS.max_points == 3000
+    assert trajectory.duration_s == 3000.0
+
+
+def test_the_times_in_a_rejection_differ() -> None:
+    with pytest.raises(
+        TrajectoryRejected, match=r"time 1234567\.1 s is not after the 1234567\.2 s"
+    ):
+        planned(request([1234567.2, 1234567.1], rows(0, 0)))
 
 
 @given(requests(), st.permutations(range(len(NAMES))))
@@ -127,7 +150,7 @@ def test_rows_without_points_are_refused_by_the_plan() -> None:
     [
         (([[1, 2, 3], [4, 5]],), "point 1: 2 positions for 3 joints"),
         (([[], []],), "the points have no positions"),
-        ((rows(0, 0), [[0, 0, 0], []]), "point 1: 0 velocities for 3 joints"),
+        ((rows(0, 0), [[0, 0], []]), "point 0: 2 velocities for 3 joints"),
         ((rows(0, 0), rows(0, 0), [[0, 0, 0, 0], []]), "point 0: 4 accelerations for 3 joints"),
     ],
 )
@@ -135,3 +158,79 @@ def test_ragged_rows_are_refused(tables: tuple[Rows, ...], text: str) -> None:
     with pytest.raises(TrajectoryRejected) as refused:
         TrajectoryRequest.from_rows(NAMES, TIMES, *tables)
     assert str(refused.value) == text
+
+
+@pytest.mark.parametrize(
+    ("velocities", "accelerations", "note"),
+    [
+        ([[0.1] * 3, []], [], "velocities are ignored: only 1 of 2 points have them"),
+        (
+            [[], [0.1] * 3],
+            [[0.2] * 3, [0.2] * 3],
+            (
+                "velocities are ignored: only 1 of 2 points have them; "
+                "accelerations are ignored, because velocities are"
+            ),
+        ),
+    ],
+)
+def test_velocities_of_some_points_are_ignored_with_a_note(
+    velocities: Rows, accelerations: Rows, note: str
+) -> None:
+    asked = TrajectoryRequest.from_rows(NAMES, TIMES, rows(0.1, 0.2), velocities, accelerations)
+    trajectory = planned(asked)
+    assert trajectory.kind is Interpolation.CUBIC_SPLINE
+    assert "; ".join(trajectory.notes) == note
+
+
+def test_accelerations_of_some_points_are_ignored_and_velocities_used() -> None:
+    asked = TrajectoryRequest.from_rows(
+        NAMES, TIMES, rows(0.1, 0.2), rows(0.1, 0.0), [[0.3] * 3, []]
+    )
+    trajectory = planned(asked)
+    assert trajectory.kind is Interpolation.CUBIC_HERMITE
+    assert trajectory.notes == ("accelerations are ignored: only 1 of 2 points have them",)
+
+
+@given(requests(), st.integers(1, 2), states())
+def test_joints_that_a_request_lacks_hold_their_position(
+    asked: TrajectoryRequest, count: int, start: MotionState
+) -> None:
+    def part(table: FloatArray | None) -> FloatArray | None:
+        return None if table is None else table[:, :count]
+
+    partial = TrajectoryRequest(
+        NAMES[:count],
+        asked.times_s,
+        asked.positions[:, :count],
+        part(asked.velocities),
+        part(asked.accelerations),
+    )
+    start.velocity[count:] = start.acceleration[count:] = 0.0
+    trajectory = planned(partial, start=start)
+    times_s = np.linspace(0.0, trajectory.duration_s, 50)
+    held = np.broadcast_to(start.position[count:], (50, len(NAMES) - count))
+    np.testing.assert_allclose(trajectory.evaluate(times_s)[0][:, count:], held, atol=1e-12)
+    np.testing.assert_array_equal(trajectory.final_position[:count], asked.positions[-1, :count])
+
+
+def test_a_joint_that_a_request_lacks_must_stand() -> None:
+    moving = MotionState(np.zeros(3), np.array([0.0, 0.0, 0.2]), np.zeros(3))
+    with pytest.raises(TrajectoryRejected) as rejected:
+        planned(request([1.0], [[0.1, 0.1]], names=NAMES[:2]), start=moving)
+    assert rejected.value.code is RejectionCode.INVALID_JOINTS
+    assert str(rejected.value) == (
+        "missing joint joint3: it moves with 0.2 rad/s and cannot be held; name it, or wait "
+        "until it stands"
+    )
+
+
+def test_the_descriptor_may_demand_every_joint() -> None:
+    settings = TrajectorySettings(allow_partial_joints_goal=False)
+    with pytest.raises(TrajectoryRejected) as rejected:
+        planned(named("joint3"), settings=settings)
+    assert rejected.value.code is RejectionCode.INVALID_JOINTS
+    assert str(rejected.value) == (
+        "missing joint joint1, joint2: every joint must be named"
+        " (trajectory.allow_partial_joints_goal is false)"
+    )

@@ -100,10 +100,10 @@ def test_what_cannot_be_honoured_is_refused(
 
 
 def test_an_acceleration_tolerance_is_said_to_be_unwatched() -> None:
-    assert of_goal(JointTolerance("joint1", acceleration=2.0)).ignored == (
-        "joint1: path tolerance of acceleration is not watched: it is not measured",
+    assert of_goal(JointTolerance("joint1", acceleration=2.0)).notes == (
+        "joint1: path tolerance of acceleration is ignored: it is not measured",
     )
-    assert of_goal(JointTolerance("joint1", acceleration=-1.0)).ignored == ()
+    assert of_goal(JointTolerance("joint1", acceleration=-1.0)).notes == ()
 
 
 def test_a_path_violation_names_joint_time_error_and_limit() -> None:

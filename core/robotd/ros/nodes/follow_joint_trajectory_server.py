@@ -1,4 +1,4 @@
-"""follow_joint_trajectory_server: the trajectory action, and the gripper's service."""
+"""follow_joint_trajectory_server: trajectory action, and the gripper's service."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from typing import Any
 
 from control_msgs.action import FollowJointTrajectory
 from rclpy._rclpy_pybind11 import GoalEvent
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from robotd.clock.simulated import held
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_delay
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
+from robotd.ros.middleware.action_server import RealTimeResultServer
 from robotd.ros.nodes.manipulator_state import declare_joint_number
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.trajectory_conversions import (
@@ -31,14 +33,14 @@ from robotd.ros.services import SERVICE_QOS, add_service
 log = get_logger("trajectory")
 
 NAME = "follow_joint_trajectory_server"
-FEEDBACK_PERIOD_S = 0.04
-# How long a result can be asked for, with its goal in memory: what rcl has as its default.
+FEEDBACK_PERIOD_NS = 40_000_000  # of the robot's clock
+# Real time for which a result can be asked for, with its goal in memory: the default of rcl.
 # rclpy's own, 15 min, is 150 MB when goals of 1000 points come one a second.
-RESULT_KEPT_S = 10
+RESULT_TIMEOUT_S = 10
 
 # Beyond it a goal is rejected. The status that every client gets lists all goals, so that a
 # thousand at once, each of which changes it three times, would keep all clients busy for minutes.
-MOST_GOALS = 32
+MAX_ACTIVE_GOALS = 32
 
 _RESULT = FollowJointTrajectory.Result
 # A fault and a preemption have no code of their own; clients know INVALID_GOAL for both.
@@ -54,7 +56,7 @@ _CODES = {
 
 @dataclass(frozen=True)
 class Ending:
-    """How a goal ends: ``outcome`` None for a goal that was refused before anything moved."""
+    """Outcome and result of a goal; ``outcome`` None: rejected before anything moved."""
 
     outcome: Outcome | None
     code: int
@@ -65,7 +67,7 @@ class FollowJointTrajectoryServer(Node):
     """Executes one trajectory at a time, each watched by a worker; a newer goal takes over.
 
     A bad goal is accepted and aborted at once, because only a result can carry a reason. One too
-    many is rejected, see ``MOST_GOALS``.
+    many is rejected, see ``MAX_ACTIVE_GOALS``.
 
     Raises:
         DescriptorError: a parameter is wrong.
@@ -89,7 +91,7 @@ class FollowJointTrajectoryServer(Node):
         parameters.done()
         if gripper:
             add_service(self, host, SetBool, gripper, self._set_gripper)
-        self._server = ActionServer(
+        self._server = RealTimeResultServer(
             self,
             FollowJointTrajectory,
             action,
@@ -100,7 +102,7 @@ class FollowJointTrajectoryServer(Node):
             goal_service_qos_profile=SERVICE_QOS,
             cancel_service_qos_profile=SERVICE_QOS,
             result_service_qos_profile=SERVICE_QOS,
-            result_timeout=RESULT_KEPT_S,
+            result_timeout=RESULT_TIMEOUT_S,
         )
 
     def _set_gripper(self, request: Any, response: Any) -> Any:
@@ -112,8 +114,8 @@ class FollowJointTrajectoryServer(Node):
 
     def _admit(self, goal: Any) -> GoalResponse:
         with self._host.callback_guard():
-            if self._live >= MOST_GOALS:
-                log.warning("goal rejected", reason=f"{MOST_GOALS} goals have not ended yet")
+            if self._live >= MAX_ACTIVE_GOALS:
+                log.warning("goal rejected", reason=f"{MAX_ACTIVE_GOALS} goals have not ended yet")
                 return GoalResponse.REJECT
             self._live += 1
             return GoalResponse.ACCEPT
@@ -179,16 +181,25 @@ class FollowJointTrajectoryServer(Node):
         start_ns = self._start_ns(message.trajectory.header.stamp, request)
         with follower.follow(request, tolerances, start_ns) as execution:
             self._executions[bytes(goal.goal_id.uuid)] = execution
-            while not execution.done:
-                if goal.is_cancel_requested:  # before it was in the table
-                    execution.cancel()
-                self._publish_feedback(goal, execution)
-                execution.wait(FEEDBACK_PERIOD_S)
+            self._watch(goal, execution)
             outcome, text = execution.outcome or Outcome.FAULT, execution.message
         code = _CODES[outcome]
         if outcome is Outcome.CANCELED and not goal.is_cancel_requested:
             code, text = _RESULT.INVALID_GOAL, "stopped by the robot, not by the client"
-        return Ending(outcome, code, text)
+        notes = (*execution.trajectory.notes, *tolerances.notes)
+        return Ending(outcome, code, "; ".join([text, *notes]))
+
+    def _watch(self, goal: Any, execution: TrajectoryExecution) -> None:
+        """Publish feedback until the goal has ended."""
+        clock = self._robot.clock
+        due_ns = clock.now_ns()
+        while not execution.done:
+            if goal.is_cancel_requested:  # before it was in the table
+                execution.cancel()
+            with held(clock):
+                self._publish_feedback(goal, execution)
+            due_ns = max(due_ns + FEEDBACK_PERIOD_NS, clock.now_ns())
+            execution.wait_until(due_ns, clock)
 
     def _start_ns(self, stamp: Any, request: TrajectoryRequest) -> int | None:
         """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
@@ -210,4 +221,4 @@ def _unused(goal: Any) -> Any:
 
 
 def _word(ending: Ending) -> str:
-    return "refused" if ending.outcome is None else ending.outcome.name.lower()
+    return "rejected" if ending.outcome is None else ending.outcome.name.lower()

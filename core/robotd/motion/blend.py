@@ -1,0 +1,112 @@
+"""Blend-in of a start deviation: a path that starts elsewhere is reached within the limits.
+
+The path P of the client is kept, and a deviation δ(t) that fades to zero is added to it:
+δ(0) = start - P(0) in position and velocity, δ''(0) = 0, and δ = δ' = δ'' = 0 at the end T. So
+position and velocity begin where the joints are, and the acceleration at time 0 is the
+client's. δ is one quintic for each joint; T is a knot of P.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.motion.interpolation import quintic
+from robotd.motion.joints import JointLimits, MotionState
+from robotd.motion.trajectory import Trajectory
+
+# Shares of a joint's limits that a blend may add where the client's path uses them up.
+ACCELERATION_SHARE = 0.2
+VELOCITY_SHARE = 0.1
+# δ' swings to this part of the velocity deviation that it takes away, whatever T is.
+_SWING = 0.513
+
+_SAMPLES = 33  # at which the limits are compared while T is looked for
+_GROWTH = 1.25  # of T from one try to the next
+
+
+def blend_in(
+    path: Trajectory, start: MotionState, limits: JointLimits, velocity_margin: float
+) -> tuple[FloatArray, float]:
+    """Return the coefficients of ``path`` with a start at ``start``, and the time T in s.
+
+    T is the first knot for which no joint exceeds its limits: the acceleration stays within
+    the limit or adds a fifth of it to the client's, and the velocity stays between the start's
+    and the client's, give or take a tenth of the limit and the swing of δ'. Where no knot is
+    late enough it is the last one. Coefficients have the shape (k, order, m).
+    """
+    begin = path.state_at(0.0)
+    offset = np.array([start.position - begin.position, start.velocity - begin.velocity])
+    if not offset.any():
+        return path.coefficients, 0.0
+    end_s = 0.0
+    for knot_s in path.breaks[1:].tolist():
+        if knot_s < _GROWTH * end_s:
+            continue
+        end_s = knot_s
+        if _is_within(path, _deviation(offset, end_s), end_s, start, limits, velocity_margin):
+            break
+    else:
+        end_s = path.duration_s
+    return _add(path, _deviation(offset, end_s), end_s), end_s
+
+
+def _deviation(offset: FloatArray, end_s: float) -> FloatArray:
+    """Return δ as coefficients (6, m)."""
+    zero = np.zeros((2, offset.shape[1]))
+    position, velocity = zero.copy(), zero.copy()
+    position[0], velocity[0] = offset
+    deviation: FloatArray = quintic(np.array([0.0, end_s]), position, velocity, zero)[0]
+    return deviation
+
+
+def _is_within(
+    path: Trajectory,
+    deviation: FloatArray,
+    end_s: float,
+    start: MotionState,
+    limits: JointLimits,
+    velocity_margin: float,
+) -> bool:
+    times_s = np.linspace(0.0, end_s, _SAMPLES)
+    _, velocity, acceleration = path.evaluate(times_s)
+    powers = times_s[:, None] ** np.arange(5, -1, -1.0)
+    slopes = np.arange(5, 0, -1.0)
+    first = deviation[:-1] * slopes[:, None]
+    second = first[:-1] * slopes[1:, None]
+    total_velocity = velocity + powers[:, 1:] @ first
+    total_acceleration = np.abs(acceleration + powers[:, 2:] @ second)
+    allowed = np.maximum(
+        limits.acceleration,
+        np.abs(acceleration) + ACCELERATION_SHARE * limits.acceleration,
+    )
+    room = VELOCITY_SHARE * limits.velocity + _SWING * np.abs(start.velocity - velocity[0])
+    lowest = np.minimum(velocity, start.velocity) - room
+    highest = np.maximum(velocity, start.velocity) + room
+    fastest = np.maximum(
+        limits.velocity * (1.0 + velocity_margin),
+        np.maximum(np.abs(velocity), np.abs(start.velocity)),
+    )
+    return bool(
+        (total_acceleration <= allowed).all()
+        and (total_velocity >= np.maximum(lowest, -fastest)).all()
+        and (total_velocity <= np.minimum(highest, fastest)).all()
+    )
+
+
+def _add(path: Trajectory, deviation: FloatArray, end_s: float) -> FloatArray:
+    """Return the sum as coefficients (k, 6, m): δ is shifted to the begin of each segment."""
+    segments, order, joints = path.coefficients.shape
+    total = np.zeros((segments, 6, joints))
+    total[:, 6 - order :] = path.coefficients
+    begins = path.breaks[:-1]
+    within = begins < end_s
+    for power in range(6):  # of the time since the knot
+        shifted = sum(
+            comb(j, power) * begins[within, None] ** (j - power) * deviation[5 - j]
+            for j in range(power, 6)
+        )
+        total[within, 5 - power] += shifted
+    return total
