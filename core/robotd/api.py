@@ -24,6 +24,7 @@ from robotd.device.drivers import (
 )
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
+from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
 from robotd.errors import (
     ConnectError,
@@ -88,6 +89,7 @@ __all__ = [
     "PluginError",
     "ProcessImage",
     "Profile",
+    "ProfiledAxes",
     "RobotDescriptor",
     "RobotRegistry",
     "RobotdError",

@@ -10,6 +10,7 @@ import pytest
 from tests.conformance.mutants import Mutant
 
 InstallMutant = Callable[[type[Mutant]], str]
+InstallPlugin = Callable[[str], str]
 InstallSource = Callable[[str], None]
 
 ROOT = Path(__file__).parents[2]
@@ -26,20 +27,25 @@ def announce(folder: Path, name: str, target: str) -> None:
 
 
 @pytest.fixture
-def install_mutant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> InstallMutant:
-    """Make a mutant a distribution on ``sys.path``; returns the name of its backend.
+def install_plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> InstallPlugin:
+    """Make a class of ``installed`` a distribution on ``sys.path``; returns its backend's name.
 
     It is there for processes that a test starts, too.
     """
 
-    def install(mutant: type[Mutant]) -> str:
-        name = mutant.__name__
+    def install(name: str) -> str:
         announce(tmp_path, name, f"tests.conformance.installed:{name}")
         monkeypatch.syspath_prepend(str(tmp_path))
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
         return name
 
     return install
+
+
+@pytest.fixture
+def install_mutant(install_plugin: InstallPlugin) -> InstallMutant:
+    """Make a mutant a distribution, as ``install_plugin`` does."""
+    return lambda mutant: install_plugin(mutant.__name__)
 
 
 @pytest.fixture

@@ -1,10 +1,9 @@
-"""Mutants and broken backends as plugin objects, by the names of their classes."""
+"""Mutants, broken backends and the whole arm as plugin objects, by the names of their classes."""
 
-from tests.conformance import broken, mutants
+from tests.conformance import broken, mutants, whole_arm
 
 
-def __getattr__(name: str) -> mutants.Mutant:
+def __getattr__(name: str) -> object:
     """``tests.conformance.installed:Degrees`` is an instance of that mutant."""
-    module = mutants if hasattr(mutants, name) else broken
-    mutant: type[mutants.Mutant] = getattr(module, name)
-    return mutant()
+    modules = (mutants, broken, whole_arm)
+    return next(getattr(module, name)() for module in modules if hasattr(module, name))

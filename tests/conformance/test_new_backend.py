@@ -74,6 +74,24 @@ def test_a_generated_package_passes_at_once(installed: Path, tmp_path: Path) -> 
     assert junit.read_text(encoding="utf-8").count("<testcase") > 90
 
 
+@pytest.mark.timeout(180)
+def test_a_minimal_package_is_small_and_passes_at_once(python: Path, tmp_path: Path) -> None:
+    run(python, "-m", "robotd", "new-backend", NAME, "--minimal", cwd=tmp_path)
+    package = tmp_path / "robotd-acme-bus"
+    files = [path for path in package.rglob("*") if path.is_file()]
+    assert len(files) <= 3
+    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files) <= 150
+    offline = ("--no-index", "--no-deps", "--no-build-isolation", "--quiet")
+    run(python, "-m", "pip", "install", *offline, package, cwd=tmp_path)
+    robotd = (python, "-m", "robotd")
+    found = run(*robotd, "backends", "--check", NAME, cwd=tmp_path)
+    assert "axes, simulated, velocity_mode" in found
+    assert "not declared" not in found
+    run(*robotd, "check", "--robot", "standalone", "--backend", NAME, cwd=tmp_path)
+    report = run(*robotd, "conform", "--backend", NAME, cwd=tmp_path)
+    assert "verdict: passed" in report
+
+
 @pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # of an old lark in ROS
 def test_a_generated_package_is_served(installed: Path) -> None:
     goal = FollowJointTrajectory.Goal()
@@ -95,9 +113,12 @@ def test_a_generated_package_is_served(installed: Path) -> None:
         assert process.end() == 0, process.output
 
 
-def test_the_generated_code_is_in_order(python: Path, tmp_path: Path) -> None:
-    run(python, "-m", "robotd", "new-backend", NAME, cwd=tmp_path)
-    package = tmp_path / "robotd-acme-bus" / "robotd_acme_bus"
+@pytest.mark.parametrize("options", [(), ("--minimal",)])
+def test_the_generated_code_is_in_order(
+    options: tuple[str, ...], python: Path, tmp_path: Path
+) -> None:
+    run(python, "-m", "robotd", "new-backend", NAME, *options, cwd=tmp_path)
+    package = tmp_path / "robotd-acme-bus"
     settings = Path(__file__).parents[2] / "pyproject.toml"
     ruff = Path(sys.executable).parent / "ruff"
     run(ruff, "check", f"--config={settings}", package, cwd=tmp_path)

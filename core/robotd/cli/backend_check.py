@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar
+
+import click
 
 from robotd.cli.check_report import CheckReport
 from robotd.descriptor import load_robot_descriptor
@@ -12,6 +16,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.state import ConnectionState
 from robotd.errors import PluginError
 from robotd.plugin.driver_set import Drivers
+from robotd.plugin.foreign_process import death_of, is_foreign, note_step, run_noted
 from robotd.plugin.hookspecs import API_VERSION, DeviceContext
 from robotd.plugin.manager import Backend, discover, load_backend
 
@@ -23,7 +28,24 @@ Made = TypeVar("Made")
 
 
 def check_backend(name: str) -> int:
-    """Look at the backend ``name`` step by step, print each, and return the exit status."""
+    """Check the backend ``name`` step by step, print each, and return the exit status.
+
+    A foreign plugin is checked in a process of its own, which it may end.
+    """
+    origins = [origin for origin, _ in discover() if origin.name == name]
+    if not any(map(is_foreign, origins)):
+        return _check_here(name)
+    command = [sys.executable, "-m", __name__, name]
+    status, output, step = run_noted(command, capture=True)
+    click.echo(output, nl=False)
+    if step == "done":
+        return status
+    report = CheckReport()
+    report.fail(step, death_of(name, status, step))
+    return report.end()
+
+
+def _check_here(name: str) -> int:
     report = CheckReport()
     report.run("entry point", lambda: _origins(name))
     backend = report.run(
@@ -91,6 +113,7 @@ def _timed(what: str, make: Callable[[], Made]) -> Made:
     Processor time tells a slow plugin from a loaded machine; time by the clock finds one that
     waits for something.
     """
+    note_step(what)
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     made = make()
     took_s, took_cpu_s = time.monotonic() - began_s, time.process_time() - began_cpu_s
@@ -103,3 +126,10 @@ def _timed(what: str, make: Callable[[], Made]) -> Made:
                 f"{what} took {passed_s:.1f} s{kind}; more than {limit_s:g} s delays every start"
             )
     return made
+
+
+if __name__ == "__main__":
+    status = _check_here(sys.argv[1])
+    sys.stdout.flush()
+    note_step("done")
+    os._exit(status)  # threads of the plugin may go on for ever

@@ -93,7 +93,8 @@ class Drivers:
         yield from (self.device, self.axes, self.io, self.fieldbus)
 
     def _driver(self, contract: type) -> object | None:
-        return next((made for made in self._made() if isinstance(made, contract)), None)
+        made = next((made for made in self._made() if isinstance(made, contract)), None)
+        return getattr(made, "wrapped", made)  # an isolated driver has every method
 
     def _has(self, contract: type, name: str) -> bool:
         driver = self._driver(contract)

@@ -17,6 +17,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="NAME|FILE",
         help="robot that the backend drives; by default two plain joints and a bare axis",
     )
+    group.addoption(
+        "--robotd-set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="replace a value of the robot's file",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -23,6 +23,7 @@ from robotd.errors import (
     Unsupported,
 )
 from robotd.motion.profile import Profile
+from robotd.testing.fakes import FakeAxes
 
 PROFILE = Profile(1.0, 5.0, 5.0)
 UNLIMITED_AXIS = 2
@@ -359,3 +360,28 @@ def test_an_unsupported_feature_is_not_the_fault_of_an_axis() -> None:
     harness.driver.failures["servo"] = Unsupported("servo", "fake")
     with pytest.raises(Unsupported, match=r"^servo: not supported by the fake backend$"):
         harness.axes.servo(0, True)
+
+
+def test_axes_with_one_servo_switch_are_switched_and_checked_together(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(FakeAxes, "servo_groups", ((0, 1),))
+    harness = Harness().make_ready()
+    assert harness.axes.servo_group(1) == (0, 1)
+    assert harness.axes.servo_group(2) == (2,)
+    harness.image.servo_on[:2] = False
+    harness.image.amp_alarm[1] = True
+    with pytest.raises(NotReady, match=r"^joint2: amplifier alarm 0; clear it first$"):
+        harness.axes.servo(0, True)
+    assert not harness.driver.calls
+
+
+def test_an_alarm_of_the_controller_is_not_that_of_an_axis() -> None:
+    harness = Harness().make_ready()
+    harness.image.set_controller_alarm(17, "emergency stop")
+    text = r"^controller alarm 17 \(emergency stop\)$"
+    with pytest.raises(NotReady, match=text):
+        harness.axes.move([Move(0, 1.0, PROFILE)])
+    assert str(harness.axes.rejection(1, CommandMode.POSITION)) == (
+        "controller alarm 17 (emergency stop)"
+    )

@@ -61,6 +61,13 @@ def test_outcome_names_every_axis_once() -> None:
     assert axis_conversions.fill_outcome(SetAxis.Response(), names, {1: None}).success
 
 
+def test_outcome_names_what_was_switched_too() -> None:
+    notes = {0: " (one servo switch with joint2)"}
+    names = ("joint1", "joint2")
+    response = axis_conversions.fill_outcome(SetAxis.Response(), names, {0: None}, notes)
+    assert response.message == "joint1: ok (one servo switch with joint2)"
+
+
 def goal(**point: Any) -> Any:
     message = FollowJointTrajectory.Goal()
     message.trajectory.joint_names = ["a", "b"]

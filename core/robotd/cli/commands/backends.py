@@ -8,7 +8,8 @@ from robotd.cli.backend_check import check_backend
 from robotd.cli.listing import Row, print_rows
 from robotd.cli.options import as_json, configure_logging, log_options
 from robotd.errors import PluginError
-from robotd.plugin.manager import discover, load_backend
+from robotd.plugin.foreign_process import BackendSummary, is_foreign, probe_backend
+from robotd.plugin.manager import PluginOrigin, discover, load_backend
 
 
 @click.command("backends")
@@ -38,14 +39,23 @@ def list_backends(*, as_json: bool) -> None:
             "problem": None,
         }
         try:
-            backend = load_backend(origin.name)
+            backend = _described(origin)
         except PluginError as error:
             row["problem"] = str(error)
         else:
             row |= {
-                "summary": backend.info.summary,
-                "capabilities": sorted(backend.capabilities),
-                "api_version": backend.info.api_version,
+                "summary": backend.summary,
+                "capabilities": backend.capabilities,
+                "api_version": backend.api_version,
             }
         rows.append(row)
     print_rows(rows, ("capabilities", "api_version", "distribution", "version"), as_json=as_json)
+
+
+def _described(origin: PluginOrigin) -> BackendSummary:
+    """Load a backend; a foreign one in a process of its own. Raises PluginError."""
+    if is_foreign(origin):
+        return probe_backend(origin.name)
+    backend = load_backend(origin.name)
+    info = backend.info
+    return BackendSummary(info.summary, sorted(backend.capabilities), info.api_version)

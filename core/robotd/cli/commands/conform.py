@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -17,7 +16,8 @@ from robotd.cli.installed import load_installed
 from robotd.cli.options import configure_logging, log_options
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import PluginError
-from robotd.plugin.manager import load_backend
+from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
+from robotd.plugin.manager import find_backend
 
 PACKAGE = "robotd.testing.conformance"
 
@@ -31,6 +31,13 @@ PACKAGE = "robotd.testing.conformance"
     type=click.Path(dir_okay=False, path_type=Path),
     help="Write the results there too, as JUnit XML.",
 )
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Replace a value of the robot's file, e.g. backends.acme.port=502. May be repeated.",
+)
 @click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match.")
 @click.argument("pytest_arguments", metavar="[-- ARG...]", nargs=-1, type=click.UNPROCESSED)
 @log_options
@@ -42,11 +49,13 @@ def conform(
     robot: str | None,
     junit: Path | None,
     expression: str | None,
+    overrides: tuple[str, ...],
     pytest_arguments: tuple[str, ...],
 ) -> None:
     """Run the conformance checks on a backend. Axes move."""
     configure_logging(ctx)
-    ctx.exit(run_conformance(backend, robot, junit, expression, pytest_arguments))
+    status = run_conformance(backend, robot, junit, expression, overrides, pytest_arguments)
+    ctx.exit(status)
 
 
 def run_conformance(
@@ -54,6 +63,7 @@ def run_conformance(
     robot: str | None,
     junit: Path | None,
     expression: str | None,
+    overrides: Sequence[str],
     pytest_arguments: Sequence[str],
 ) -> int:
     """Run the checks in a process of their own; returns the exit status.
@@ -62,18 +72,22 @@ def run_conformance(
     """
     if find_spec("pytest") is None:
         raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
-    load_backend(backend)
+    if is_foreign(find_backend(backend)[0]):
+        probe_backend(backend)
     if robot is not None:
         load_robot_descriptor(robot, search_path=load_installed().search_path)
     arguments = [
         f"--robotd-backend={backend}",
         *([f"--robotd-robot={robot}"] if robot else []),
+        *(f"--robotd-set={override}" for override in overrides),
         *([f"--junitxml={junit}"] if junit else []),
         *(["-k", expression] if expression else []),
         *pytest_arguments,
     ]
-    done = subprocess.run([*pytest_command(), *arguments], check=False, env=_environment())  # noqa: S603 - our own command line
-    return ExitCode.OK if done.returncode == 0 else ExitCode.PLUGIN
+    status, _, step = run_noted([*pytest_command(), *arguments], _environment(), capture=False)
+    if step != "done":
+        raise death_of(backend, status, step)
+    return ExitCode.OK if status == 0 else ExitCode.PLUGIN
 
 
 def pytest_command() -> list[str]:

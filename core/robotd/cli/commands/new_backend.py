@@ -13,7 +13,7 @@ from robotd.cli.options import configure_logging, log_options
 from robotd.errors import InvalidArgument, OperationError
 from robotd.plugin.manager import discover
 
-TEMPLATES = Path(__file__).parents[1] / "templates" / "backend"
+TEMPLATES = Path(__file__).parents[1] / "templates"
 SUFFIX = ".in"  # so that no tool treats a template as source code
 
 
@@ -26,16 +26,23 @@ SUFFIX = ".in"  # so that no tool treats a template as source code
     default=Path(),
     help="Where the package's folder is made; by default here.",
 )
+@click.option(
+    "--minimal",
+    is_flag=True,
+    help="One module that moves axes by streamed targets, instead of a package with everything.",
+)
 @log_options
 @click.pass_context
-def new_backend(ctx: click.Context, /, name: str, into: Path) -> None:
+def new_backend(ctx: click.Context, /, name: str, into: Path, minimal: bool) -> None:
     """Write an installable backend package that passes the checks, to start from."""
     configure_logging(ctx)
-    write_backend(name, into)
+    write_backend(name, into, minimal=minimal)
 
 
-def write_backend(name: str, into: Path) -> None:
+def write_backend(name: str, into: Path, *, minimal: bool = False) -> None:
     """Write the package ``robotd-NAME`` into a new folder, and print the next steps.
+
+    ``minimal``: one module with axes, instead of a package with one file for each contract.
 
     Raises:
         InvalidArgument: the name is not one, or is taken by an installed backend.
@@ -52,15 +59,17 @@ def write_backend(name: str, into: Path) -> None:
     folder = into / words["distribution"]
     if folder.exists():
         raise OperationError(f"folder {folder} exists already")
-    for template in sorted(TEMPLATES.rglob(f"*{SUFFIX}")):
-        relative = template.relative_to(TEMPLATES).as_posix().removesuffix(SUFFIX)
+    templates = TEMPLATES / ("minimal" if minimal else "backend")
+    for template in sorted(templates.rglob(f"*{SUFFIX}")):
+        relative = template.relative_to(templates).as_posix().removesuffix(SUFFIX)
         target = folder / relative.replace("PACKAGE", words["package"])
         target.parent.mkdir(parents=True, exist_ok=True)
         text = Template(template.read_text(encoding="utf-8")).substitute(words)
         target.write_text(text, encoding="utf-8")
     click.echo(f"{folder} is a backend that moves imaginary drives. Install it and check it:\n")
     click.echo(f"  pip install --editable {folder}\n  robotd conform --backend {name}\n")
-    click.echo("Its README.md says what to replace by your hardware.")
+    replaces = f"{words['package']}.py: replace the class Controller" if minimal else "README.md"
+    click.echo(f"What to replace by your hardware: {replaces}.")
 
 
 def _words(name: str) -> dict[str, str]:

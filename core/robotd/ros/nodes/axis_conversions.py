@@ -53,12 +53,19 @@ def jogs(message: Any) -> list[Jog]:
 
 
 def fill_outcome(
-    response: Any, names: Sequence[str], results: Mapping[int, Exception | None]
+    response: Any,
+    names: Sequence[str],
+    results: Mapping[int, Exception | None],
+    notes: Mapping[int, str] | None = None,
 ) -> Any:
-    """``success`` when every axis succeeded, and what happened to each in ``message``."""
+    """Fill ``success``, true when every axis succeeded, and the outcome of each in ``message``.
+
+    ``notes``: text after the "ok" of an axis.
+    """
+    notes = notes or {}
     response.success = not any(results.values())
     response.message = "; ".join(
-        f"{names[axis]}: {'ok' if error is None else reason_of(error)}"
+        f"{names[axis]}: {f'ok{notes.get(axis, str())}' if error is None else reason_of(error)}"
         for axis, error in results.items()
     )
     return response

@@ -62,7 +62,8 @@ class WmxCoreMotionNode(Node):
             ("clear_alarm", (), None, axes.clear_alarm),
             ("homing", (), None, axes.home),
         ):
-            handler = self._axis_handler(fields, check, command)
+            note = self._group_note if name == "set_on" else None
+            handler = self._axis_handler(fields, check, command, note)
             add_service(self, host, SetAxis, f"wmx/axis/{name}", handler)
         handler = self._axis_handler(
             ("numerator", "denominator"), axes.check_gear_ratio, axes.set_gear_ratio
@@ -74,6 +75,7 @@ class WmxCoreMotionNode(Node):
         fields: tuple[str, ...],
         check: Callable[..., object] | None,
         command: Callable[..., None],
+        note: Callable[[int], str] | None = None,
     ) -> Callable[[Any, Any], Any]:
         """Handler of a request that commands several axes.
 
@@ -81,6 +83,7 @@ class WmxCoreMotionNode(Node):
             fields: arrays of the request that are the arguments of check and command.
             check: called for every axis before the first command; raises to reject the request.
             command: called for one axis after the other.
+            note: text after the "ok" of an axis.
         """
 
         def handle(request: Any, response: Any) -> Any:
@@ -92,9 +95,16 @@ class WmxCoreMotionNode(Node):
                 if check is not None:
                     check(axis, *values)
             results = each(axes, lambda axis: command(axis, *rows[axis]))
-            return axis_conversions.fill_outcome(response, self._axes.names, results)
+            notes = {axis: note(axis) for axis in axes} if note else None
+            return axis_conversions.fill_outcome(response, self._axes.names, results, notes)
 
         return handle
+
+    def _group_note(self, axis: int) -> str:
+        """Name the axes that were switched together with ``axis``."""
+        group = self._axes.servo_group(axis)
+        others = [self._axes.names[other] for other in group if other != axis]
+        return f" (one servo switch with {', '.join(others)})" if others else ""
 
     def _set_on(self, axis: int, data: int) -> None:
         self._axes.servo(axis, bool(data))

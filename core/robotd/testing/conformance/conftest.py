@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from types import FrameType
+from collections.abc import Generator, Iterator
 from typing import Any
 
 import pytest
@@ -12,11 +10,11 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import RobotdError
+from robotd.plugin.foreign_process import note_step
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.kit_report import Report
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, KitTarget
-
-CHECK_LIMIT_S = 60.0
+from robotd.testing.conformance.time_limits import TimeLimits
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -25,11 +23,14 @@ def pytest_configure(config: pytest.Config) -> None:
     if not name:
         raise pytest.UsageError("which backend? add --robotd-backend NAME")
     try:
-        target = KitTarget(name, config.getoption("--robotd-robot"))
+        note_step(f"loading the backend {name}")
+        robot, overrides = config.getoption("--robotd-robot"), config.getoption("--robotd-set")
+        target = KitTarget(name, robot, overrides)
     except RobotdError as error:
         raise pytest.UsageError(str(error)) from error
     config.stash[STAND] = target
     config.pluginmanager.register(Report(target), "robotd-conformance-report")
+    config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
 
 
 STAND = pytest.StashKey[KitTarget]()
@@ -44,7 +45,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what the backend does not claim to have."""
+    """Skip what the backend does not have."""
     mark = item.get_closest_marker("needs")
     backend = item.config.stash[STAND].backend
     if mark and mark.args[0] not in backend.capabilities:
@@ -52,19 +53,13 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """A check that hangs has failed."""
-
-    def expire(number: int, frame: FrameType | None) -> None:
-        pytest.fail(f"{item.name} did not end within {CHECK_LIMIT_S:g} s")
-
-    handler = signal.signal(signal.SIGALRM, expire)
-    before = signal.setitimer(signal.ITIMER_REAL, CHECK_LIMIT_S)
-    try:
-        return (yield)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, *before)
-        signal.signal(signal.SIGALRM, handler)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """After a failed check the next one gets a device made anew."""
+    failed_before = item.session.testsfailed
+    result = yield
+    if item.session.testsfailed > failed_before:
+        item.config.stash[STAND].clear()
+    return result
 
 
 @pytest.fixture(scope="session")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import cast
+from contextlib import contextmanager, suppress
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from robotd.device.axes import Move
 from robotd.device.capabilities import Capability
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
+from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import Backend
@@ -29,6 +30,15 @@ RAMP_RAD_S2 = 4.0
 SETTLED_RAD = 2e-3  # largest error of an axis that stands
 STANDSTILL_RAD_S = 0.01
 SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
+UNDONE_BY: dict[str, tuple[str, int, tuple[Any, ...]]] = {
+    "disconnect": ("reconnect", 1, ()),
+    "freeze": ("freeze", 0, (False,)),
+    "block": ("block", 1, (False,)),
+    "set_input_bit": ("set_input_bit", 2, (False,)),
+    "stick_output_bit": ("stick_output_bit", 2, (None,)),
+}
+"""Method of a fault injector → the one that undoes it, its leading arguments, and the last."""
+
 WAIT_S = 10.0  # for what a working backend does in far less
 
 
@@ -42,6 +52,7 @@ class Harness:
     Attributes:
         robot, drivers: the robot, and the drivers behind it.
         fault_injector: None where the backend offers none.
+        period_s, feedback_s: control period, and time between two measured values.
         clock: the time that the device lives by.
         stepped: time is simulated.
     """
@@ -60,12 +71,14 @@ class Harness:
         self.robot = Robot(descriptor, backend, self.clock, self.drivers)
         self.fault_injector = self.drivers.make_fault_injector()
         self.period_s = 1.0 / descriptor.cycle.rate_hz
+        self.feedback_s = max(self.period_s, self.drivers.axes.feedback_period_s)
         self.image = self.robot.image
         self.count = len(self.robot.axes)
         self.all = list(range(self.count))
         self._recorder = Recorder()
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
         self._running = False
+        self._faults: dict[tuple[Any, ...], tuple[Any, ...]] = {}
 
     @property
     def due_ns(self) -> int:
@@ -100,8 +113,23 @@ class Harness:
         self.until(lambda: bool(self.image.servo_on.all()), "all servos are on")
 
     def down(self) -> None:
-        """Shut everything down; the rig is done with."""
+        """Undo faults and shut everything down; the harness is done with."""
+        self.undo_faults()
         self.robot.shutdown()
+
+    def note_fault(self, method: str, arguments: tuple[Any, ...]) -> None:
+        """Remember how to undo what the method of the fault injector did."""
+        if method in UNDONE_BY:
+            undo, count, last = UNDONE_BY[method]
+            key = (undo, *arguments[:count])
+            self._faults[key] = (*arguments[:count], *last)
+
+    def undo_faults(self) -> None:
+        """Put plugs back, let values arrive, free axes and outputs, whatever a check left."""
+        for (undo, *_), arguments in self._faults.items():
+            with suppress(RobotdError):
+                getattr(self.fault_injector, undo)(*arguments)
+        self._faults.clear()
 
     @property
     def healthy(self) -> bool:
@@ -223,6 +251,14 @@ class Harness:
             finally:
                 execution.cancel()
                 self.holds(lambda: execution.done)
+
+    def servo_group(self, axis: int) -> list[int]:
+        """Return the axes that are switched with ``axis``, itself included."""
+        return list(self.robot.axes.servo_group(axis))
+
+    def alarm_group(self, axis: int) -> list[int]:
+        """Return the axes that an alarm of ``axis`` concerns, itself included."""
+        return self.all if self.can(Capability.CONTROLLER_ALARM) else [axis]
 
     def can(self, capability: Capability) -> bool:
         return capability in self.robot.capabilities

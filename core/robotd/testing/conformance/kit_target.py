@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from robotd.descriptor import RobotDescriptor, default_search_path, load_robot_descriptor
+from robotd.descriptor import (
+    RobotDescriptor,
+    default_search_path,
+    load_robot_descriptor,
+    parse_override,
+)
 from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import Unsupported
 from robotd.plugin.manager import Backend, load_backend, load_plugins, register_all
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
-PLAIN_ROBOT = {
-    "schema": 1,
-    "name": "plain",
-    "axes": 3,
-    "joints": [
-        {
-            "name": f"joint{axis + 1}",
-            "axis": axis,
-            "lower_rad": -3.0,
-            "upper_rad": 3.0,
-            "velocity_rad_s": 3.0,
-            "acceleration_rad_s2": 10.0,
-        }
-        for axis in range(2)
-    ],
-}
-"""The robot of the checks when none is named: two joints, and an axis that is none."""
+PLAIN_ROBOT = Path(__file__).parent / "plain.yaml"
 
 
 class KitTarget:
@@ -39,11 +29,12 @@ class KitTarget:
 
     Args:
         robot: name or file; None is the plain robot.
+        overrides: ``KEY=VALUE`` texts that replace values of its file.
     """
 
-    def __init__(self, backend: str, robot: str | None) -> None:
+    def __init__(self, backend: str, robot: str | None, overrides: Sequence[str] = ()) -> None:
         self.backend = load_backend(backend)
-        self.descriptor = _find(robot) if robot else RobotDescriptor.model_validate(PLAIN_ROBOT)
+        self.descriptor = _find(robot or PLAIN_ROBOT, overrides)
         self.lives_by_clock = _lives_by_clock(self.backend, self.descriptor)
         self._shared: Harness | None = None
 
@@ -54,8 +45,11 @@ class KitTarget:
     def shared(self) -> Harness:
         """The shared rig, ready for a check; a new one where the last check broke it."""
         harness = self._shared
-        if harness is not None and not harness.healthy:
-            self.clear()
+        if harness is not None:
+            harness.undo_faults()
+            harness.periods(2)
+            if not harness.healthy:
+                self.clear()
         if self._shared is None:
             harness = self.build()
             self._shared = harness
@@ -81,33 +75,40 @@ def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
     return simulated and injector is not None and injector.lives_by_clock
 
 
-def _find(robot: str) -> RobotDescriptor:
+def _find(robot: str | Path, overrides: Sequence[str]) -> RobotDescriptor:
     """A robot of robotd, of a plugin, or a file."""
     robots, _ = register_all(load_plugins()[0])
-    return load_robot_descriptor(robot, search_path=(*default_search_path(), *robots.folders))
+    return load_robot_descriptor(
+        robot,
+        search_path=(*default_search_path(), *robots.folders),
+        overrides=[parse_override(text) for text in overrides],
+    )
 
 
 class FaultInjectorOrSkip:
     """A bench on which "cannot do that" skips the check."""
 
-    def __init__(self, injector: FaultInjector, backend: str) -> None:
+    def __init__(self, injector: FaultInjector, harness: Harness) -> None:
         self._fault_injector = injector
-        self._backend = backend
+        self._harness = harness
 
     @classmethod
     def of(cls, harness: Harness) -> FaultInjector:
         """The bench of ``rig``; skips where there is none."""
         if harness.fault_injector is None:
             pytest.skip(f"the {harness.robot.backend.name} backend has no fault injector")
-        return cast(FaultInjector, cls(harness.fault_injector, harness.robot.backend.name))
+        return cast(FaultInjector, cls(harness.fault_injector, harness))
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         method = getattr(self._fault_injector, name)
 
         def call(*arguments: Any) -> Any:
             try:
-                return method(*arguments)
+                result = method(*arguments)
             except Unsupported as error:
-                pytest.skip(str(Unsupported(error.feature, self._backend)))
+                backend = self._harness.robot.backend.name
+                pytest.skip(str(Unsupported(error.feature, backend)))
+            self._harness.note_fault(name, arguments)
+            return result
 
         return call

@@ -10,6 +10,7 @@ import numpy as np
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.drivers import DeviceDriver
 from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import Unsupported
 from robotd.testing.conformance.harness import Harness, MakeHarness
@@ -106,8 +107,9 @@ def test_nothing_is_fresh_after_communication_stopped(make_harness: MakeHarness)
     harness.up()
     harness.robot.connection.stop_communication()
     harness.let(0.05)
-    last = harness.image.fresh_ns
-    harness.drivers.axes.read(harness.image)
+    image = ProcessImage(harness.count)
+    harness.drivers.axes.read(image)
+    last = image.fresh_ns
     harness.let(0.2)
-    harness.drivers.axes.read(harness.image)
-    assert harness.image.fresh_ns == last
+    harness.drivers.axes.read(image)
+    assert image.fresh_ns == last

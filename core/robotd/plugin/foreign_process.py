@@ -1,0 +1,128 @@
+"""Run foreign plugins in a process of their own, so that one that ends it is named.
+
+A plugin can call ``os._exit``, crash in native code or hang with the interpreter held; nothing
+inside the process can report that. The child notes each step in a file before it begins.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from robotd.errors import PluginError
+from robotd.plugin.manager import PluginOrigin, find_backend, load_backend
+
+STEPS = "ROBOTD_STEP_FILE"
+STEP_LIMIT_S = 150.0  # longest time between two notes; each step has shorter limits of its own
+POLL_S = 0.05
+FOREIGN_TO = "robotd"  # distribution whose plugins are run in this process
+
+
+@dataclass(frozen=True)
+class BackendSummary:
+    """Description of a backend, from the process that loaded it."""
+
+    summary: str
+    capabilities: list[str]
+    api_version: int
+
+
+def is_foreign(origin: PluginOrigin) -> bool:
+    """Return whether ``origin`` is another distribution than robotd's own."""
+    return origin.distribution != FOREIGN_TO
+
+
+def note_step(step: str) -> None:
+    """Name what begins now, for the parent; without one no effect. Any thread."""
+    if path := os.environ.get(STEPS):
+        Path(path).write_text(step, encoding="utf-8")
+
+
+def run_noted(
+    command: Sequence[str], environment: dict[str, str] | None = None, *, capture: bool
+) -> tuple[int, str, str]:
+    """Run ``command``; return its exit status, its output where captured, and its last step.
+
+    The status is negative after a signal. A child that notes no step for ``STEP_LIMIT_S`` is
+    killed. "done" is the last step of a child that ran to its end.
+    """
+    with tempfile.TemporaryDirectory(prefix="robotd-") as folder:
+        steps, output = Path(folder) / "step", Path(folder) / "output"
+        steps.write_text("starting Python", encoding="utf-8")
+        variables = {
+            **(environment or os.environ),
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),  # it finds what we find
+            STEPS: str(steps),
+        }
+        with output.open("w") as into:
+            child = subprocess.Popen(  # noqa: S603 - our own command line
+                command,
+                env=variables,
+                stdout=into if capture else None,
+                stderr=subprocess.STDOUT if capture else None,
+            )
+            try:
+                status = _wait(child, steps)
+            finally:
+                if child.poll() is None:
+                    child.kill()
+                    child.wait()
+        return status, output.read_text(errors="replace"), steps.read_text(encoding="utf-8")
+
+
+def death_of(name: str, status: int, step: str) -> PluginError:
+    """Return the error for a plugin ``name`` whose process ended by itself during ``step``."""
+    origin = " and ".join(str(each) for each in (find_backend(name)[0],))
+    how = f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
+    return PluginError(f"plugin {origin} ended the process with {how} while {step}")
+
+
+def probe_backend(name: str) -> BackendSummary:
+    """Load the backend ``name`` in a process of its own and return its description.
+
+    Raises PluginError: as ``load_backend``, or the plugin ended the process.
+    """
+    status, output, step = run_noted([sys.executable, "-m", __name__, name], capture=True)
+    if step != "done":
+        raise death_of(name, status, step)
+    *said, last = output.splitlines()
+    sys.stderr.write("".join(f"{line}\n" for line in said if line))
+    answer = json.loads(last)
+    if "problem" in answer:
+        raise PluginError(answer["problem"])
+    return BackendSummary(**answer)
+
+
+def _wait(child: subprocess.Popen[bytes], steps: Path) -> int:
+    while True:
+        try:
+            return child.wait(POLL_S)
+        except subprocess.TimeoutExpired:
+            if time.time() - steps.stat().st_mtime > STEP_LIMIT_S:
+                child.kill()
+                return child.wait()
+
+
+def _describe(name: str) -> dict[str, object]:
+    try:
+        backend = load_backend(name)
+    except PluginError as error:
+        return {"problem": str(error)}
+    info = backend.info
+    return asdict(BackendSummary(info.summary, sorted(backend.capabilities), info.api_version))
+
+
+if __name__ == "__main__":
+    note_step("being imported and described")
+    sys.stdout.write(f"\n{json.dumps(_describe(sys.argv[1]))}\n")
+    sys.stdout.flush()
+    note_step("done")
+    os._exit(0)  # threads of the plugin may go on for ever

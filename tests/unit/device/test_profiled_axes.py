@@ -1,0 +1,163 @@
+"""Moves, jogs, stops and streams of a controller that only takes position targets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotd.arrays import FloatArray
+from robotd.clock import FakeClock
+from robotd.device.process_image import ProcessImage
+from robotd.device.profiled_axes import ProfiledAxes
+from robotd.device.state import CommandMode, Operation
+from robotd.errors import NotReady, Unsupported
+from robotd.motion.profile import Profile
+
+PERIOD_S = 0.002
+PROFILE = Profile(1.0, 4.0, 2.0)
+
+
+class Arm(ProfiledAxes):
+    def __init__(self) -> None:
+        self.fake = FakeClock()
+        super().__init__(2, PERIOD_S, self.fake)
+        self.image = ProcessImage(2)
+        self.on = np.array([True, True])
+        self.measured: FloatArray = np.array([0.5, -0.5])
+        self.sent: list[FloatArray] = []
+        self.frozen = False
+        self.period(2)
+        self.sent.clear()
+
+    def read_feedback(self, image: ProcessImage) -> None:
+        image.position[:], image.servo_on[:], image.offline[:] = self.measured, self.on, False
+        if not self.frozen:
+            image.fresh_ns = self.clock.now_ns()
+
+    def send_targets(self, positions: FloatArray) -> None:
+        self.sent.append(positions.copy())
+        self.measured = np.where(self.on, positions, self.measured)
+
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        self.on[axis] = on
+
+    def clear_alarm(self, axis: int, timeout_s: float) -> None: ...
+
+    def period(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.fake.advance(PERIOD_S)
+            self.read(self.image)
+
+    def until_idle(self) -> np.ndarray:
+        """Periods until both axes are idle; returns the commanded velocities, (k, 2)."""
+        rows = []
+        for _ in range(5000):
+            self.period()
+            rows.append(self.image.velocity_command.copy())
+            if (self.image.operation == Operation.IDLE).all():
+                return np.array(rows)
+        raise AssertionError("still moving")
+
+
+def test_a_move_keeps_to_both_ramps_and_arrives() -> None:
+    arm = Arm()
+    arm.move(0, 1.5, PROFILE)
+    velocity = arm.until_idle()[:, 0]
+    ramps = np.diff(velocity) / PERIOD_S
+    assert velocity.max() == pytest.approx(1.0)
+    assert ramps.max() == pytest.approx(4.0)
+    assert ramps.min() == pytest.approx(-2.0)
+    assert arm.image.position_command[0] == 1.5
+    assert list(arm.image.motion_complete) == [True, False]
+    assert np.array(arm.sent)[:, 1] == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize(("quick", "ramp"), [(False, 2.0), (True, 20.0)])
+def test_a_stop_uses_the_ramp_of_its_command_or_the_quick_one(quick: bool, ramp: float) -> None:
+    arm = Arm()
+    arm.move(0, 9.0, PROFILE)
+    arm.period(400)
+    (arm.quick_stop if quick else arm.stop)([0, 1])
+    arm.period()
+    assert arm.image.operation[0] == Operation.STOPPING
+    velocity = arm.until_idle()[:, 0]
+    assert np.diff(velocity).min() / PERIOD_S == pytest.approx(-ramp)
+    assert not arm.image.motion_complete[0]
+
+
+def test_a_jog_runs_until_it_is_set_to_zero() -> None:
+    arm = Arm()
+    arm.set_command_mode(0, CommandMode.VELOCITY)
+    arm.jog(0, Profile(-0.5, 4.0, 2.0))
+    arm.period(500)
+    assert arm.image.velocity_command[0] == pytest.approx(-0.5)
+    assert arm.image.operation[0] == Operation.VELOCITY
+    arm.jog(0, Profile(0.0, 4.0, 2.0))
+    assert arm.until_idle()[-1, 0] == 0.0
+
+
+def test_a_stream_is_sent_at_once_and_once_a_period() -> None:
+    arm = Arm()
+    arm.begin_stream([0])
+    for step in range(1, 4):
+        arm.stream(np.array([0.5 + 0.001 * step, np.nan]), np.array([0.5, np.nan]), 0)
+        arm.period()
+    assert [targets[0] for targets in arm.sent] == pytest.approx([0.501, 0.502, 0.503])
+    assert np.isfinite(arm.sent).all()
+    arm.period()  # a setpoint is late: the last one is held
+    assert arm.sent[-1][0] == pytest.approx(0.503)
+    arm.end_stream([0])
+    arm.period()
+    assert arm.image.operation[0] == Operation.IDLE
+    assert arm.image.motion_complete[0]
+
+
+def test_the_command_follows_an_axis_that_is_off_so_that_enabling_makes_no_jump() -> None:
+    arm = Arm()
+    arm.move(0, 2.0, PROFILE)
+    arm.period(50)
+    arm.on[0] = False
+    arm.period()
+    assert arm.image.operation[0] == Operation.IDLE
+    arm.measured[0] = -3.0
+    arm.period(2)
+    arm.on[0] = True
+    arm.period(3)
+    assert arm.sent[-1][0] == -3.0
+    assert arm.image.position_command[0] == -3.0
+
+
+def test_a_pause_of_the_control_loop_does_not_make_the_axis_jump() -> None:
+    arm = Arm()
+    arm.move(0, 2.0, PROFILE)
+    arm.period(200)
+    before = arm.image.position_command[0]
+    arm.fake.advance(0.1)
+    arm.period()
+    assert arm.image.position_command[0] - before <= 1.0 * 2 * PERIOD_S + 1e-12
+
+
+def test_motion_ends_when_the_feedback_stays_away() -> None:
+    arm = Arm()
+    arm.move(0, 9.0, PROFILE)
+    arm.period(300)
+    arm.frozen = True
+    arm.period(150)
+    assert arm.image.operation[0] in (Operation.STOPPING, Operation.IDLE)
+    arm.until_idle()
+
+
+def test_an_axis_that_is_off_or_busy_takes_no_command() -> None:
+    arm = Arm()
+    arm.on[1] = False
+    arm.period()
+    with pytest.raises(NotReady, match=r"^axis 1: the servo is off"):
+        arm.move(1, 0.0, PROFILE)
+    arm.begin_stream([0])
+    with pytest.raises(NotReady, match=r"^axis 0: takes no command while it is stream"):
+        arm.move(0, 0.0, PROFILE)
+    arm.fake.advance(1.0)
+    with pytest.raises(NotReady, match=r"^axis 0: no values arrive"):
+        arm.move(0, 0.0, PROFILE)
+    with pytest.raises(Unsupported):
+        arm.set_command_mode(0, CommandMode.TORQUE)
