@@ -39,6 +39,10 @@ class CheckReport:
         for line in lines:
             click.echo(f"      {line}")
 
+    def warn(self, text: str) -> None:
+        """Print what is accepted and still unwise; the exit status stays."""
+        self._line("warn", "yellow", text)
+
     def end(self) -> ExitCode:
         """Print the last line and return the exit status."""
         count = f"{self.problems} problem{'' if self.problems == 1 else 's'}"

@@ -19,6 +19,7 @@ COMMANDS = {
     "servo": "Switch the servos of the running robot.",
     "sim": "Scenarios and faults for the simulation.",
     "conform": "Run the conformance checks on a backend. Axes move.",
+    "wmx": "Readiness of a machine for the WMX backend.",
     "new-backend": "Write an installable backend package that passes the checks, to start from.",
 }
 """Commands with their summaries; ``new-backend`` is ``robotd.cli.commands.new_backend``.

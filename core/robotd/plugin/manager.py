@@ -24,6 +24,7 @@ from robotd.errors import PluginError, RobotdError, unknown_name
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.hookspecs import API_VERSION, BackendInfo, DeviceContext, RobotdHooks
+from robotd.plugin.known_backends import not_installed
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 BACKENDS = "robotd.backends"
@@ -243,6 +244,8 @@ def find_backend(name: str) -> tuple[PluginOrigin, EntryPoint]:
     found = discover()
     matches = [(origin, entry) for origin, entry in found if origin.name == name]
     if not matches:
+        if text := not_installed(name):
+            raise PluginError(text)
         known = sorted({origin.name for origin, _ in found})
         raise PluginError(unknown_name("backend", name, known))
     if len(matches) > 1:

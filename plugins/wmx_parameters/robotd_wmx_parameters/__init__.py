@@ -4,6 +4,7 @@ A library, no backend: the simulation and the WMX backend read the same files. V
 units of the vendor; the backends convert them.
 """
 
+from robotd_wmx_parameters.advice import parameter_warnings
 from robotd_wmx_parameters.parameters import (
     WmxParameters,
     default_wmx_parameters,
@@ -15,6 +16,7 @@ __all__ = [
     "WmxParameters",
     "axis_text",
     "default_wmx_parameters",
+    "parameter_warnings",
     "read_wmx_parameters",
     "require_same_scaling",
     "write_wmx_parameters",

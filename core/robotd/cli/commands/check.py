@@ -15,7 +15,7 @@ from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability
 from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.manager import Backend, load_backend
-from robotd_wmx_parameters import read_wmx_parameters
+from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
 
 
 @click.command("check")
@@ -54,10 +54,14 @@ def check_robot(
 def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
     parameters, urdf, axes = descriptor.parameters_file, descriptor.urdf, descriptor.axes
     if parameters is not None:
-        report.run(
-            f"parameters {parameters.name}",
-            lambda: read_wmx_parameters(parameters, axes).missing_summary(axes) or None,
+        found = report.run(
+            f"parameters {parameters.name}", lambda: read_wmx_parameters(parameters, axes)
         )
+        if found is not None:
+            if missing := found.missing_summary(axes):
+                report.warn(f"parameters {parameters.name}: {missing}")
+            for warning in parameter_warnings(found, descriptor):
+                report.warn(warning)
     if urdf is not None:
         report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
 

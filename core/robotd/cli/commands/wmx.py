@@ -1,0 +1,52 @@
+"""``robotd wmx``: commands for machines with the WMX3 SDK."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from robotd.cli.wmx_doctor import diagnose
+
+
+@click.group()
+def wmx() -> None:
+    """Readiness of a machine for the WMX backend."""
+
+
+@wmx.command()
+@click.option(
+    "--sdk",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Root of the SDK to look at.  [default: WMX3_SDK_PATH, /opt/wmx3 or /opt/lmx]",
+)
+@click.option(
+    "--robot",
+    "robots",
+    multiple=True,
+    metavar="NAME|FILE",
+    help="Also check the robot's parameter file; may be repeated.  [default: cr3a]",
+)
+@click.option(
+    "--engine",
+    is_flag=True,
+    help="Also ask the engine for licence, devices and network; start it unless it runs.",
+)
+@click.pass_context
+def doctor(ctx: click.Context, sdk: Path | None, robots: tuple[str, ...], *, engine: bool) -> None:
+    """Check this machine before a robot is started on it.
+
+    Looks at the SDK's files, network cards, ENI file, cores, permissions, a robot's parameter file,
+    the backend and, with --engine, the engine. Works without SDK and backend. Nothing moves, no
+    servo is switched, no communication is started. Ends with 1 when something is missing. When
+    you ask for help, send all that it prints.
+    """
+    failed = 0
+    for finding in diagnose(sdk, robots or ("cr3a",), engine=engine):
+        failed += finding.verdict == "failed"
+        advice = f"\n           {finding.advice}" if finding.advice else ""
+        click.echo(f"{finding.verdict:>8}   {finding.what}{advice}")
+    if not engine:
+        click.echo("\nThe engine was not asked: --engine starts it and reads licence and network.")
+    ctx.exit(1 if failed else 0)
