@@ -1,4 +1,4 @@
-"""What every test of the ROS nodes needs."""
+"""Fixtures of the tests over ROS."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionfinish() -> None:
-    """The memory of WMX engines outlives them; one was made for each robot."""
+    """Remove the shared memory of WMX engines, which outlives them."""
     for memory in Path("/dev/shm").glob(f"robotd-test-{os.getpid()}-*"):
         memory.unlink()
 
 
 @pytest.fixture(scope="session")
 def cr3a() -> Iterator[RobotProcess]:
-    """The arm with all its nodes, shared: tests leave it at rest, servos on, gripper open."""
+    """Shared arm with all its nodes; tests leave it at rest, servos on, gripper open."""
     with RobotProcess() as process:
         process.wait_ready()
         yield process

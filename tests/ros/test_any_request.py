@@ -1,4 +1,4 @@
-"""Requests of any content: each is answered, none is a fault, and refused ones do nothing."""
+"""Requests with random content: all are answered, rejected ones change nothing."""
 
 from __future__ import annotations
 

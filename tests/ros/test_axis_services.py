@@ -176,7 +176,9 @@ def test_a_load_tells_what_the_file_lacks(client: Client, tmp_path: Path) -> Non
     path = tmp_path / "parameters.xml"
     lines = [line for line in original.splitlines() if "<QuickStopDec>" not in line]
     path.write_text("\n".join(lines), encoding="utf-8")
+    assert set_axis(client, "set_on", [5], [0]).success  # homing may have moved its zero
     response = client.call(LoadWmxParams, "/wmx/params/load", file_path=str(path))
+    assert set_axis(client, "set_on", [5], [1]).success
     assert response.success, response.message
     missing = "missing elements, which get their defaults: axes 0..5: QuickStopDec"
     assert response.message == f"{path} loaded; {missing}"

@@ -1,4 +1,4 @@
-"""status, move, gripper, servo: what they say and end with, against a robot in another process."""
+"""Commands status, move, gripper and servo against a robot in another process."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_move_moves_the_named_joints_only(cr3a: RobotProcess, client: Client) ->
         (["move", "joint1=3.3"], "position 3.3 rad exceeds 3.14 rad"),
         (
             ["move", "joint9=0"],
-            "unknown joint 'joint9'; did you mean 'joint1'? (available: joint1, ",
+            "unknown joint 'joint9'; did you mean 'joint6'? (available: joint1, ",
         ),
         (["servo", "on", "7"], "axis 7 is outside 0..5"),
     ],

@@ -65,7 +65,7 @@ def client(process: RobotProcess) -> Iterator[Client]:
 
 
 class Base:
-    """What a client sees of the base, and how it commands it.
+    """Client of the base: commands and received messages.
 
     Attributes:
         sent: time, linear and angular velocity of each command.
@@ -137,7 +137,7 @@ def wheels_say(states: list[Any]) -> Iterator[tuple[float, float]]:
 
 
 def client_says(sent: list[tuple[float, float, float]]) -> Iterator[tuple[float, float]]:
-    """Steps by the commands, each in force until the next; ramps up and down cancel out."""
+    """Steps of the commanded velocity; ramps up and down cancel out."""
     for (begin_s, linear, angular), (end_s, _, _) in pairwise(sent):
         yield linear * (end_s - begin_s), angular * (end_s - begin_s)
 

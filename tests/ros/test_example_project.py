@@ -1,4 +1,4 @@
-"""The sample project: its tests pass as they stand, and both recipes for CI run them."""
+"""Sample project: its tests pass unchanged, and both CI recipes run them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of the process does not depend on the middleware, and its exit status is kept."""
+"""End of the process while the middleware hangs; the exit status is kept."""
 
 from __future__ import annotations
 

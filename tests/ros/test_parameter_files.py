@@ -1,4 +1,4 @@
-"""The parameter files of the reference, unchanged but for a path that exists, do what they say."""
+"""Parameter files of the reference, unchanged but for the path of the XML file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Responses to clients that have gone, or are not there yet."""
+"""Responses to clients that have ended or are not discovered yet."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def greet(_: Any, response: Any) -> Any:
 
 
 class Busy:
-    """A server whose executor thread is held, with calls of a client that has gone meanwhile.
+    """Server with a blocked executor thread and calls of a client that has ended.
 
     Attributes:
         node: of the clients.

@@ -1,4 +1,4 @@
-"""Two arms and a base in one ROS domain: no name in common, no effect on each other."""
+"""Two arms and a base in one ROS domain: no common names, no mutual effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every simulated fault, by each of three ways, end to end: what clients see, and the way back.
+"""Simulated faults, injected in three ways: effect on clients, and recovery.
 
 The ways: a scenario file, ``robotd sim inject``, and the service. Each fault comes at a place: half
 of the way of a goal that turns joint 6.
@@ -76,7 +76,7 @@ class Robot:
         return self.fingers_m < 0.001
 
     def turn(self, number: int) -> str:
-        """Turn joint 6 to the place of a number; what the result says, "" when it is reached."""
+        """Turn joint 6 to a numbered position; return the error text, "" when reached."""
         goal = FollowJointTrajectory.Goal()
         goal.trajectory.joint_names = JOINTS
         goal.path_tolerance = [JointTolerance(name=name, position=0.08) for name in JOINTS]
@@ -105,7 +105,7 @@ Look = Callable[[Robot], object]
 
 @dataclass(frozen=True)
 class Case:
-    """A fault, what the goal that it hits says, and what else has to come true."""
+    """Fault with the expected result of the running goal and further conditions."""
 
     kind: str
     keys: dict[str, Any] = field(default_factory=dict)
@@ -182,7 +182,7 @@ def by_scenario(client: Client, case: Case) -> None:
 
 @pytest.fixture(scope="module")
 def scenario(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All of them in one file, without those that are not to be tested: the robot passes by."""
+    """Scenario file with all faults under test."""
     chosen = {
         item.callspec.params.get("number")
         for item in request.session.items

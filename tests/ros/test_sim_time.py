@@ -1,4 +1,4 @@
-"""use_sim_time: every stamp is the time of /clock, and motion goes on at its own pace."""
+"""use_sim_time: stamps follow /clock, motion follows the computer's clock."""
 
 from __future__ import annotations
 

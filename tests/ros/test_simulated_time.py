@@ -35,7 +35,7 @@ def seconds(stamp: Any) -> float:
 
 
 def ask(client: Client, service: str, **fields: Any) -> Any:
-    """The result of one of the services that take named values; ``__`` stands for the dot."""
+    """Call a service that takes named values, ``__`` for the dot; return its result."""
     parameters = [
         Parameter(name.replace("__", "."), value=value).to_parameter_msg()
         for name, value in fields.items()

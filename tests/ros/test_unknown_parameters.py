@@ -1,4 +1,4 @@
-"""Parameters that no node has: refused at start with the nearest name, whatever they come by."""
+"""Parameters that no node has: rejected at start with the nearest name."""
 
 from __future__ import annotations
 

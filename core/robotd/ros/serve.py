@@ -174,7 +174,7 @@ def _start(robot: Robot, enable: bool, events: SimpleQueue[Event]) -> None:
     else:
         events.put(_StartEnded(None))
     finally:
-        # What start-up made stays: a full collection over it would cost the cycle 20 ms. Until now
+        # What start-up made stays: a full collection over it would cost the loop 20 ms. Until now
         # there was none at all: `robotd run` has seen to that.
         gc.freeze()
         gc.enable()

@@ -197,7 +197,7 @@ def _action_servers(node: Node) -> list[tuple[str, str]]:
 
 
 def _joint_count(client: RosClient, node: str) -> int | None:
-    """Number of joint states that are the arm's; None: all, the node has no such parameter."""
+    """Number of joint states that are the arm's; None: all of them."""
     response = client.call(GetParameters, f"{node}/get_parameters", names=["joint_number"])
     value = response.values[0] if response.values else None
     if value is None or value.type != ParameterType.PARAMETER_INTEGER:

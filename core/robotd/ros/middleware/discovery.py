@@ -15,7 +15,7 @@ from pathlib import Path
 
 PROFILES = Path(__file__).with_name("fastdds.xml")
 
-# Where Fast DDS looks for profiles of the user, which are never replaced.
+# Places where Fast DDS finds profiles of the user, which are never replaced.
 _VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 _FILE_HERE = "DEFAULT_FASTRTPS_PROFILES.xml"
 

@@ -163,6 +163,6 @@ class _Waiting(NamedTuple):
 
 
 def reader_of(request: RequestId) -> bytes | None:
-    """Return the 16-byte GUID of the reader of the response; None where it is not known."""
+    """Return the GUID of the response's reader, 16 bytes; None if unknown."""
     guid = bytes(request.guid)
     return guid if guid[-1] & _READER else None

@@ -18,7 +18,7 @@ class StampClock:
     """Fast reader of a node's clock. Any thread.
 
     ``Clock.now()`` takes 2 us, and to ask whether ROS time is the system's nearly as long: 10 us
-    each in a cycle that comes out of a sleep. The clock says by itself when that changes.
+    each in a loop that comes out of a sleep. The clock says by itself when that changes.
     """
 
     def __init__(self, clock: Clock) -> None:

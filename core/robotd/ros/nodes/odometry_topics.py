@@ -41,9 +41,9 @@ class OdometryFrames:
 
 
 class OdometryTopics:
-    """Made in any thread; ``publish`` belongs to the cycle.
+    """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while the engine is not ready: old values must not look alive.
+    Nothing is published while the engine is not ready: old values must not look current.
 
     Args:
         omega_topic, odometry_topic: names.

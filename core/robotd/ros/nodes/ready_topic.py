@@ -35,7 +35,7 @@ class ReadyTopic:
         connection.on_ready(lambda ready: self._publish())
 
     def _publish(self) -> None:
-        """Publish; the value is read under the lock, so that the last one is the newest."""
+        """Publish the value that is current under the lock. Any thread."""
         with self._lock:
             try:
                 self._publisher.publish(Bool(data=self._connection.ready))
