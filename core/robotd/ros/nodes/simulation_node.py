@@ -1,7 +1,7 @@
 """robotd_sim: simulated time on /clock, fault injection, and the services of both.
 
-The nodes of this process get the time from the control loop, not from the topic: their stamps are those
-of the period, exactly, whatever the topic costs.
+The nodes of this process get the time from the control loop, not from the topic: their stamps are
+those of the period, exactly, whatever the topic costs.
 """
 
 from __future__ import annotations
