@@ -1,4 +1,4 @@
-"""Simulated drives in a process of their own, over UDP multicast, and a robot for them."""
+"""Simulated drives in another process, over UDP multicast, and a robot for them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ERROR_CODE, POSITION_ACTUAL = 0x603F, 0x6064
 
 
 class ObservedDrive:
-    """A drive as it is asked from outside, while no robotd is there that asks it too."""
+    """SDO access to a drive from outside, while no robotd uses it."""
 
     def __init__(self, sdo: Sdo) -> None:
         self._sdo = sdo
@@ -57,14 +57,14 @@ class DrivesProcess:
         assert f"{self._robot}: nodes 1, 2" in self._answer()
 
     def stop(self) -> None:
-        """Power off, without a word to anybody. Twice is not an error."""
+        """Power off: kill the process. Twice is not an error."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
             process.communicate()
 
-    def tell(self, line: str) -> None:
-        """Let a fault happen."""
+    def inject(self, line: str) -> None:
+        """Inject a fault."""
         assert self._process is not None
         assert self._process.stdin is not None
         self._process.stdin.write(line + "\n")

@@ -54,7 +54,7 @@ class Harness:
         assert wait_until(condition, timeout_s, MonotonicClock())
 
     def idle(self, axis: int) -> None:
-        """Wait for the end of a command; it may take a period to show in the image."""
+        """Wait for the end of a command, which the image shows a period later."""
         self.master.settle()
         self.until(lambda: not self.image.operation[axis])
 
@@ -63,7 +63,7 @@ class Harness:
         return TrajectoryRequest.from_rows(names, [seconds], [[target] * len(names)])
 
     def device_state(self) -> BusStatus:
-        """As the fieldbus driver tells it, whatever the state of the engine."""
+        """Return the state of the fieldbus driver, in any state of the connection."""
         return CanopenFieldbus(self.master).status(0)
 
     def break_bus(self) -> None:
@@ -73,7 +73,7 @@ class Harness:
         opened.shutdown()
 
     def pause_cycle(self, seconds: float) -> None:
-        """Let the cycle stand, as on a computer that does something else."""
+        """Stop the control loop for a time, as a busy computer does."""
         stood = threading.Event()
 
         def stand(image: ProcessImage) -> None:
@@ -89,7 +89,7 @@ class Harness:
         return simulated_network(self.robot.descriptor, self.master.options)
 
     def threads(self) -> list[threading.Thread]:
-        """Those that must never end: cycle, receive thread, simulated drives."""
+        """Threads that must never end: control loop, receive thread, simulated drives."""
         found = [self.robot.control_loop._thread, self.master.bus._thread, self.network._thread]
         return [thread for thread in found if thread is not None]
 
@@ -105,11 +105,11 @@ class Harness:
 
 @dataclass(frozen=True)
 class Stop:
-    """How a trajectory ended.
+    """Result of a trajectory with a fault.
 
     Attributes:
-        steepest_rad_s2: steepest ramp of the axes that were well.
-        was_late: cycle or drives were late, so that ramps and times do not belong together.
+        steepest_rad_s2: steepest ramp of the healthy axes.
+        was_late: control loop or drives were late, so that ramps cannot be computed.
     """
 
     execution: TrajectoryExecution
@@ -118,7 +118,7 @@ class Stop:
 
     @property
     def is_controlled(self) -> bool:
-        """No axis has jumped, as far as a busy computer lets one judge."""
+        """Return True if no axis has jumped, as far as the timing allows to judge."""
         return self.was_late or self.steepest_rad_s2 < STEEP_RAD_S2
 
 

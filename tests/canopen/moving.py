@@ -3,7 +3,7 @@
 A line is printed when every joint moves at ``SPEED_RAD_S``.
 """
 
-# ruff: noqa: T201 - it tells its parent
+# ruff: noqa: T201 - output for the parent process
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ LONG_S = 4.0  # of motion, far more than is needed
 
 
 class Motion(StrEnum):
-    """Who makes the way: robotd, setpoint by setpoint, or the drives."""
+    """Source of the motion: setpoints of robotd, or ramps of the drives."""
 
     STREAMED = "streamed"
     VELOCITY = "velocity"
 
 
 @contextmanager
-def under_way(robot: Robot, motion: Motion) -> Iterator[None]:
+def moving(robot: Robot, motion: Motion) -> Iterator[None]:
     """All joints move for some seconds."""
     names = robot.joint_names
     if motion is Motion.STREAMED:
@@ -50,8 +50,8 @@ def under_way(robot: Robot, motion: Motion) -> Iterator[None]:
 
 
 def main(path: str, motion: str) -> None:
-    """Move until somebody ends it."""
-    with open_robot(path, "canopen") as robot, under_way(robot, Motion(motion)):
+    """Move until the process is killed."""
+    with open_robot(path, "canopen") as robot, moving(robot, Motion(motion)):
         clock, image = robot.clock, robot.image
         fast = 0.99 * SPEED_RAD_S
         if wait_until(lambda: np.abs(image.velocity).min() > fast, LONG_S, clock):

@@ -1,4 +1,4 @@
-"""Every fault during a trajectory: a controlled stop, a reason, a live daemon, a way back."""
+"""Faults during a trajectory: controlled stop, reason, and recovery."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WINDOW = {"startup": [{"object": "0x6065", "value": 2000}], "counts_per_rad": 1e
 
 
 def recover(harness: Harness, node: int = 2) -> None:
-    """What an operator does."""
+    """Recover as an operator does."""
     harness.inject(f"{node} heal")
     harness.robot.connection.start_communication()
     harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
@@ -89,7 +89,7 @@ def test_a_statusword_that_lies_is_not_switched_on_again(open_rig: OpenRig) -> N
         assert "elbow" in stop.execution.message
         assert harness.image.reason[1] == "node 2: statusword 0x0250 (switch on disabled)"
         assert not harness.image.servo_on[1]
-        with pytest.raises(ConnectError, match=r"elbow \(node 2\).*statusword 0x0250"):
+        with pytest.raises(ConnectError, match=r"elbow: node 2: .*statusword 0x0250"):
             harness.robot.enable_joints()
         recover(harness)
 
@@ -168,5 +168,5 @@ def test_a_pause_of_the_computer_loses_no_drive(open_rig: OpenRig) -> None:
 def test_a_servo_that_does_not_go_on_says_why(open_rig: OpenRig) -> None:
     with open_rig(SMALL, enable=False) as harness:
         harness.inject("1 statusword 0x0250")
-        with pytest.raises(DeviceTimeout, match=r"shoulder \(node 1\).*switch on disabled"):
+        with pytest.raises(DeviceTimeout, match=r"axis 0: node 1: .*switch on disabled"):
             harness.robot.axes._driver.servo(0, True, 0.2)

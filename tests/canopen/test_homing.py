@@ -34,7 +34,7 @@ def homing(method: int, polarity: int = 1, **switches: float) -> dict[str, Any]:
 
 
 def place(harness: Harness) -> float:
-    """Where home is, seen from where the motor was at power-on."""
+    """Position of home, relative to the motor at power-on."""
     return harness.drive(2).drives[0].motion.zero
 
 
@@ -73,9 +73,9 @@ def test_a_search_turns_at_the_limit_switch(
 
 @pytest.mark.parametrize("method", [21, 5])
 def test_a_homing_that_finds_nothing_says_so(open_rig: OpenRig, method: int) -> None:
-    """21 searches on the wrong side and ends at the limit switch; 5 the drive does not have."""
+    """Method 21 searches on the wrong side; the drive does not have method 5."""
     with open_rig(SMALL, **homing(method)) as harness:
-        with pytest.raises(OperationError, match=r"elbow \(node 2\): homing failed"):
+        with pytest.raises(OperationError, match="elbow: node 2: homing failed"):
             harness.robot.axes.home(1)
         assert not harness.image.home_done[1]
         assert harness.image.servo_on[1]

@@ -34,7 +34,7 @@ def drives(process: DrivesProcess) -> DrivesProcess:
     """Healthy, whatever the test before left behind."""
     if not process.running:
         process.start()
-    process.tell("4 heal")
+    process.inject("4 heal")
     return process
 
 
@@ -63,11 +63,11 @@ def test_a_fault_and_the_way_back(
     drives: DrivesProcess, tmp_path: Path, fault: str, reason: str
 ) -> None:
     with served(tmp_path) as harness:
-        stop = broken(harness, lambda: drives.tell(f"4 {fault}"), HEALTHY)
+        stop = broken(harness, lambda: drives.inject(f"4 {fault}"), HEALTHY)
         assert stop.execution.outcome is Outcome.FAULT
         assert reason in stop.execution.message
         assert stop.is_controlled
-        drives.tell("4 heal")
+        drives.inject("4 heal")
         harness.robot.connection.start_communication()
         harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
         harness.robot.enable_joints()

@@ -1,4 +1,4 @@
-"""One drive with two axes on one node: the objects of the second are 0x800 further."""
+"""One drive with two axes on one node, the second with objects 0x800 further."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def pdos(first: int, maps: list[list[str]]) -> list[dict[str, Any]]:
 
 @pytest.fixture
 def drive(tmp_path: Path) -> dict[str, Any]:
-    """Options of a robot whose axes 0 and 1 are one drive, and axis 2 another."""
+    """Options of a robot: axes 0 and 1 in one drive, axis 2 in another."""
     common = {"counts_per_rad": 1e5, "startup": [{"object": "0x6065", "value": 12345}]}
     double = common | {"node": 1, "eds": str(write_two_axis_eds(tmp_path / "two_axis.eds"))}
     second = double | {"axis_offset": 1, "rpdos": pdos(0x20A, RPDOS), "tpdos": pdos(0x18A, TPDOS)}

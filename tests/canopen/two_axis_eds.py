@@ -1,4 +1,4 @@
-"""An EDS of a drive with two axes, from the generic one: the second is 0x800 further."""
+"""EDS of a drive with two axes, made from the generic one."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def test_gripper_and_io(client: Client, drives: DrivesProcess) -> None:
     assert client.call(SetIoBytes, "/wmx/io/set_output_bytes", byte=1, data=b"\x5a").success
     answer = client.call(GetIoBytes, "/wmx/io/get_output_bytes", byte=0, length=2)
     assert bytes(answer.data) == b"\x01\x5a"
-    drives.tell("16 input 1 3 1")
+    drives.inject("16 input 1 3 1")
     wait_until(
         lambda: client.call(GetIoBit, "/wmx/io/get_input_bit", byte=1, bit=3).value == 1,
         "the input",
@@ -161,7 +161,7 @@ def test_an_alarm_and_the_way_back(
     succeed(client, 1, 0.3)
     sent = client.send_goal(goal(2, -0.6))
     wait_until(lambda: joints[-1].position[0] < 0.1, "motion")
-    drives.tell("4 trip 0x3210")
+    drives.inject("4 trip 0x3210")
     status, result = sent.result()
     assert status == GoalStatus.STATUS_ABORTED
     assert result.error_string.startswith("joint4 at ")
@@ -180,7 +180,7 @@ def test_a_lost_drive_and_the_way_back(
 ) -> None:
     sent = client.send_goal(goal(2, 0.6))
     wait_until(lambda: joints[-1].position[0] > 0.1, "motion")
-    drives.tell("3 reboot")
+    drives.inject("3 reboot")
     status, result = sent.result()
     cause = "it was reset and has lost its configuration"
     assert status == GoalStatus.STATUS_ABORTED

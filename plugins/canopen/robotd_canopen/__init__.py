@@ -1,6 +1,6 @@
-"""CANopen backend: CiA 402 servo drives and CiA 401 I/O modules on any bus of python-can.
+"""CANopen backend: CiA 402 servo drives and CiA 401 I/O modules over python-can.
 
-The hooks are here; ``master.py`` shows how the parts belong together.
+The hooks are here; ``master.py`` connects the parts.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def robotd_backend() -> BackendInfo:
 
 @hookimpl
 def robotd_open_device(context: DeviceContext[NetworkLayout]) -> DeviceDriver:
-    """The network that was planned when the options were checked."""
+    """Make the device from the network planned when the options were checked."""
     from robotd_canopen.device import CanopenDevice
     from robotd_canopen.master import Master
 
@@ -82,7 +82,7 @@ def robotd_fieldbus(device: CanopenDevice) -> FieldbusDriver:
 
 @hookimpl
 def robotd_fault_injector(device: CanopenDevice) -> FaultInjector:
-    """The world around simulated drives."""
+    """Fault injection into simulated drives."""
     from robotd_canopen.fault_injector import CanopenFaultInjector
 
     return CanopenFaultInjector(device)

@@ -1,4 +1,4 @@
-"""The axis driver: the contract's methods, each handed to the axis it is for."""
+"""Axis driver: passes each call to the axes that it is for."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CanopenAxes(AxisDriver):
 
     @property
     def underrun(self) -> Underrun:
-        return Underrun.HOLD  # without SYNC, which the cycle sends, a drive stands
+        return Underrun.HOLD  # without SYNC from the control loop a drive holds its position
 
     def read(self, image: ProcessImage) -> None:
         self._master.read(image)
@@ -101,4 +101,5 @@ class CanopenAxes(AxisDriver):
     def _off(self, axis: int) -> None:
         drive = self._master.axes[axis]
         if drive.report.powered:
-            raise NotReady(f"{drive.node.name}: its scale cannot be changed while the servo is on")
+            text = f"node {drive.node.id}: its scale cannot be changed while the servo is on"
+            raise NotReady(text, axis=axis)

@@ -1,4 +1,4 @@
-"""One axis, put together from its parts, and what the control loop does with it in each SYNC.
+"""One axis, composed from its parts, and its work in each control period.
 
 Each part is the only writer of its own fields: ``DriveReport`` (received), ``PowerStage``,
 ``ModeControl``, ``Setpoint``, ``Activity``, ``ProfileEstimate``, ``RpdoWriter`` (sent) and
@@ -65,7 +65,7 @@ class Axis:
     def transmit(self, bus: Bus, period_s: float, periods: int = 1) -> None:
         """Control loop: this SYNC's RPDOs, to take effect with the next SYNC.
 
-        ``periods`` have passed since the SYNC before; the drive's own profiles have gone on.
+        ``periods`` have passed since the SYNC before; the drive's own profiles have advanced.
         """
         self.estimate.advance(periods * period_s)
         self._advance(period_s)
@@ -101,7 +101,7 @@ class Axis:
         self.activity.begin(Operation.POSITION)
 
     def brake(self, deceleration: float) -> None:
-        """Stop what runs in the way of its mode; an idle axis is left alone. Any thread."""
+        """Stop the running operation as its mode requires; no effect when idle. Any thread."""
         if self.activity.operation in (Operation.IDLE, Operation.STOPPING):
             return
         self.setpoint.deceleration = deceleration
@@ -119,12 +119,12 @@ class Axis:
         self.setpoint.velocity = 0.0
 
     def resume(self) -> None:
-        """Control loop: the drive answers again; the command is its own."""
+        """Control loop: the drive answers again; continue at its own command."""
         self.setpoint.stand_at(self.report.demand())
         self.hold()
 
     def forget(self) -> None:
-        """Worker: the drive has been configured anew: nothing is known of it, and it is off."""
+        """Worker: forget the state of a drive that has been configured again; it is off."""
         self.report.forget()
         self.power.reset()
         self.mode.clear_bits()
@@ -133,7 +133,7 @@ class Axis:
         self.hold()
 
     def _advance(self, period_s: float) -> None:
-        """The setpoint of the next SYNC, unless it is streamed."""
+        """Compute the setpoint of the next SYNC, unless it is streamed."""
         operation, setpoint = self.activity.operation, self.setpoint
         if operation is Operation.POSITION:
             self._advance_target(period_s)
@@ -148,7 +148,7 @@ class Axis:
             setpoint.ramp(period_s)
 
     def _advance_target(self, period_s: float) -> None:
-        """The handshake of a move; the estimate begins when the drive is asked."""
+        """Run the handshake of a move; the estimate begins when the set-point bit is sent."""
         phase = self.mode.advance_target(self.report, period_s)
         if phase is Phase.ASKING:
             self.estimate.begin_planned()
@@ -182,7 +182,7 @@ class Axis:
         return self.mode.target_taken and bool(self.report.statusword & Status.TARGET_REACHED)
 
     def _is_at_rest(self) -> bool:
-        """The command is at 0 (where it is ours) and the motor has been slow for some SYNCs."""
+        """Return True for an axis whose command is 0 and whose motor is at rest."""
         enabled = self.report.state is DriveState.OPERATION_ENABLED
         commanded = self.mode.is_ours and self.setpoint.velocity != 0.0 and enabled
         return self.activity.is_at_rest(self.report.velocity, commanded=commanded)
@@ -206,7 +206,7 @@ class Axis:
             self._fill_command(image)
 
     def _fill_command(self, image: ProcessImage) -> None:
-        """Position and velocity command: ours, the estimate of the drive's, or the measured one."""
+        """Write the position and velocity command: ours, the estimated or the measured one."""
         mode, setpoint = self.mode, self.setpoint
         own = mode.is_cyclic_position or self.activity.is_idle
         position = setpoint.position if own else self.estimate.position
@@ -218,7 +218,7 @@ class Axis:
         image.velocity_command[self.number] = velocity
 
     def _reason(self) -> str:
-        """Why the axis cannot move, beginning with the node; "" if it can."""
+        """Return why the axis cannot move, beginning with the node; "" if it can."""
         node = self.node
         if not self.report.known:
             return f"node {node.id}: {node.fault or 'its PDOs have not come yet'}"

@@ -1,4 +1,4 @@
-"""Bringing nodes up: all at once, step by step, every failure told."""
+"""Bring-up of all nodes in parallel, from identification to operational."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class BringUp:
         self._count = len(layout.node_ids)
 
     def identify(self, nodes: Iterable[Node]) -> None:
-        """Let every node say who it is. Raises ConnectError with every one that fails."""
+        """Read the identity of every node. Raises ConnectError with every node that fails."""
         self._each(nodes, "the nodes do not answer as expected", Node.identify)
 
     def start(self, nodes: Iterable[Node]) -> None:
-        """Configure, and on to OPERATIONAL. Raises ConnectError with every one that fails."""
+        """Configure and start the nodes. Raises ConnectError with every node that fails."""
         self._each(nodes, "the nodes do not start", self._start)
 
     def _each(self, nodes: Iterable[Node], message: str, step: Callable[[Node], None]) -> None:
@@ -66,7 +66,7 @@ class BringUp:
         if not self._allow_partial or len(failures) == self._count:
             raise ConnectError(message, failures)
         for path, reason in failures.items():
-            log.warning("a node is left out", node=path, reason=reason)
+            log.warning("node skipped", node=path, reason=reason)
 
     def _start(self, node: Node) -> None:
         if not node.identity or node.fault:
@@ -78,7 +78,7 @@ class BringUp:
         node.start()
 
     def _prepare(self, axis: Axis) -> None:
-        """Modes that the drive must have, and how it shall react. Nothing moves."""
+        """Check the supported modes and write the option codes. Nothing moves."""
         layout, options, sdo = axis.layout, axis.layout.options, axis.node.sdo
         supported = sdo.read(layout.index(0x6502))
         for mode, what in needed_modes(options).items():
@@ -103,7 +103,7 @@ class BringUp:
 
 
 def _interpolation_period(period_s: float) -> tuple[int, int]:
-    """Object 0x60C2: value (1 byte) and power of ten, as exactly as they go."""
+    """Return object 0x60C2, value (1 byte) and power of ten, as exactly as they allow."""
     for exponent in range(-6, 1):
         value = period_s / 10.0**exponent
         if value <= 255 and math.isclose(value, round(value), rel_tol=1e-6):

@@ -1,8 +1,8 @@
-"""The CAN bus: one supervised receive thread, a table of handlers, and counters.
+"""CAN bus with a supervised receive thread, handlers by COB-ID, and counters.
 
-The receive loop is our own. The library's notifier ends its thread at the first error of the
-bus and leaves the last values readable; this one counts what is malformed, tells apart a bad
-frame and a bus that is gone, and turns the latter into ``fault``.
+The receive loop is our own. The notifier of python-can ends its thread at the first error of the
+bus and leaves the last values readable; this one counts malformed frames, distinguishes them from
+a lost bus, and reports the latter as ``fault``.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ logging.getLogger("canopen").addHandler(logging.NullHandler())  # we report its 
 logging.getLogger("can").addHandler(logging.NullHandler())
 
 Handler = Callable[[bytearray], None]
-"""Called in the receive thread with the data of a frame; ValueError: it makes no sense."""
+"""Called in the receive thread with the data of a frame; ValueError: the frame is malformed."""
 
-_POLL_S = 0.1  # how soon the receive thread notices that it shall end
+_POLL_S = 0.1  # after which the receive thread sees that it is to end
 _PAUSE_S = 0.01  # between attempts while the bus fails
-_FAILURES = 20  # failed calls in a row that make a lost bus
+_FAILURES = 20  # consecutive failed calls after which the bus is lost
 
 
 @dataclass(slots=True)
 class Counters:
-    """What happened on the bus since it was opened."""
+    """Counters of frames and errors since the bus was opened."""
 
     received: int = 0
     sent: int = 0
@@ -54,8 +54,8 @@ class Bus:
 
     Attributes:
         fault: why the bus cannot be used, None while it can; stays until ``open``.
-        last_malformed: the latest frame that made no sense, as text; "" without one.
-        last_error: what the latest error frame of the controller said; "" without one.
+        last_malformed: the latest malformed frame, as text; "" without one.
+        last_error: text of the latest error frame of the controller; "" without one.
         load: part of the bit rate that frames took between the last two ``measure_load``.
         seen: COB-IDs that have been received since ``open``.
     """
@@ -117,11 +117,11 @@ class Bus:
             self._thread.join(2.0)
         try:
             opened.shutdown()
-        except Exception as error:  # noqa: BLE001 - a device that is gone cannot be closed
+        except Exception as error:  # noqa: BLE001 - closing a removed adapter fails
             log.warning("closing the CAN bus failed", reason=str(error))
 
     def subscribe(self, cob_id: int, handler: Handler) -> None:
-        """Let ``handler`` have the frames of ``cob_id``; one handler each."""
+        """Call ``handler`` with the frames of ``cob_id``; one handler each."""
         self._handlers[cob_id] = handler
 
     def unsubscribe(self, cob_id: int) -> None:
@@ -154,7 +154,7 @@ class Bus:
             raise can.CanOperationError(self.fault or f"the bus {self.name} is not open")
 
     def measure_load(self, now_ns: int) -> None:
-        """Bring ``load`` up to date; called by the cycle every so often."""
+        """Bring ``load`` up to date; called regularly by the control loop."""
         counters = self.counters
         bits = wire_bits(counters.received + counters.sent, counters.data_bytes)
         since_ns, before = self._load_from

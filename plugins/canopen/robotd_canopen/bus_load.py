@@ -1,4 +1,4 @@
-"""How much of a CAN bus the cyclic traffic takes, by the worst case of bit stuffing.
+"""Load of a CAN bus by the cyclic traffic, with worst-case bit stuffing.
 
 A frame with an 11-bit identifier and n data bytes has 47 + 8n bits with the interframe space,
 of which 34 + 8n are subject to stuffing: at most one more bit for each four after the first
@@ -11,12 +11,12 @@ from collections.abc import Iterable
 
 
 def frame_bits(data_bytes: int) -> int:
-    """Bits on the wire of one data frame, worst case."""
+    """Return the bits of one data frame on the wire, worst case."""
     return 47 + 8 * data_bytes + (34 + 8 * data_bytes - 1) // 4
 
 
 def wire_bits(frames: int, data_bytes: int) -> float:
-    """Bits of so many frames with so many data bytes in all, worst case of each."""
+    """Return the bits of ``frames`` frames with ``data_bytes`` in total, worst case."""
     return frames * (47 + 33 / 4) + data_bytes * 10
 
 
@@ -27,7 +27,7 @@ def bus_load(
     heartbeat_s: float,
     bitrate: int,
 ) -> float:
-    """Part of the bus that is taken, 1.0 is all of it.
+    """Return the load of the bus, 1.0 for all of it.
 
     Args:
         synchronous: data bytes and frames for each SYNC (0.25: each fourth) of every PDO.

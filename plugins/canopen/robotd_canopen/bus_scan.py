@@ -1,4 +1,4 @@
-"""Looking at a bus without a descriptor: who is there, and single objects."""
+"""Scan of a bus without a descriptor, and access to single objects."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from robotd_canopen.options import BusOptions
 from robotd_canopen.sdo import Sdo
 
 _LAST_NODE = 127
+_DUPLICATE = ", DUPLICATE ID: several responses to one request"
 _READ_DEVICE_TYPE = bytes([0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0])
 
 
@@ -26,7 +27,7 @@ class FoundNode:
 
     Attributes:
         identity: vendor, product, revision, serial.
-        doubled: one question had several answers, so several nodes have this id.
+        duplicate: one SDO request had several responses: several nodes have this id.
     """
 
     id: int
@@ -34,7 +35,7 @@ class FoundNode:
     identity: tuple[int, ...]
     name: str
     state: NmtState
-    doubled: bool = False
+    duplicate: bool = False
 
     def __str__(self) -> str:
         vendor, product, revision, serial = self.identity
@@ -42,12 +43,12 @@ class FoundNode:
         return (
             f"node {self.id:3}: CiA {self.device_type & 0xFFFF}, vendor 0x{vendor:08X},"
             f" product 0x{product:08X}, revision 0x{revision:08X}, serial {serial},"
-            f" {state}, {self.name!r}{', ANSWERS TWICE: two nodes' if self.doubled else ''}"
+            f" {state}, {self.name!r}{_DUPLICATE if self.duplicate else ''}"
         )
 
 
 def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5) -> list[FoundNode]:
-    """Ask every node id for its device type, and those that answer who they are."""
+    """Read the device type of every node id, and the identity of those that answer."""
     bus = _bus(interface, channel, bitrate)
     states: dict[int, NmtState] = {}
     answers: Counter[int] = Counter()
@@ -66,19 +67,19 @@ def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5)
         for node in range(1, _LAST_NODE + 1):
             bus.send_message(0x600 + node, _READ_DEVICE_TYPE)
         time.sleep(timeout_s)
-        doubled = {node for node, count in answers.items() if count > 1}
+        duplicate = {node for node, count in answers.items() if count > 1}
         found = [_ask(bus, node, timeout_s) for node in sorted(answers)]
     finally:
         bus.close()
     return [
-        FoundNode(node, kind, identity, name, states.get(node, NmtState.UNKNOWN), node in doubled)
+        FoundNode(node, kind, identity, name, states.get(node, NmtState.UNKNOWN), node in duplicate)
         for node, kind, identity, name in found
     ]
 
 
 @contextmanager
 def sdo_of(interface: str, channel: str, bitrate: int, node: int) -> Iterator[Sdo]:
-    """An SDO client of one node on a bus of its own. Raises ConnectError."""
+    """Yield an SDO client of one node on a bus of its own. Raises ConnectError."""
     bus = _bus(interface, channel, bitrate)
     bus.open()
     try:
@@ -88,7 +89,7 @@ def sdo_of(interface: str, channel: str, bitrate: int, node: int) -> Iterator[Sd
 
 
 def describe_value(data: bytes) -> str:
-    """``37 02 (0x0237, 567)``, with the text where it is one."""
+    """Format data as ``37 02 (0x0237, 567)``, with the text where it is printable."""
     parts = [data.hex(" ")]
     if len(data) in (1, 2, 4, 8):
         number = int.from_bytes(data, "little")

@@ -1,4 +1,4 @@
-"""``robotd canopen``: look at a bus, read and write objects, simulate a robot's nodes."""
+"""``robotd canopen``: scan a bus, access objects, simulate the nodes of a robot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-# Nothing but click is imported up here: other commands must not wait for python-can.
+# Only click is imported at module level: other commands must not load python-can.
 
 
 def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -92,7 +92,7 @@ def write(
     value: int,
     size: int | None,
 ) -> None:
-    """Write VALUE to object INDEX:SUB of NODE, and print what it is afterwards."""
+    """Write VALUE to object INDEX:SUB of NODE, and print the value read back."""
     from robotd_canopen.bus_scan import describe_value, sdo_of
 
     with sdo_of(interface, channel, bitrate, node) as client:
@@ -110,7 +110,7 @@ def write(
 def simulate(robot: str, variant: str | None, interface: str, channel: str, port: int) -> None:
     """Simulate the robot's nodes in this process until Ctrl-C.
 
-    Faults are typed in, one a line: "help" lists them.
+    Reads faults from the standard input, one per line: "help" lists them.
     """
     from robotd.api import load_robot_descriptor, validate_section
     from robotd_canopen.fault_commands import HELP, inject

@@ -1,4 +1,4 @@
-"""Commands on one axis that need several steps; worker threads, one at a time for each axis."""
+"""Multi-step commands on one axis: servo, mode, stream, move, jog, homing."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from robotd.api import (
     Operation,
     OperationError,
     Profile,
+    RobotdError,
     wait_until,
 )
 from robotd_canopen.axis import Axis
@@ -26,13 +27,16 @@ _FRESH_SYNCS = 5  # after which every value is from after the event
 
 
 class Commands:
-    """What a worker asks of one axis. Every wait ends with a text that names node and state."""
+    """Commands on one axis, one at a time. Worker threads.
+
+    A wait that fails raises an error that names node and state.
+    """
 
     def __init__(self, axis: Axis, clock: Clock) -> None:
         self._axis, self._clock = axis, clock
 
     def enable(self, timeout_s: float) -> None:
-        """Operation enabled, with the command at the measured position."""
+        """Enable operation, with the command at the measured position."""
         axis = self._axis
         with axis.lock:
             self.require_online()
@@ -45,25 +49,21 @@ class Commands:
                 left_s = (deadline_ns - self._clock.now_ns()) / NANOSECONDS
                 if left_s <= 0 or not self._next_state(left_s):
                     axis.power.command(Control.DISABLE_VOLTAGE)
-                    raise DeviceTimeout(
-                        f"{axis.node.name}: the servo did not go on within {timeout_s:g} s,"
-                        f" {self._status()}"
-                    )
+                    text = f"the servo did not go on within {timeout_s:g} s, {self._status()}"
+                    raise self._error(DeviceTimeout, text)
             self._enter(axis.mode.requested)
             axis.power.request()
 
     def disable(self, timeout_s: float) -> None:
-        """Power off, to ready to switch on."""
+        """Switch the power stage off, to ready to switch on."""
         axis = self._axis
         with axis.lock:
             axis.power.release()
             axis.mode.clear_bits()
             self.require_online()
             if not self._wait(lambda: not axis.report.powered, timeout_s):
-                raise DeviceTimeout(
-                    f"{axis.node.name}: the servo did not go off within {timeout_s:g} s,"
-                    f" {self._status()}"
-                )
+                text = f"the servo did not go off within {timeout_s:g} s, {self._status()}"
+                raise self._error(DeviceTimeout, text)
             axis.hold()
 
     def clear_alarm(self, timeout_s: float) -> None:
@@ -71,7 +71,7 @@ class Commands:
         axis = self._axis
         with axis.lock:
             self.require_online()
-            # Just after the start the drive may not have said yet that it is in alarm.
+            # Just after the start the drive may not have reported its alarm yet.
             self._wait(lambda: axis.report.state is not DriveState.UNKNOWN, _STEP_S)
             if not axis.report.in_alarm:
                 return
@@ -84,10 +84,8 @@ class Commands:
             axis.power.command(Control.DISABLE_VOLTAGE)
             axis.power.lost = ""
             if not cleared:
-                raise DeviceTimeout(
-                    f"{axis.node.name}: the alarm is still there after {timeout_s:g} s:"
-                    f" {self.alarm_text()}"
-                )
+                text = f"the alarm is still there after {timeout_s:g} s: {self.alarm_text()}"
+                raise self._error(DeviceTimeout, text)
 
     def set_mode(self, mode: CommandMode) -> None:
         axis = self._axis
@@ -101,7 +99,7 @@ class Commands:
             axis.mode.command_mode = mode
 
     def prepare_stream(self) -> None:
-        """The stream's mode, with the command where it is."""
+        """Enter the mode of the stream, with the command at the present position."""
         axis = self._axis
         with axis.lock:
             self._require_power()
@@ -117,7 +115,7 @@ class Commands:
             axis.setpoint.velocity = 0.0
 
     def begin_stream(self) -> None:
-        """From now on the cycle's setpoints are obeyed; ``prepare_stream`` came first."""
+        """Follow the setpoints of the control loop; after ``prepare_stream``."""
         axis = self._axis
         with axis.lock:
             axis.activity.complete = False
@@ -136,7 +134,7 @@ class Commands:
             axis.activity.complete = True
 
     def move(self, target: float, profile: Profile) -> None:
-        """Profile position: ramps by SDO where they are new; the cycle does the handshake."""
+        """Profile position: write changed ramps by SDO; the control loop runs the handshake."""
         axis = self._axis
         with axis.lock:
             self._require_power()
@@ -196,7 +194,7 @@ class Commands:
             axis.activity.home_done = True
 
     def stop(self) -> None:
-        """Controlled stop; the cycle does the rest."""
+        """Controlled stop; the control loop does the rest."""
         axis = self._axis
         streamed = axis.activity.operation is Operation.STREAM
         ramp = axis.layout.options.stop_deceleration_rad_s2
@@ -212,10 +210,10 @@ class Commands:
     def require_online(self) -> None:
         node = self._axis.node
         if not node.online:
-            raise NotReady(node.complaint)
+            raise self._error(NotReady, node.fault or "offline")
 
     def alarm_text(self) -> str:
-        """Why the drive is in alarm."""
+        """Return why the drive is in alarm."""
         return self._axis.node.alarm_text(self._axis.report.error_code)
 
     def _run_homing(self, timeout_s: float) -> None:
@@ -233,11 +231,14 @@ class Commands:
             lambda: report.statusword & done == done or failed(), timeout_s
         )
         if not ended:
-            raise DeviceTimeout(
-                f"{axis.node.name}: homing did not end within {timeout_s:g} s, {self._status()}"
-            )
+            text = f"homing did not end within {timeout_s:g} s, {self._status()}"
+            raise self._error(DeviceTimeout, text)
         if failed():
-            raise OperationError(f"{axis.node.name}: homing failed, {self._status()}")
+            raise self._error(OperationError, f"homing failed, {self._status()}")
+
+    def _error(self, kind: type[RobotdError], text: str) -> RobotdError:
+        """Return an error of this axis that names its node."""
+        return kind(f"node {self._axis.node.id}: {text}", axis=self._axis.number)
 
     def _was_sent(self, word: int) -> bool:
         return self._axis.rpdos.controlword == word
@@ -253,7 +254,7 @@ class Commands:
         return self._wait(lambda: report.state is not state, timeout_s)
 
     def _enter(self, mode: OperationMode) -> None:
-        """Change the mode of a powered axis at rest and wait until the drive shows it."""
+        """Change the mode of a powered axis at rest; wait for the mode display."""
         axis, report = self._axis, self._axis.report
         if report.displayed_mode != mode or axis.mode.requested is not mode:
             if not axis.mode.is_cyclic_position:
@@ -261,15 +262,14 @@ class Commands:
             axis.setpoint.velocity = 0.0
             axis.mode.requested = mode
         if not self._wait(lambda: report.displayed_mode == mode, _STEP_S):
-            raise DeviceTimeout(
-                f"{axis.node.name}: mode {mode.name.lower()} was asked for, the drive shows"
-                f" mode {report.displayed_mode} after {_STEP_S:g} s"
-            )
+            shown = f"the drive shows mode {report.displayed_mode} after {_STEP_S:g} s"
+            text = f"mode {mode.name.lower()} was requested, {shown}"
+            raise self._error(DeviceTimeout, text)
         if mode in CYCLIC:
             axis.mode.clear_bits()
 
     def _recover(self) -> None:
-        """Out of a quick stop (transition 16), with the command where the axis stands."""
+        """Leave a quick stop (transition 16), with the command at the present position."""
         axis = self._axis
         report = axis.report
         if report.state is DriveState.QUICK_STOP_ACTIVE:
@@ -277,9 +277,8 @@ class Commands:
             axis.mode.halt()
             axis.power.command(Control.ENABLE_OPERATION)
             if not self._wait(lambda: report.state is DriveState.OPERATION_ENABLED, _STEP_S):
-                raise DeviceTimeout(
-                    f"{axis.node.name}: the drive stays in quick stop, {self._status()}"
-                )
+                text = f"the drive remains in quick stop, {self._status()}"
+                raise self._error(DeviceTimeout, text)
 
     def _write_profile(self, profile: Profile) -> None:
         speed = abs(self._axis.scaling.velocity_units(profile.velocity))
@@ -296,11 +295,11 @@ class Commands:
         self._require_no_alarm()
         if not self._axis.report.powered:
             lost = f": {self._axis.power.lost}" if self._axis.power.lost else ""
-            raise NotReady(f"{self._axis.node.name}: the servo is off{lost}")
+            raise self._error(NotReady, f"the servo is off{lost}")
 
     def _require_no_alarm(self) -> None:
         if self._axis.report.in_alarm:
-            raise NotReady(f"{self._axis.node.name}: the drive is in alarm: {self.alarm_text()}")
+            raise self._error(NotReady, f"the drive is in alarm: {self.alarm_text()}")
 
     def _status(self) -> str:
         axis = self._axis
@@ -309,7 +308,7 @@ class Commands:
         return f"statusword 0x{axis.report.statusword:04X} ({axis.report.state.value})"
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait, or give up early when the node is lost."""
+        """Wait for ``condition``; False at once when the node is lost."""
         axis = self._axis
         met = wait_until(lambda: condition() or not axis.node.online, timeout_s, self._clock)
         return met and axis.node.online and condition()

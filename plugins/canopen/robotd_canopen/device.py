@@ -1,4 +1,4 @@
-"""The connection to the bus, and its states."""
+"""Device driver: life cycle of the connection to the bus."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from robotd_canopen.simulated_robot import simulated_network
 
 log = get_logger("canopen")
 
-_IDLE_S = 0.5  # for a stop and for servos, while nobody may be running the cycle
+_IDLE_S = 0.5  # for a stop and for servos, while the control loop may not be running
 
 
 class CanopenDevice(DeviceDriver):
@@ -37,7 +37,7 @@ class CanopenDevice(DeviceDriver):
         self._simulation: SimulatedNetwork | None = None
 
     def open(self, path: str = "", name: str = "") -> None:
-        """The configured bus; ``path`` may name no other one, CAN clients have no ``name``."""
+        """Open the configured bus; ``path`` may name no other one, ``name`` is not used."""
         if path and path != self.master.bus.name:
             raise InvalidArgument(
                 f"the bus is {self.master.bus.name!r}, another one ({path!r}) is not configured"
@@ -79,7 +79,7 @@ class CanopenDevice(DeviceDriver):
         for axis in live:
             self._try(axis.node, partial(Commands(axis, master.clock).disable, _IDLE_S))
         online = [node for node in master.nodes.values() if node.online]
-        master.end()  # from now on nobody wonders where they go
+        master.end()  # stop supervision: missing heartbeats are expected now
         for node in online:
             self._try(node, partial(node.watch_master, watch=False))
             self._try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
@@ -91,7 +91,7 @@ class CanopenDevice(DeviceDriver):
         return self.master.supervision.fault()
 
     def scan_network(self) -> str:
-        """Who is there, of those who should be."""
+        """Summarize the configured nodes and those that did not answer."""
         if self.master.state is ConnectionState.IDLE:
             raise NotReady("the network cannot be scanned: the bus is not open")
         nodes = self.master.nodes.values()
@@ -106,7 +106,7 @@ class CanopenDevice(DeviceDriver):
 
     @property
     def simulation(self) -> SimulatedNetwork | None:
-        """The nodes in this process, None where there are none."""
+        """Simulated nodes in this process; None without them."""
         return self._simulation
 
     @property
@@ -127,5 +127,5 @@ class CanopenDevice(DeviceDriver):
     def _try(node: Node, action: Callable[[], None]) -> None:
         try:
             action()
-        except Exception as error:  # noqa: BLE001 - the others are stopped all the same
-            log.warning("a node was not stopped properly", node=node.name, reason=str(error))
+        except Exception as error:  # noqa: BLE001 - the other nodes are stopped all the same
+            log.warning("stopping a node failed", node=node.name, reason=str(error))

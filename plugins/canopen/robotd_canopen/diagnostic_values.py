@@ -1,4 +1,4 @@
-"""What ``/diagnostics`` says of a CAN network, by name."""
+"""Values of a CAN network for ``/diagnostics``, by name."""
 
 from __future__ import annotations
 

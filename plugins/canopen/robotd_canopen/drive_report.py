@@ -18,7 +18,9 @@ from robotd_canopen.state_machine import FAULTY, POWERED, DriveState, drive_stat
 
 
 class DriveReport:
-    """State and values that the drive sent last. Updated by the control loop, read by any thread.
+    """State and values that the drive sent last.
+
+    Updated by the control loop, read by any thread.
 
     Attributes:
         known: the node is online and every synchronous TPDO has come.
@@ -84,11 +86,11 @@ class DriveReport:
         """Control loop: decode the values taken last."""
         self.statusword = self._object(STATUSWORD)
         self.displayed_mode = self._object(MODE)
-        self.known = self._node.online and self._feedback.heard(self._number)
+        self.known = self._node.online and self._feedback.complete(self._number)
         self.state = drive_state(self.statusword) if self.known else DriveState.UNKNOWN
 
     def rebase(self) -> None:
-        """Worker: the drive has set its position anew."""
+        """Worker: restart the count at a position that the drive has set."""
         self._feedback.rebase(self._number)
 
     def forget(self) -> None:

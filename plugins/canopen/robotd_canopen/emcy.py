@@ -103,7 +103,7 @@ class Emergency:
 
     @property
     def is_reset(self) -> bool:
-        """The node says that its errors are gone."""
+        """True for an error reset: no error is active any more."""
         return self.code >> 8 == 0
 
     @property

@@ -1,4 +1,4 @@
-"""What a CAN controller says in an error frame, as SocketCAN lays it out (linux/can/error.h)."""
+"""Text of an error frame in the layout of SocketCAN (linux/can/error.h)."""
 
 from __future__ import annotations
 

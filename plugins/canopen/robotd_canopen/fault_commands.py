@@ -1,4 +1,4 @@
-"""Faults of a simulated network as lines of text, for people and for tests."""
+"""Fault injection into a simulated network by lines of text."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, Simula
 from robotd_canopen.simulated.simulated_node import STOPPED
 
 HELP = """\
-NODE silence              sends and hears nothing
+NODE silence              sends and receives nothing
 NODE reboot               loses its configuration and sends a boot-up message
 NODE emcy CODE            sends an emergency message
 NODE trip CODE            the drive stops with a fault, such as 0x3210 (over-voltage)
 NODE statusword WORD      shows WORD whatever its state
-NODE abort INDEX CODE     refuses every access to an object
+NODE abort INDEX CODE     aborts every access to an object
 NODE timeout INDEX        does not answer requests for an object
 NODE identity VENDOR      has another vendor id
 NODE late SECONDS         sends its PDOs later
@@ -22,20 +22,20 @@ NODE garble PART          sends a part of its frames as garbage, 0 to 1
 NODE stop                 goes to the NMT state stopped by itself
 NODE block                the motor does not move
 NODE input BYTE BIT 0|1   an input of an I/O module changes
-NODE heal                 none of the above any more"""
+NODE heal                 ends all of the above"""
 
 Fault = Callable[[SimulatedNode, list[str]], None]
 
 
 def inject(network: SimulatedNetwork, line: str) -> str:
-    """Carry out one line; returns ``ok`` or what is wrong with it. Any thread."""
+    """Carry out one line; return ``ok`` or an error text. Any thread."""
     number, *words = line.split()
     try:
         node = network.members[int(number)]
         fault = _FAULTS[words[0]]
         network.call(lambda: fault(node, words[1:]))
     except (KeyError, ValueError, IndexError, TypeError):
-        return f"not understood: {line.strip()!r}"
+        return f"not understood: {line.strip()!r}; 'help' lists the faults"
     return "ok"
 
 

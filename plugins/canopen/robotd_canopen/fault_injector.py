@@ -1,4 +1,4 @@
-"""The world around simulated drives, for the conformance checks."""
+"""Fault injection into simulated drives, for the conformance checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robotd_canopen.simulated import Drive, DriveNode, IoNode, SimulatedNetwork
 
 
 class CanopenFaultInjector(FaultInjector):
-    """What can be done with drives in this process; on real ones nothing. Any thread."""
+    """Fault injection into drives simulated in this process; not on real drives. Any thread."""
 
     def __init__(self, device: CanopenDevice) -> None:
         self._device = device

@@ -1,4 +1,4 @@
-"""What the drives said last: arrays that the receive thread fills, frame by frame."""
+"""Values received from the drives, in arrays filled by the receive thread."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
 VELOCITY, TORQUE, ERROR_CODE, INPUTS = 0x606C, 0x6077, 0x603F, 0x60FD
 _OBJECTS = (STATUSWORD, MODE, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, INPUTS)
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
-_TOLD_BEFORE = 0.8  # of the age at which values are too old: so a node is named, not an age
+_REPORT_BEFORE = 0.8  # of the age at which values are stale: the error names a node, not an age
 _HORIZON = 2  # times the age at which a TPDO is stale
 _NEVER = -1
 _EVENT_DRIVEN = 240
@@ -32,16 +32,16 @@ BoolArray = NDArray[np.bool_]
 class Feedback:
     """Values of n axes by object, in the drives' units.
 
-    The receive thread writes single elements; the cycle takes them all before it sends a SYNC, so
-    that no answer to the new one gets among those to the one before. Age is counted in SYNCs, for
-    a drive that was not asked is not late.
+    The receive thread writes single elements; the control loop takes them all before it sends a
+    SYNC, so that all belong to the SYNC before. Age is counted in SYNCs: without a SYNC a drive
+    has nothing to answer.
 
     Attributes:
-        columns: object → array of shape (n,), as the cycle has taken it.
+        columns: object → array of shape (n,), as the control loop has taken it.
         pdos: the synchronous TPDOs of all axes, as (axis, PDO).
         seen: number of the SYNC after which each of ``pdos`` came last, -1: never; likewise.
         limits: SYNCs without it after which each of ``pdos`` is stale.
-        syncs: SYNCs sent; counted by the cycle.
+        syncs: SYNCs sent; counted by the control loop.
     """
 
     def __init__(self, axes: Sequence[AxisLayout], sync_period_s: float, stale_s: float) -> None:
@@ -49,7 +49,7 @@ class Feedback:
         self._arrived: IntArray = np.zeros((len(_OBJECTS) + 1, count), np.int64)
         self._taken = self._arrived.copy()
         self.columns: dict[int, IntArray] = dict(zip(_OBJECTS, self._taken, strict=False))
-        self._heard = [False] * count
+        self._complete = [False] * count
         self.pdos = [
             (number, pdo)
             for number, axis in enumerate(axes)
@@ -60,7 +60,7 @@ class Feedback:
         self._seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
         self.seen = self._seen.copy()
         self._turns = np.array([pdo.transmission for _, pdo in self.pdos], np.int64)
-        least = math.floor(_TOLD_BEFORE * stale_s / sync_period_s)
+        least = math.floor(_REPORT_BEFORE * stale_s / sync_period_s)
         self.limits: IntArray = np.maximum(self._turns * _ALLOWED_MISSES, least)
         self.syncs = 0
         self.counts: IntArray = np.zeros(count, np.int64)  # position without the encoder's wrap
@@ -71,25 +71,27 @@ class Feedback:
         """Receives one TPDO of one axis.
 
         It raises ValueError, and takes nothing of it, for a frame that is too short or whose
-        position cannot be. PDOs on events are believed: nobody knows when the next one comes.
+        position is implausible. Event-driven PDOs are not checked: their rate is not known.
         """
         size, unpack = pdo.layout.size, pdo.layout.unpack_from
         arrived = dict(zip(_OBJECTS, self._arrived, strict=False))
         columns = [arrived.get(entry.base, self._arrived[-1]) for entry in pdo.entries]
         known = (axis, pdo) in self.pdos
         slot, seen = (self.pdos.index((axis, pdo)), self._seen) if known else (0, np.zeros(1))
-        leaps, position = None, 0
+        plausibility, position = None, 0
         if known and pdo.holds(POSITION):
             horizon_s = _HORIZON * float(self.limits[slot]) * self._sync_period_s
-            leaps = PositionPlausibility(scaling, horizon_s, partial(self._counts_anew, axis, slot))
+            plausibility = PositionPlausibility(
+                scaling, horizon_s, partial(self._is_new_position, axis, slot)
+            )
             position = [entry.base for entry in pdo.entries].index(POSITION)
 
         def receive(data: bytearray) -> None:
             if len(data) < size:
                 raise ValueError(f"{pdo.name} has {len(data)} bytes, {size} are mapped")
             values = unpack(data)
-            if leaps is not None:
-                leaps.check(values[position])
+            if plausibility is not None:
+                plausibility.check(values[position])
             number = 0
             for value in values:
                 columns[number][axis] = value
@@ -98,29 +100,29 @@ class Feedback:
 
         return receive
 
-    def _counts_anew(self, axis: int, slot: int) -> bool:
-        """The position has nothing to do with the one before."""
+    def _is_new_position(self, axis: int, slot: int) -> bool:
+        """Return True if the position need not be near the one before."""
         is_first = self._seen[slot] == _NEVER
         return bool(is_first or self._arrived[_OBJECTS.index(MODE)][axis] == OperationMode.HOMING)
 
     def take(self) -> None:
-        """Cycle: the values are those that have come until now."""
+        """Control loop: take the values received so far."""
         self._taken[:] = self._arrived
         self.seen[:] = self._seen
 
     def forget(self, axis: int) -> None:
-        """The drive is configured anew: what it said before does not count."""
+        """Discard the values of a drive that is configured again."""
         self._seen[self._owners == axis] = self.seen[self._owners == axis] = _NEVER
-        self._heard[axis] = False
+        self._complete[axis] = False
 
-    def heard(self, axis: int) -> bool:
-        """Every synchronous TPDO of ``axis`` has come at least once. Cycle."""
-        if not self._heard[axis]:
-            self._heard[axis] = bool((self.seen[self._owners == axis] != _NEVER).all())
-        return self._heard[axis]
+    def complete(self, axis: int) -> bool:
+        """Return True once every synchronous TPDO of ``axis`` has come. Control loop."""
+        if not self._complete[axis]:
+            self._complete[axis] = bool((self.seen[self._owners == axis] != _NEVER).all())
+        return self._complete[axis]
 
     def stale(self) -> list[tuple[int, Pdo, int]]:
-        """Axis, PDO and missed SYNCs of everything that is overdue. Cycle."""
+        """Return axis, PDO and missed SYNCs of every stale TPDO. Control loop."""
         age = self.syncs - self.seen
         late = (age > self.limits) & (self.seen != _NEVER)
         if not late.any():
@@ -128,28 +130,29 @@ class Feedback:
         return [(*self.pdos[slot], int(age[slot])) for slot in late.nonzero()[0]]
 
     def overdue(self, axis: int) -> bool:
-        """Some synchronous TPDO of ``axis`` has not come in its turn."""
+        """Return True if a synchronous TPDO of ``axis`` is overdue."""
         late = self.syncs - self.seen > self._turns + 1
         return bool(late[self._owners == axis].any())
 
     def behind(self, offline: BoolArray) -> int:
-        """Latest SYNCs that the most silent drive has not answered; all without a drive. Cycle.
+        """Count the latest SYNCs that the slowest drive has not answered. Control loop.
 
-        Drives of ``offline`` axes (n,) do not count, nor do SYNCs before a TPDO's next turn.
+        All SYNCs without a drive. Drives of ``offline`` axes (n,) do not count, nor do SYNCs before
+        the next turn of a TPDO.
         """
         known = (self.seen != _NEVER) & ~offline[self._owners]
         last = self.seen + self._turns - 1
         return max(0, self.syncs - int(last[known].min())) if known.any() else self.syncs
 
     def unwrap(self) -> None:
-        """Cycle: bring ``counts`` up to date; an endless axis runs over 32 bits."""
+        """Control loop: update ``counts``; an endless axis runs over 32 bits."""
         raw = self.columns[POSITION]
         step = raw - self._raw
         self.counts += (step + SPAN // 2) % SPAN - SPAN // 2
         self._raw += step
 
     def rebase(self, axis: int) -> None:
-        """The drive has set its position anew: no turns are remembered."""
+        """Restart ``counts`` at the position that the drive has set."""
         self.counts[axis] = self._raw[axis] = self.columns[POSITION][axis]
 
     def demand(self, axis: int) -> int:

@@ -1,4 +1,4 @@
-"""Frames as CANopen has them."""
+"""CANopen frame."""
 
 from __future__ import annotations
 

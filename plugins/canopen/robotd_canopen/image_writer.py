@@ -1,4 +1,4 @@
-"""The drives' values in SI, array by array."""
+"""Process image of all axes, in SI units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robotd_canopen.feedback import TORQUE, VELOCITY, Feedback
 
 
 def fill_image(image: ProcessImage, axes: Sequence[Axis], feedback: Feedback) -> None:
-    """Cycle: measured values of axes that answer, and the state of all; not ``fresh_ns``."""
+    """Control loop: measured values of axes that answer, and the state of all; not ``fresh_ns``."""
     feedback.unwrap()
     for axis in axes:
         axis.observe(image)

@@ -1,4 +1,4 @@
-"""The I/O driver over the modules' image."""
+"""I/O driver over the image of the modules."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from robotd_canopen.master import Master
 
 
 class CanopenIo(IoDriver):
-    """Bytes of CiA 401 modules; where no module serves a byte, a write is refused."""
+    """Bytes of CiA 401 modules; a write to a byte without a module is rejected."""
 
     def __init__(self, master: Master) -> None:
         self._master, self._image = master, master.io

@@ -1,4 +1,4 @@
-"""The digital I/O of all CiA 401 modules, as one image."""
+"""Digital I/O of all CiA 401 modules, as one image."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _INPUTS, _OUTPUTS = 0x6000, 0x6200
 
 
 class IoImage:
-    """Inputs as the modules sent them last, outputs as they were written last. Any thread."""
+    """Inputs received last, and outputs written last. Any thread."""
 
     def __init__(self, bus: Bus, modules: Sequence[IoLayout]) -> None:
         self._bus, self._modules = bus, modules
@@ -28,7 +28,7 @@ class IoImage:
                 bus.subscribe(pdo.cob_id, self._handler(module))
 
     def start(self, started: Sequence[int], nodes: Mapping[int, Node]) -> None:
-        """Take over what the modules have now: an output is not switched by a start."""
+        """Read the present inputs and outputs: starting switches no output."""
         for module in self._modules:
             options = module.options
             if options.node not in started:
@@ -40,13 +40,13 @@ class IoImage:
                 self.outputs[options.output_byte + sub - 1] = sdo.read(_OUTPUTS, sub) & 0xFF
 
     def write(self, byte: int, data: bytes) -> list[int]:
-        """Whole bytes; returns the nodes that could not be told."""
+        """Whole bytes; returns the nodes to which sending failed."""
         with self._lock:
             self.outputs[byte : byte + len(data)] = data
             return self._send(byte, len(data))
 
     def write_bit(self, byte: int, bit: int, *, value: bool) -> list[int]:
-        """One bit, its neighbours untouched; returns the nodes that could not be told."""
+        """One bit, its neighbours untouched; returns the nodes to which sending failed."""
         with self._lock:
             self.outputs[byte] = self.outputs[byte] & ~(1 << bit) | (int(value) << bit)
             return self._send(byte, 1)

@@ -1,6 +1,6 @@
-"""The descriptor section put together with EDS files: what the network shall look like.
+"""Layout of the network, from the descriptor section and the EDS files.
 
-``plan_network`` finds everything that can be known wrong without a bus.
+``plan_network`` finds every error that can be found without a bus.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The master: bus, nodes and axes of one network, and what the cycle does with them."""
+"""CANopen master: bus, nodes and axes of one network, and their cyclic exchange."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from robotd_canopen.supervision import Supervision
 from robotd_canopen.sync_producer import SyncProducer
 
 _DRIVE, _IO = 402, 401
-_LONGEST_PERIODS = 2  # what counts of a period that took longer
+_LONGEST_PERIODS = 2  # periods that one longer period counts for at most
 
 
 class Master:
-    """Everything that the four drivers share."""
+    """State shared by the four drivers."""
 
     def __init__(self, robot: RobotDescriptor, layout: NetworkLayout, clock: Clock) -> None:
         self.layout, self.clock = layout, clock
@@ -68,7 +68,7 @@ class Master:
         return ConnectionState.UNKNOWN if lost else self._state
 
     def open(self) -> None:
-        """Open the bus, and let every node say who it is. Raises ConnectError."""
+        """Open the bus and identify every node. Raises ConnectError."""
         self.bus.open()
         try:
             self._bring_up.identify(self.nodes.values())
@@ -96,12 +96,12 @@ class Master:
         self._state = ConnectionState.COMMUNICATING
 
     def end(self) -> None:
-        """Communication has been stopped: nothing is asked of the nodes any more."""
+        """End the supervision of the nodes: communication has been stopped."""
         self._state = ConnectionState.RUNNING
         self._leave_all()
 
     def read(self, image: ProcessImage) -> None:
-        """Cycle: SYNC, then the watch over the drives, then what they said.
+        """Control loop: send SYNC, supervise the nodes, fill the image.
 
         A lost node is no error here: its axes are offline in ``image``, with the reason.
         """
@@ -124,7 +124,7 @@ class Master:
             self._transmit()
 
     def stream(self, position: Sequence[float], velocity: Sequence[float]) -> None:
-        """Cycle: setpoints for the axes that follow."""
+        """Control loop: send setpoints to the axes that stream."""
         self._stream_ns = self.clock.now_ns()
         for axis in self.axes:
             if axis.streaming:
@@ -132,20 +132,20 @@ class Master:
         self._transmit()
 
     def begin_stream(self) -> None:
-        """The time-out of the stream starts now."""
+        """Start the time-out of the stream."""
         self._stream_ns = self.clock.now_ns()
 
     def settle(self) -> None:
-        """Worker: wait until the image shows what has just been changed.
+        """Worker: wait until the image shows the latest change.
 
-        Returns early where nobody runs the cycle.
+        Returns after 10 SYNC periods where no control loop runs.
         """
         seen = self._cycles
         period_s = self.layout.sync_period_s
         wait_until(lambda: self._cycles > seen + 1, 10 * period_s, self.clock, period_s / 4)
 
     def _transmit(self) -> None:
-        """RPDOs once for each SYNC, in the last cycle before it."""
+        """Send the RPDOs once per SYNC, in the last control period before it."""
         last = (self._cycles + 1) % self.layout.cycles_per_sync == 0
         if self._transmitted or not last:
             return
@@ -155,15 +155,16 @@ class Master:
                 axis.transmit(self.bus, self.layout.sync_period_s, self.sync.periods)
 
     def _date(self, image: ProcessImage) -> None:
-        """The image is of the SYNC that all have answered. While one is late it gets no new date:
-        commands, and the values of the others, would belong to another one.
+        """Set the time of the image to the latest SYNC that all drives have answered.
+
+        While one drive is late the time stays: the values of the others would be of another SYNC.
         """
         behind = self.feedback.behind(image.offline)
         if self.sync.count > behind < 2:
             image.fresh_ns = self.sync.before_ns if behind else self.sync.time_ns
 
     def _watch(self, now_ns: int) -> None:
-        # A pause of this computer is no silence of the nodes: what they sent waits to be read.
+        # After a pause of this computer the frames of the nodes are still waiting to be read.
         elapsed_ns = min(now_ns - self._read_ns, _LONGEST_PERIODS * self._period_ns)
         self._read_ns = now_ns
         self.supervision.watch(elapsed_ns)
@@ -195,7 +196,7 @@ class Master:
     def _add_node(
         self, options: NodeOptions, what: str, profile: int, dictionary: ObjectDictionary
     ) -> Node:
-        """The node of an axis or a module; the axes of one drive share it."""
+        """Return the node of an axis or module; axes of one drive share it."""
         known = self.nodes.get(options.node)
         if known is not None:
             known.share(options)

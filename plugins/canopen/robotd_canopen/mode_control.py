@@ -36,7 +36,7 @@ class ModeControl:
 
     @property
     def is_ours(self) -> bool:
-        """Each SYNC carries a setpoint; the drive makes no ramp of its own."""
+        """True in the cyclic modes: the drive makes no ramp of its own."""
         return self.requested in CYCLIC or self.requested is OperationMode.CYCLIC_VELOCITY
 
     @property

@@ -1,4 +1,4 @@
-"""Modes of operation (object 0x6060) and how a drive says which it has (0x6502)."""
+"""Modes of operation (object 0x6060) and supported modes (0x6502)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class OperationMode(IntEnum):
 
     @property
     def support_bit(self) -> int:
-        """Bit of object 0x6502; bit n - 1 stands for mode n (CiA 402-2, 0x6502)."""
+        """Bit of object 0x6502; bit n - 1 is mode n (CiA 402-2, 0x6502)."""
         return 1 << (self.value - 1)
 
 
@@ -38,14 +38,14 @@ VELOCITY = frozenset(VELOCITY_MODES.values())
 
 
 def rest_mode(options: AxisOptions, command: CommandMode) -> OperationMode:
-    """The mode in which an axis without a command is kept."""
+    """Return the mode of an axis without a command."""
     if command is CommandMode.VELOCITY:
         return VELOCITY_MODES[options.velocity_mode]
     return STREAM_MODES[options.stream_mode]
 
 
 def needed_modes(options: AxisOptions) -> dict[OperationMode, str]:
-    """Modes that the drive must have, and what for."""
+    """Return the modes that the drive must support, with the option that needs each."""
     return {
         STREAM_MODES[options.stream_mode]: "stream_mode",
         VELOCITY_MODES[options.velocity_mode]: "velocity_mode",

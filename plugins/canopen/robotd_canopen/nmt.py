@@ -12,7 +12,7 @@ class NmtState(IntEnum):
     STOPPED = 4
     OPERATIONAL = 5
     PRE_OPERATIONAL = 127
-    UNKNOWN = 255  # never reported: nothing has been heard
+    UNKNOWN = 255  # never sent: no heartbeat has been received
 
 
 class NmtCommand(IntEnum):

@@ -1,4 +1,4 @@
-"""One node as the master sees it: heartbeat, emergencies, and the steps that bring it up."""
+"""One node, seen from the master: heartbeat, emergencies and bring-up."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from robotd_canopen.sdo import Sdo, SdoAbort
 
 _IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 _EMCY, _HEARTBEAT = 0x080, 0x700
-_START_S = 2.0  # for the first heartbeat that says OPERATIONAL
-_TWICE = "more answers than questions: two nodes have this id"
+_START_S = 2.0  # for the first heartbeat in state OPERATIONAL
+_DUPLICATE_ID = "duplicate node id: received more SDO responses than requests"
 _UNKNOWN_OBJECT = 0x06020000
 RESET = "it was reset and has lost its configuration; start communication again"
 """Cause of the loss of a node that has booted by itself."""
@@ -29,13 +29,13 @@ class Node:
     """A drive or an I/O module.
 
     Attributes:
-        name: for people, ``joint2 (node 2)``.
-        online: brought up, and nothing has been missed since.
-        fault: why it is not online, without its name; "" while it is or before it was asked.
+        name: for messages, ``joint2 (node 2)``.
+        online: brought up, and not lost since.
+        fault: why it is not online, without its name; "" while online and before bring-up.
         state: NMT state of its last heartbeat.
         configured: it has been brought up and has not been reset since.
         startup: objects and values that are written while it starts.
-        identity: what it answered: vendor, product, revision, serial; empty: not asked.
+        identity: vendor, product, revision, serial; empty before they are read.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Node:
         self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
         self._has_booted = False
         self._bus, self._clock, self._common = bus, clock, common
-        self._wanted = options.identity
+        self._expected = options.identity
         self._profile = profile
         self._emergencies = emergencies
         path = f"{bus.name} → {name}"
@@ -71,7 +71,7 @@ class Node:
 
     @property
     def complaint(self) -> str:
-        """What to tell somebody who wants it online."""
+        """Error text for a command that needs the node online."""
         return f"{self.name}: {self.fault or 'offline'}"
 
     def share(self, options: NodeOptions) -> None:
@@ -81,7 +81,7 @@ class Node:
     def identify(self) -> None:
         """Profile and identity. Raises OperationError or DeviceTimeout naming step and object."""
         self.command(NmtCommand.PRE_OPERATIONAL)  # a stopped node answers no SDO
-        with _step("identity"), self._alone_with_its_id():
+        with _step("identity"), self._require_unique_id():
             profile = self.sdo.read(0x1000) & 0xFFFF
             if profile != self._profile:
                 raise OperationError(
@@ -89,11 +89,11 @@ class Node:
                 )
             self.identity = tuple(self._identity_part(sub) for sub in range(1, 5))
         for sub, key in enumerate(_IDENTITY):
-            wanted, have = getattr(self._wanted, key), self.identity[sub]
-            if wanted is not None and wanted != have:
+            expected, actual = getattr(self._expected, key), self.identity[sub]
+            if expected is not None and expected != actual:
                 raise OperationError(
-                    f"identity: 0x1018:{sub + 1:02X} ({key}) is 0x{have:08X},"
-                    f" expected is 0x{wanted:08X}"
+                    f"identity: 0x1018:{sub + 1:02X} ({key}) is 0x{actual:08X},"
+                    f" expected is 0x{expected:08X}"
                 )
 
     def configure(self, pdos: Sequence[Pdo]) -> None:
@@ -112,7 +112,7 @@ class Node:
                 self.sdo.write(index, sub, value)
 
     def start(self) -> None:
-        """OPERATIONAL, and wait until its heartbeat says so. Raises OperationError."""
+        """Start the node and wait for a heartbeat in state OPERATIONAL. Raises OperationError."""
         self.state, self._has_booted, self._silence_ns = NmtState.UNKNOWN, False, 0
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self._clock):
@@ -127,7 +127,7 @@ class Node:
         self._bus.send_message(0, bytes([command, self.id]))
 
     def watch_master(self, *, watch: bool) -> None:
-        """Let the node supervise our heartbeat, where it can (object 0x1016)."""
+        """Make the node supervise our heartbeat, if it can (object 0x1016)."""
         limit_ms = round(self._common.heartbeat_timeout_s * 1000) if watch else 0
         try:
             self.sdo.write(0x1016, 1, self._common.master_node << 16 | limit_ms)
@@ -136,7 +136,7 @@ class Node:
                 raise
 
     def missing(self, period_ns: int, limit_ns: int) -> str:
-        """Why the node must be given up; "" while all is well. Cycle, ``period_ns`` later."""
+        """Return why the node is lost, ``period_ns`` later; "" if it is not. Control loop."""
         self._silence_ns += period_ns
         if self._heartbeats != self._seen_heartbeats:
             self._seen_heartbeats, self._silence_ns = self._heartbeats, 0
@@ -150,31 +150,31 @@ class Node:
         return ""
 
     def emergency_text(self) -> str:
-        """The emergency in force, with a leading comma; "" when there is none."""
+        """Return the emergency in force, with a leading comma; "" without one."""
         active = self._emergencies.active.get(self.id)
         return f", {active.text}" if active is not None else ""
 
     def alarm_text(self, error_code: int) -> str:
-        """Why a drive is in alarm: its emergency, else the code of object 0x603F."""
+        """Return why a drive is in alarm: its emergency, else object 0x603F."""
         active = self._emergencies.active.get(self.id)
         return active.text if active is not None else f"error code {error_text(error_code)}"
 
     @contextmanager
-    def _alone_with_its_id(self) -> Iterator[None]:
-        """More answers than questions say that it is not, whatever else they lead to."""
-        asked, answered = self.sdo.requests, self.sdo.answers
+    def _require_unique_id(self) -> Iterator[None]:
+        """Raise OperationError for a duplicate node id: more SDO responses than requests."""
+        requests, responses = self.sdo.requests, self.sdo.responses
 
-        def answers_twice() -> bool:
-            return self.sdo.answers - answered > self.sdo.requests - asked
+        def is_duplicate() -> bool:
+            return self.sdo.responses - responses > self.sdo.requests - requests
 
         try:
             yield
         except OperationError as error:
-            if not wait_until(answers_twice, self._common.sdo_timeout_s, self._clock):
+            if not wait_until(is_duplicate, self._common.sdo_timeout_s, self._clock):
                 raise
-            raise OperationError(_TWICE) from error
-        if answers_twice():
-            raise OperationError(_TWICE)
+            raise OperationError(_DUPLICATE_ID) from error
+        if is_duplicate():
+            raise OperationError(_DUPLICATE_ID)
 
     def _identity_part(self, sub: int) -> int:
         try:
@@ -195,9 +195,9 @@ class Node:
 
 @contextmanager
 def _step(name: str) -> Iterator[None]:
-    """Errors inside begin with the step's name and keep their type and code."""
+    """Prefix errors with the name of the step; they keep type and code."""
     try:
         yield
     except RobotdError as error:
-        error.args = (f"{name}: {error}", *error.args[1:])
+        error.reason = f"{name}: {error.reason}"
         raise

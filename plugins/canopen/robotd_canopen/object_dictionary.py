@@ -1,4 +1,4 @@
-"""Object dictionaries from EDS files, read once, and the names of objects for error texts."""
+"""Object dictionaries from EDS files, and names of objects for error texts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PROFILE_AREA = range(0x6000, 0xA000)
 
 
 def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
-    """The file of a node; relative to ``folder``, the robot's own; None is the generic one."""
+    """Return the EDS file of a node, relative to ``folder``; the generic one for None."""
     if eds is None:
         return Path(str(files("robotd_canopen") / "eds" / generic))
     return folder / eds if folder is not None else eds
@@ -39,13 +39,13 @@ def read_eds(path: Path, node: int) -> ObjectDictionary:
         _check_lines(text, path)
         dictionary: ObjectDictionary = import_eds(io.StringIO(text), node)  # type: ignore[no-untyped-call]
     except (ValueError, LookupError, TypeError, OverflowError, ConfigParserError) as error:
-        what = str(error).partition("\n")[0][:MAX_SHOWN]  # a parser lists every line
+        what = str(error).partition("\n")[0][:MAX_SHOWN]  # the parser lists every line
         raise DescriptorError(f"cannot be read as an EDS: {what}", path=path) from error
     return dictionary
 
 
 def _check_lines(text: str, path: Path) -> None:
-    """Refuse a line that is none; the parser's time would grow with the square of their number."""
+    """Reject malformed lines, for which the parser needs quadratic time."""
     for number, line in enumerate(text.splitlines(), start=1):
         if not _LINE.match(line):
             what = f"neither a section nor key=value (value {line[:40]!r})"
@@ -53,7 +53,7 @@ def _check_lines(text: str, path: Path) -> None:
 
 
 def empty_dictionary() -> ObjectDictionary:
-    """Of a node of which nothing is known."""
+    """Return a dictionary without objects, for a node without an EDS file."""
     return ObjectDictionary()  # type: ignore[no-untyped-call]
 
 

@@ -1,4 +1,4 @@
-"""What a robot descriptor may say under ``backends.canopen``; every key ends in its unit.
+"""Model of the descriptor section ``backends.canopen``; every key ends in its unit.
 
 The descriptions below are the reference. Node ids, object numbers and COB-IDs may be written
 in hexadecimal.
@@ -28,7 +28,7 @@ class Section(BaseModel):
 
 
 class BusOptions(Section):
-    """The CAN bus, as python-can knows it."""
+    """CAN bus, in the terms of python-can."""
 
     interface: str = Field("socketcan", description="Interface of python-can.")
     channel: str | int = Field("can0", description="Channel of that interface.")
@@ -37,14 +37,14 @@ class BusOptions(Section):
 
 
 class StreamMode(StrEnum):
-    """How a drive follows a trajectory."""
+    """Mode of operation for trajectories."""
 
     CSP = "csp"  # cyclic synchronous position
     IP = "ip"  # interpolated position, for drives that have only that
 
 
 class VelocityMode(StrEnum):
-    """How a drive follows a velocity command."""
+    """Mode of operation for velocity commands."""
 
     PV = "pv"  # profile velocity: the drive makes the ramps
     CSV = "csv"  # cyclic synchronous velocity: the ramps are sent with each SYNC
@@ -73,7 +73,7 @@ class SdoWrite(Section):
 
 
 class Identity(Section):
-    """What object 0x1018 must say; null is not compared."""
+    """Expected object 0x1018; null is not compared."""
 
     vendor_id: int | None = None
     product_code: int | None = None
@@ -82,7 +82,7 @@ class Identity(Section):
 
 
 class NodeOptions(Section):
-    """What drives and I/O modules have in common."""
+    """Options common to drives and I/O modules."""
 
     node: NodeId = Field(description="Node id.")
     eds: Path | None = Field(None, description="EDS file, relative to the robot's; null: generic.")
@@ -140,7 +140,7 @@ class AxisOptions(NodeOptions):
 
 
 class IoOptions(NodeOptions):
-    """One I/O module, and which bytes of the robot's I/O image it serves."""
+    """One I/O module, and the bytes of the robot's I/O image that it serves."""
 
     input_byte: int = Field(0, ge=0, lt=8000, description="First byte of the input image.")
     input_length: int = Field(0, ge=0, le=8, description="Bytes of inputs (object 0x6000).")
@@ -212,6 +212,6 @@ def _twice(values: Any) -> list[Any]:
 
 
 def parse_object(name: str) -> tuple[int, int]:
-    """``0x60C1:1`` → (0x60C1, 1); without a subindex it is 0."""
+    """Parse ``0x60C1:1`` to (0x60C1, 1); without a subindex it is 0."""
     index, _, sub = name.partition(":")
     return int(index, 16), int(sub or 0)

@@ -15,21 +15,21 @@ _MAX_NAMED = 3  # nodes whose causes a text lists; more at once have a common ca
 
 
 class Return(Enum):
-    """How a lost node came back."""
+    """Kind of return of a lost node; the value is the log line."""
 
     RESUMED = "nodes are back with their configuration"
     RESET = "nodes were reset and answer again; start communication to configure them"
 
 
 def causes(nodes: Iterable[Node]) -> str:
-    """The nodes with the cause of each, the first three in full."""
+    """Format nodes with the cause of each, the first three in full."""
     texts = [f"{node.name}: {node.fault}" for node in nodes]
     more = [f"and {len(texts) - _MAX_NAMED} more nodes"] if len(texts) > _MAX_NAMED else []
     return "; ".join(texts[:_MAX_NAMED] + more)
 
 
 class OutageLog:
-    """Reports nodes that are lost and that come back, many in one line. Cycle thread."""
+    """Reports nodes that are lost and that come back, many in one line. Control loop."""
 
     def __init__(self) -> None:
         self._returned: dict[Return, dict[int, Node]] = {how: {} for how in Return}

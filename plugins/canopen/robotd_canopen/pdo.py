@@ -1,4 +1,4 @@
-"""PDOs: the default ones, their layout by the dictionary, and how a node is told of them."""
+"""PDOs: defaults, layout by the object dictionary, and configuration of a node."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def configure(sdo: Sdo, pdo: Pdo) -> None:
 
 
 def disable_others(sdo: Sdo, used: tuple[Pdo, ...]) -> None:
-    """Make the predefined PDOs that are not ``used`` invalid: nobody reads them."""
+    """Make the predefined PDOs that are not ``used`` invalid."""
     taken = {pdo.parameter for pdo in used}
     for direction in Direction:
         for parameter in range(direction, direction + 4):
@@ -183,10 +183,10 @@ def _rtr(pdo: Pdo) -> int:
 
 
 def _verify(sdo: Sdo, pdo: Pdo, mapping: int) -> None:
-    wanted = [len(pdo.entries), *(entry.mapping for entry in pdo.entries)]
-    have = [sdo.read(mapping, sub) for sub in range(len(wanted))]
-    if have != wanted:
+    expected = [len(pdo.entries), *(entry.mapping for entry in pdo.entries)]
+    actual = [sdo.read(mapping, sub) for sub in range(len(expected))]
+    if actual != expected:
         raise OperationError(
-            f"{pdo.name}: the node maps {[hex(value) for value in have]}, asked for was"
-            f" {[hex(value) for value in wanted]}"
+            f"{pdo.name}: the node maps {[hex(value) for value in actual]}, requested were"
+            f" {[hex(value) for value in expected]}"
         )

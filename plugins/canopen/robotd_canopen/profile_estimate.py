@@ -1,4 +1,4 @@
-"""Estimated command of a profile that the drive runs by itself, between two of its reports.
+"""Estimated command of a profile that the drive runs by itself.
 
 A drive that makes the ramps itself reports its demand rarely and without a velocity. The
 profile is the trapezoid of CiA 402 (object 0x6086 = 0) with the ramps that it was given, so it
@@ -13,7 +13,7 @@ from robotd.api import Profile, Segment, profile_to_position, profile_to_rest, p
 
 
 class ProfileEstimate:
-    """Profile of one axis, in rad or m. Advanced by the control loop, replaced by workers.
+    """Profile of one axis (rad or m); advanced by the control loop, set by workers.
 
     Args:
         max_deceleration: with which a drive brakes that is too fast to stop at its target.
@@ -34,11 +34,11 @@ class ProfileEstimate:
         self._segments, self.position, self.velocity = (), position, 0.0
 
     def plan(self, target: float, profile: Profile) -> None:
-        """Worker: a move to ``target`` that begins when the drive is asked for it."""
+        """Worker: a move to ``target`` that begins when it is handed over to the drive."""
         self._planned = target, profile
 
     def begin_planned(self) -> None:
-        """Control loop: the drive has been asked for the planned move."""
+        """Control loop: begin the planned move, with the frame that hands it over."""
         if self._planned is not None:
             state = self.position, self.velocity
             self._begin(profile_to_position(*state, *self._planned, self._max_deceleration))

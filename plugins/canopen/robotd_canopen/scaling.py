@@ -1,4 +1,4 @@
-"""Between SI and the units of one drive; the only place that knows counts."""
+"""Conversion between SI units and the units of one drive."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robotd_canopen.options import AxisOptions
 
 SPAN = 1 << 32
 _HALF = SPAN >> 1
-_UNLIMITED = 100.0  # rad/s or m/s that no axis exceeds of which the robot does not say a limit
+_UNLIMITED = 100.0  # rad/s or m/s, for an axis without a velocity limit in the descriptor
 
 
 class Scaling:
@@ -60,5 +60,5 @@ class Scaling:
 
 
 def wrapped(counts: int) -> int:
-    """As 32 signed bits hold it: an endless axis runs over."""
+    """Wrap counts to 32 signed bits: an endless axis runs over."""
     return (counts + _HALF) % SPAN - _HALF

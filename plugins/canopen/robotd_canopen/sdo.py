@@ -1,6 +1,6 @@
-"""SDO access to one node, with texts that name node, object and abort code.
+"""SDO client of one node; errors name node, object and abort code.
 
-A call is tried again when no answer came; a whole transfer is repeated, never a part of it.
+A transfer without a response is repeated as a whole, never in parts.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _REQUEST, _RESPONSE = 0x600, 0x580
 
 
 class SdoAbort(OperationError):
-    """The node refused; ``code`` is the abort code of CiA 301."""
+    """Abort by the node; ``code`` is the abort code of CiA 301."""
 
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
@@ -33,12 +33,12 @@ class Sdo:
     """SDO client of one node. Any worker thread; transfers of one node follow each other.
 
     Attributes:
-        requests, answers: transfers that were tried, and frames that came back.
+        requests, responses: transfers that were tried, and response frames received.
 
     Args:
         path: the node's name in error texts, ``can0 → joint2 (node 3)``.
         timeout_s: for each answer.
-        tries: transfers that are tried before the node is said not to answer.
+        tries: transfers that are tried before DeviceTimeout is raised.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Sdo:
         tries: int = 3,
     ) -> None:
         self.dictionary = dictionary
-        self.requests = self.answers = 0
+        self.requests = self.responses = 0
         self._path = path
         self._tries = tries
         self._timeout_s = timeout_s
@@ -71,13 +71,13 @@ class Sdo:
         self._transfer("writing", index, sub, data)
 
     def read(self, index: int, sub: int = 0) -> int:
-        """An integer, signed where the dictionary says so."""
+        """Read an integer, signed if its type in the dictionary is."""
         found = variable(self.dictionary, index, sub)
         signed = found is not None and found.data_type in SIGNED_TYPES
         return int.from_bytes(self.upload(index, sub), "little", signed=signed)
 
     def write(self, index: int, sub: int, value: int) -> None:
-        """An integer of the size that the dictionary says (4 bytes for an unknown object)."""
+        """Write an integer of its size in the dictionary (4 bytes for an unknown object)."""
         found = variable(self.dictionary, index, sub)
         size = len(found) // 8 if found is not None else 4
         limit = 1 << 8 * size
@@ -105,7 +105,7 @@ class Sdo:
                 except (SdoCommunicationError, struct.error, can.CanError) as error:
                     reason = str(error)
                 except Exception as error:
-                    # The library trusts what it parses; a corrupt answer may raise anything.
+                    # The library does not validate responses: a corrupt one may raise anything.
                     raise OperationError(f"{where}: corrupt answer: {error}") from error
                 else:
                     return b""
@@ -118,5 +118,5 @@ class Sdo:
     def _on_response(self, data: bytearray) -> None:
         if len(data) != 8:
             raise ValueError(f"an SDO answer has 8 bytes, this one {len(data)}")
-        self.answers += 1
+        self.responses += 1
         self._client.on_response(0, data, 0.0)  # type: ignore[no-untyped-call]

@@ -13,7 +13,7 @@ _IMMEDIATELY = int(Control.CHANGE_IMMEDIATELY)
 
 
 class Phase(Enum):
-    """Where the handshake is."""
+    """Phase of the handshake."""
 
     DONE = auto()  # nothing is under way
     ENTERING = auto()  # until the drive is in the mode and the bit was low
@@ -23,11 +23,11 @@ class Phase(Enum):
 
 
 class Handshake:
-    """One axis' handshake. ``begin`` and ``cancel`` by workers, ``advance`` by the cycle.
+    """One axis' handshake. ``begin`` and ``cancel`` by workers, ``advance`` by the control loop.
 
     Attributes:
-        phase: where it is; the set-point is in force from DONE on.
-        bits: what the controlword gets for it.
+        phase: present phase; the set-point is in force from DONE on.
+        bits: bits of the controlword.
     """
 
     def __init__(self) -> None:
@@ -37,18 +37,21 @@ class Handshake:
         self._halted = 0
 
     def begin(self, *, halted: bool) -> None:
-        """A new target stands; a halted axis stays so until the target is taken."""
+        """Begin with a new target; a halted axis remains halted until it is acknowledged."""
         self._halted = int(Control.HALT) if halted else 0
         self.bits = _IMMEDIATELY | self._halted
         self._enter(Phase.ENTERING)
 
     def cancel(self) -> None:
-        """Forget what is under way; the axis is halted."""
+        """Discard the handshake in progress; the axis is halted."""
         self.bits = int(Control.HALT)
         self._enter(Phase.DONE)
 
     def advance(self, status: int, *, in_mode: bool, period_s: float) -> None:
-        """One SYNC later, with the statusword of a drive that is ``in_mode`` or is not yet."""
+        """Advance by one SYNC, with the statusword of the drive.
+
+        ``in_mode``: the drive displays profile position mode.
+        """
         if self.phase in (Phase.DONE, Phase.FAILED):
             return
         self._syncs += 1

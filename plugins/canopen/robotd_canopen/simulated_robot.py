@@ -1,4 +1,4 @@
-"""A simulated network of a robot's own: the nodes that its descriptor section describes."""
+"""Simulated network with the nodes of a descriptor section."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RATED_NM = 100.0  # where the descriptor has no rated torque
 
 
 def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> SimulatedNetwork:
-    """All drives and modules of the section on a bus of their own, not started yet."""
+    """Make the nodes of the section on a bus of their own, not started."""
     folder = robot.path.parent if robot.path is not None else None
     machine = Motors([0.0] * len(options.axes), time.monotonic_ns())
     rated = {joint.axis: joint.rated_torque_nm for joint in robot.joints}
@@ -47,7 +47,7 @@ def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> Simula
         bitrate=options.bus.bitrate,
         **options.bus.options,
     )
-    priority = max(0, robot.cycle.realtime_priority - 2)  # below those that talk to it
+    priority = max(0, robot.cycle.realtime_priority - 2)  # below the threads that use it
     return SimulatedNetwork(bus, nodes, machine, realtime_priority=priority)
 
 
@@ -64,7 +64,7 @@ def _model(motor: int, axis: AxisOptions, rated_torque_nm: float | None) -> Driv
 
 
 def _switches(axis: AxisOptions) -> Switches:
-    """From the way the joint counts to the way the drive does."""
+    """Convert the switches from the direction of the joint to that of the drive."""
     given = axis.simulated_switches
     ends = given.negative_limit_rad, given.positive_limit_rad
     if axis.polarity > 0:
@@ -73,6 +73,6 @@ def _switches(axis: AxisOptions) -> Switches:
     return Switches(low, high, home, given.home_width_rad)
 
 
-def _identity(wanted: Identity) -> dict[int, int]:
-    parts = (wanted.vendor_id, wanted.product_code, wanted.revision, wanted.serial)
+def _identity(identity: Identity) -> dict[int, int]:
+    parts = (identity.vendor_id, identity.product_code, identity.revision, identity.serial)
     return {sub: value for sub, value in enumerate(parts, 1) if value is not None}

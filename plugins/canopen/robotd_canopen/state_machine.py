@@ -1,4 +1,4 @@
-"""The state machine of a CiA 402 drive: states, words, and the one table that leads on.
+"""State machine of a CiA 402 drive: states, statusword, controlword, transitions.
 
 Masks and values are those of CiA 402-2, tables 27 to 30.
 """
@@ -9,7 +9,7 @@ from enum import Enum, IntFlag
 
 
 class DriveState(Enum):
-    """What a statusword says."""
+    """State in a statusword."""
 
     NOT_READY_TO_SWITCH_ON = "not ready to switch on"
     SWITCH_ON_DISABLED = "switch on disabled"
@@ -81,12 +81,12 @@ TOWARDS_ENABLED: dict[DriveState, Control] = {
     DriveState.OPERATION_ENABLED: Control.ENABLE_OPERATION,
     DriveState.QUICK_STOP_ACTIVE: Control.ENABLE_OPERATION,  # 16
 }
-"""State → controlword that leads to OPERATION_ENABLED; a state that is missing only waits."""
+"""State → controlword that leads to OPERATION_ENABLED; other states need no command."""
 
 POWERED = frozenset({DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE})
 FAULTY = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
 
 
 def drive_state(statusword: int) -> DriveState:
-    """The state in a statusword."""
+    """Return the state in a statusword."""
     return _DECODED[statusword & 0x7F]

@@ -1,4 +1,4 @@
-"""The watch over nodes and bus: who is lost and why, and who is taken back."""
+"""Supervision of nodes and bus: loss with its cause, and return."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _KEPT = 100  # latest losses
 
 
 class Supervision:
-    """Stops all axes when a node or the bus is lost. Cycle thread, where nothing else is said.
+    """Stops all axes when a node or the bus is lost. Control loop, unless noted.
 
     Attributes:
-        lost: nodes that were online and are not any more, by id.
+        lost: lost nodes by id.
         faults: the latest losses, newest last, as text that names node and cause.
     """
 
@@ -47,13 +47,13 @@ class Supervision:
         return [node for node in list(self.lost.values()) if node.id not in self._reset]
 
     def begin(self) -> None:
-        """Worker: communication has been started (again); nothing is lost."""
+        """Worker: start with no node lost; communication has been started."""
         self.lost.clear()
         self._reset.clear()
         self._outage.clear()
 
     def fault(self) -> str:
-        """Why values are missing: the bus, or the lost nodes with their causes; "" if neither.
+        """Return the bus fault, or the lost nodes with their causes; "" without one.
 
         Any thread.
         """
@@ -62,7 +62,7 @@ class Supervision:
         return causes(list(self.lost.values()))
 
     def watch(self, period_ns: int) -> None:
-        """One period, ``period_ns`` after the one before, however long the computer paused."""
+        """Supervise one control period, ``period_ns`` after the previous one."""
         lost = self._lose_silent(period_ns)
         if lost:
             self._outage.lost(lost)
@@ -77,11 +77,11 @@ class Supervision:
 
     def fail(self, reason: str) -> None:
         """Stop all axes for something that is not the loss of a node."""
-        log.error("motion is stopped", reason=reason)
+        log.error("motion stopped", reason=reason)
         self.stop(reason)
 
     def _lose_silent(self, period_ns: int) -> list[Node]:
-        """Give up the nodes that are missing now, take back those that answer; the former."""
+        """Update which nodes are lost; return those that are lost since this period."""
         nodes, bus_fault = self._nodes.values(), self._bus.fault
         if bus_fault is not None:
             return [node for node in nodes if self._lose(node, bus_fault)]
@@ -101,7 +101,7 @@ class Supervision:
         return lost
 
     def _lose(self, node: Node, cause: str) -> bool:
-        """Give up ``node`` and stop all axes; False for a node that is not online."""
+        """Mark ``node`` as lost and stop all axes; False if it is not online."""
         if not node.online:
             return False
         node.online = False
@@ -114,18 +114,18 @@ class Supervision:
         return True
 
     def _wait_for_configuration(self, node: Node) -> None:
-        """A lost node that has booted since: a worker must configure it."""
+        """Mark a lost node that has booted since: a worker must configure it."""
         self._reset.add(node.id)
         node.fault = RESET
         self._outage.came_back(node, Return.RESET)
 
     def _take_back(self, node: Node) -> None:
-        """A node that was silent and has kept its configuration; its axes stay where they are."""
+        """Take back a node that has kept its configuration; its axes stay at rest."""
         axes = [axis for axis in self._axes if axis.node is node]
         if any(self._feedback.overdue(axis.number) for axis in axes):
             return
         for axis in axes:
             axis.resume()
         node.online, node.fault = True, ""
-        self.lost.pop(node.id, None)  # unless a worker has begun anew meanwhile
+        self.lost.pop(node.id, None)  # unless a worker has restarted communication meanwhile
         self._outage.came_back(node, Return.RESUMED)

@@ -1,4 +1,4 @@
-"""SYNC and the master's heartbeat: sent by the cycle, and the time that goes with them."""
+"""Producer of SYNC and of the master's heartbeat, with the nominal time of each SYNC."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ _SYNC, _HEARTBEAT = 0x080, 0x700
 
 
 class SyncProducer:
-    """Sends SYNC and, every so often, the master's heartbeat. Cycle thread.
+    """Sends SYNC and, when it is due, the master's heartbeat. Control loop.
 
-    Drives lock their clocks to SYNC, so what they report belongs to the even grid of the SYNCs,
-    not to the moments at which a busy computer sent them.
+    Drives lock their clocks to SYNC, so their reports belong to the nominal times of the SYNCs,
+    not to the jittered times at which this computer sent them.
 
     Attributes:
         count: SYNCs sent.
-        time_ns, before_ns: times of the last SYNC and of the one before, on the grid, monotonic; 0
+        time_ns, before_ns: nominal times of the last SYNC and of the one before, monotonic; 0
             without one.
-        periods: whole periods from the SYNC before to the last one: above 1 some were left out, 0
-            if it came close behind one that was late.
+        periods: whole periods from the SYNC before to the last one: above 1 if some were skipped, 0
+            for one close behind a late one.
         jitter_ns: largest deviation of the distance of two SYNCs from the period.
     """
 
@@ -41,11 +41,11 @@ class SyncProducer:
         return self._timing.time_ns
 
     def begin(self) -> None:
-        """Worker: communication starts; the pause before is no jitter."""
+        """Worker: communication starts; do not count the pause before as jitter."""
         self._sent_ns = 0
 
     def send(self, now_ns: int) -> None:
-        """A SYNC now, and the heartbeat if it is due."""
+        """Send SYNC, and the heartbeat if it is due."""
         self._bus.send(self._sync_frame)
         self._note(now_ns)
         if now_ns >= self._heartbeat_due_ns:

@@ -53,7 +53,7 @@ class _Path(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """How one axis responds: its new position from c₀, y₀ and c₁, and what is measured of it."""
+    """Response of one axis: weights of c₀, y₀ and c₁, and constants of its measurement."""
 
     of_before: float = 0.0
     of_position: float = 0.0
@@ -95,7 +95,7 @@ class Servo:
         self._closed, self._free = [False] * axes, np.ones(axes, bool)
 
     def run(self, tick: int, stop: int, check: Callable[[], bool] | None) -> tuple[int, bool]:
-        """Step from ``tick`` to ``stop``, or to the first tick at which ``check`` says True."""
+        """Step from ``tick`` to ``stop``, or to the first tick at which ``check`` is True."""
         if check is None:
             self._live(tick, stop)
             return stop, False
@@ -106,7 +106,7 @@ class Servo:
         return stop, False
 
     def rest(self) -> None:
-        """All axes stand: let the last remainders of motion vanish."""
+        """Clear the remainders of motion: all axes are at rest."""
         if self._rests:
             return
         self._rests = True
@@ -142,7 +142,7 @@ class Servo:
         self.close_loop(axis, closed=self._closed[axis])
 
     def lead(self, axis: int, velocity: float) -> float:
-        """How far a steady command of ``velocity`` runs ahead of the closed loop."""
+        """Return the distance by which a steady command of ``velocity`` leads the response."""
         return (1 - float(self._mechanics.feedforward[axis])) * velocity / float(self._gain[axis])
 
     def place(self, axis: int, position: float, command: float, velocity: float) -> None:

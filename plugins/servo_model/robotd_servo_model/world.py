@@ -1,7 +1,7 @@
-"""Simulated time: a fixed tick, an agenda, and one lock around everything.
+"""Discrete time of a simulation: a fixed tick, an agenda, and one lock.
 
-There is no thread. Whoever looks or commands first calls ``advance``, which lives through the
-ticks that have become due. What happens depends on the ticks alone, not on who looked when.
+There is no thread. Each reader and each command first calls ``advance``, which runs the ticks that
+have become due. The result depends on the ticks alone, not on the times of the calls.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ Action = Callable[[], None]
 
 
 class World:
-    """The clockwork. Hold ``lock`` for every call; it is not re-entrant.
+    """Discrete-time simulation of a servo. Hold ``lock`` for every call; it is not re-entrant.
 
     Attributes:
-        tick: fieldbus cycles lived through.
-        slips: how often time was given up because nobody had looked for too long.
+        tick: fieldbus cycles run so far.
+        slips: how often time was dropped because of a too long pause between calls.
         watch: called after each tick while set; True calls ``on_watch`` at that tick.
         lapse: when more time passes than to this tick, ``on_lapse`` is called before. Cheaper
-            than an entry in the agenda for what is nearly always put off in time.
+            than an entry in the agenda for a time-out that is nearly always postponed.
     """
 
     def __init__(self, clock: Clock, servo: Servo, max_catch_up_s: float) -> None:
@@ -67,18 +67,18 @@ class World:
         self._rest = min(FOREVER, max(*self._busy, self._stirred) + self.servo.settle_ticks)
 
     def stir(self) -> None:
-        """An axis was disturbed: live through the ticks until it has come to rest again."""
+        """Run the ticks until a disturbed axis has come to rest again."""
         self._stirred = self.tick
         self._rest = max(self._rest, self.tick + self.servo.settle_ticks)
 
     def moves(self, axis: int) -> bool:
-        """The command of ``axis`` is under way."""
+        """Return True while the command of ``axis`` moves."""
         return self.tick < self._busy[axis]
 
     def advance(self) -> None:
-        """Live up to the present.
+        """Run the ticks up to the present.
 
-        Standing axes cost nothing. When something has been moving for longer than the bound
+        Axes at rest cost nothing. When something has been moving for longer than the bound
         on catching up, the rest of that time is dropped, as if the engine had been suspended.
         """
         due = (self.clock.now_ns() - self._start_ns) // self._tick_ns

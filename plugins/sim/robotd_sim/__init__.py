@@ -1,6 +1,6 @@
 """Simulation backend: a servo engine with dynamics, I/O and a fieldbus, in simulated hardware.
 
-The hooks are here; ``simulation.py`` shows how the parts belong together.
+The hooks are here; ``simulation.py`` connects the parts.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def robotd_backend() -> BackendInfo:
 
 @hookimpl
 def robotd_open_device(context: DeviceContext[SimOptions]) -> DeviceDriver:
-    """A robot of its own, at rest where its options put it."""
+    """Make a robot at rest, at the initial position of its options."""
     return SimDevice(Simulation(context.robot, context.options, context.clock))
 
 
@@ -76,5 +76,5 @@ def robotd_fieldbus(device: SimDevice) -> FieldbusDriver:
 
 @hookimpl
 def robotd_fault_injector(device: SimDevice) -> FaultInjector:
-    """Hands, plugs and sensors."""
+    """Fault injection into drives, cables and inputs."""
     return SimFaultInjector(device.simulation)

@@ -1,4 +1,4 @@
-"""What the simulated drives and slaves say of themselves, in words."""
+"""Texts of alarms and faults of the simulated drives and slaves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ALARMS = {
     0x8130: "heartbeat lost",
     0x8611: "following error",
 }
-"""Error codes of CiA 402 and their meaning, as far as arms and bases see them."""
+"""Error codes of CiA 402 and their meaning, as far as arms and bases need them."""
 
 NO_ANSWER = "does not answer: cable or power supply"
 NO_FRAMES = "no frame comes back from the fieldbus"

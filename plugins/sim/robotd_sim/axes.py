@@ -23,7 +23,7 @@ from robotd_sim.image_writer import Readout
 from robotd_sim.simulation import Simulation
 
 _OVERRIDABLE = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
-MODE_TICKS = 2  # until a drive is in the mode that it was asked for
+MODE_TICKS = 2  # until a drive is in the requested mode
 _MODE_TIMEOUT_S = 1.0
 
 

@@ -1,4 +1,4 @@
-"""What is known of each axis besides its motion."""
+"""State flags of each axis, besides its motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The connection to the simulated engine, and its states."""
+"""Device driver: connection to the simulated engine."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SimDevice(DeviceDriver):
     def open(self, path: str = "", name: str = "") -> None:
         """There is one device, whatever its path or name.
 
-        Raises ConnectError as often as the option ``fail_open`` asks for.
+        Raises ConnectError as often as the option ``fail_open`` demands.
         """
         simulation = self.simulation
         delay_ns = round(simulation.options.open_delay_s * NANOSECONDS)
@@ -38,7 +38,9 @@ class SimDevice(DeviceDriver):
                 return
             if simulation.failures_left > 0:
                 simulation.failures_left -= 1
-                reason = f"device locked, as asked for ({simulation.failures_left} more times)"
+                reason = (
+                    f"device locked by the option fail_open ({simulation.failures_left} more times)"
+                )
                 raise ConnectError("the simulated device cannot be opened", {"engine": reason})
             simulation.engine = ConnectionState.RUNNING
 

@@ -39,7 +39,7 @@ class Faults:
                 self._simulation.reset()
 
     def lose_packets(self, count: int) -> None:
-        """``count`` frames in a row are lost: no values for as many ticks, and they are counted."""
+        """Lose ``count`` frames in a row: no values for as many ticks."""
         with self._world.lock:
             self._world.advance()
             network = self._simulation.network
@@ -68,13 +68,13 @@ class Faults:
                 simulation.motion.hold(axis, position)
 
     def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
-        """One output keeps ``value`` whatever is written to it; None: it obeys again."""
+        """One output keeps ``value`` whatever is written to it; None: normal again."""
         with self._world.lock:
             self._world.advance()
             self._simulation.io.stick(byte, bit, value)
 
     def freeze(self, frozen: bool) -> None:
-        """No value arrives any more, and nothing says so; the axes go on with what they do."""
+        """Freeze the values without an error; the axes continue their motion."""
         with self._world.lock:
             self._world.advance()
             self._simulation.network.frozen = frozen
@@ -87,7 +87,7 @@ class Faults:
             inputs[byte] = inputs[byte] & ~(1 << bit) | int(value) << bit
 
     def push(self, axis: int, position: float) -> None:
-        """Somebody puts an axis elsewhere by hand. Raises NotReady while its servo is on."""
+        """Move an axis by hand. Raises NotReady while its servo is on."""
         with self._world.lock:
             self._world.advance()
             if self._simulation.states.servo_on[axis]:

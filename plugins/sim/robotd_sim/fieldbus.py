@@ -79,7 +79,7 @@ class SimFieldbus(FieldbusDriver):
 
     def _require_open(self) -> None:
         if self._simulation.engine is ConnectionState.IDLE:
-            raise NotReady("the fieldbus cannot be asked: no device is open")
+            raise NotReady("the fieldbus cannot be read: no device is open")
 
     @staticmethod
     def _check_bus(bus: int) -> None:

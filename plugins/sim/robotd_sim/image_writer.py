@@ -1,4 +1,4 @@
-"""What the process image shows of the simulation."""
+"""Process image of the simulation."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from robotd_sim.simulation import Simulation
 
 
 class SimIo(IoDriver):
-    """The images as the contract wants them: reads always answer, writes need an open device."""
+    """I/O of the simulated device: reads always work, writes need an open device."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation

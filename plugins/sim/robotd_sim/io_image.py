@@ -16,7 +16,7 @@ class IoImage:
         self._stuck: dict[tuple[int, int], bool] = {}
 
     def stick(self, byte: int, bit: int, value: bool | None) -> None:
-        """One output bit keeps ``value`` whatever is written; None: it obeys again."""
+        """One output bit keeps ``value`` whatever is written; None: normal again."""
         if value is None:
             self._stuck.pop((byte, bit), None)
         else:

@@ -18,7 +18,7 @@ from robotd_wmx_parameters import WmxParameters
 
 
 class LimitType(IntEnum):
-    """What a limit does; numbers of the parameter file."""
+    """Reaction to a limit; numbers of the parameter file."""
 
     NONE = 0
     SERVO_OFF = 1
@@ -100,7 +100,7 @@ class Guards:
         self._world.watch = self._look if armed else None
 
     def blocked(self, axis: int, direction: float) -> str | None:
-        """Why ``axis`` may not move in ``direction`` from where it is; None: it may."""
+        """Return why ``axis`` may not move in ``direction``; None: it may."""
         switch, soft = self._servo.watched[:, axis]
         if direction > 0:
             beyond, side = self._servo.watched[:, axis] > self._high[:, axis], "positive"
@@ -140,7 +140,7 @@ class Guards:
                 self._follow_up(int(axis))
 
     def _follow_up(self, axis: int) -> None:
-        """A following error is too large: stop, and say so."""
+        """Stop an axis whose following error is too large, with an alarm."""
         servo = self._servo
         error = abs(servo.command[axis] - servo.position[axis])
         limits = self._error_moving if servo.command_velocity[axis] else self._error_stopped
@@ -165,7 +165,7 @@ class Guards:
 
 
 def _types(parameters: WmxParameters, both: str, one: str, axes: int) -> FloatArray:
-    """The type of a limit on one side; ``both`` may leave it to the side's own parameter."""
+    """Return the reaction on one side; ``both`` may defer to the side's parameter."""
     common, own = parameters[both][:axes], parameters[one][:axes]
     chosen = np.where(common == LimitType.SEPARATE, own, common)
     return np.where(chosen == LimitType.SEPARATE, LimitType.NONE, chosen)

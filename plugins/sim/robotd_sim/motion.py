@@ -1,4 +1,4 @@
-"""Moves, velocity commands, stops and streams: what gives an axis its command."""
+"""Commands of the axes: moves, velocity commands, stops and streams."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Motion:
     ) -> None:
         self._world, self._servo, self._states, self._ramp = world, world.servo, states, ramp
         axes = world.servo.axes
-        self._plans = [0] * axes  # number of each axis' plan: what was scheduled for older is void
+        self._plans = [0] * axes  # number of each axis' plan; actions of older plans are void
         self._deceleration = [0.0] * axes
         self._quick = [False] * axes
         self._quick_stop_dec: FloatArray = np.ones(axes)
@@ -61,7 +61,7 @@ class Motion:
         return self._plans[axis]
 
     def is_idle(self, axis: int) -> bool:
-        """Nothing is being executed and the command stands still."""
+        """Return True if nothing is executed and the command is at rest."""
         return self._states.operation[axis] == Operation.IDLE and not self._world.moves(axis)
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
@@ -100,7 +100,7 @@ class Motion:
         self._begin(axis, profile_to_rest(*self._command(axis), deceleration), Operation.IDLE)
 
     def hold(self, axis: int, position: float) -> None:
-        """Stand at ``position`` from now on."""
+        """Hold ``position``."""
         self._begin(axis, [Segment(0.0, position, 0.0, 0.0)], Operation.IDLE)
 
     def begin_stream(self, axis: int) -> None:
@@ -149,7 +149,7 @@ class Motion:
         return self._plans[axis]
 
     def _forget_stop(self, axis: int) -> None:
-        """What stopped the axis is past; an alarm and a lost slave are not."""
+        """Clear the reason of a past stop; an alarm and a lost slave remain."""
         if self._states.connected[axis] and not self._states.amp_alarm[axis]:
             self._states.reason[axis] = ""
 

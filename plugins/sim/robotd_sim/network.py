@@ -8,7 +8,7 @@ from robotd.api import BusNode, BusState, BusStatus, RobotDescriptor
 from robotd_sim.alarms import NO_ANSWER
 from robotd_sim.options import SimOptions
 
-VENDOR_ID = 0x0000_5349  # assigned to nobody: a made-up identity must not claim a real maker
+VENDOR_ID = 0x0000_5349  # unassigned: a made-up identity must not claim a real manufacturer
 DRIVE_PRODUCT, MODULE_PRODUCT = 0x0000_0D01, 0x0000_0D10
 REVISION = 0x0001_0000
 FIRST_ADDRESS = 0x03E9  # station addresses count from 1001, as masters commonly assign them

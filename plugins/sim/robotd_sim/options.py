@@ -1,4 +1,4 @@
-"""What a robot descriptor may say under ``backends.sim``; every key ends in its unit."""
+"""Model of the descriptor section ``backends.sim``; every key ends in its unit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Ratio = Annotated[float, Field(ge=0, le=1)]
 
 
 class LimitSwitches(BaseModel):
-    """Where the limit switches of an axis close; None: there is no switch on that side."""
+    """Positions of the limit switches of an axis; None: no switch on that side."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -35,7 +35,7 @@ class HomeSwitch(BaseModel):
 
 
 class SimOptions(BackendOptions):
-    """Options of the simulation. A list holds one figure per axis, a number holds for all."""
+    """Options of the simulation; a list is per axis, a number holds for all."""
 
     tick_s: float = Field(0.001, ge=0.000_25, le=0.01, description="Fieldbus cycle.")
     seed: int = Field(0, description="Seed of the noise.")
@@ -44,7 +44,7 @@ class SimOptions(BackendOptions):
         description="Position loop: the measured position lags as behind a first-order filter.",
     )
     feedforward: Ratio | tuple[Ratio, ...] = Field(
-        0.9, description="Part of the commanded velocity that the loop knows in advance."
+        0.9, description="Part of the commanded velocity that is fed forward to the loop."
     )
     inertia_kg_m2: NotNegative | tuple[NotNegative, ...] = Field(
         0.5, description="At the joint; gives the torque of an acceleration."
@@ -56,15 +56,15 @@ class SimOptions(BackendOptions):
         2.0, description="Torque against the motion, whatever its speed."
     )
     coast_deceleration_rad_s2: Positive | tuple[Positive, ...] = Field(
-        10.0, description="How friction slows an axis whose servo went off."
+        10.0, description="Deceleration by friction of an axis whose servo went off."
     )
     torque_noise_nm: NotNegative = Field(0.0, description="Standard deviation of the torque.")
     velocity_noise_rad_s: NotNegative = Field(0.0, description="The same of the velocity.")
     initial_position_rad: Finite | tuple[Finite, ...] = Field(
-        0.0, description="Where the joints stand, as absolute encoders will read them."
+        0.0, description="Initial position of the joints, as absolute encoders read it."
     )
     encoder_counts_per_turn: int = Field(
-        2**20, ge=256, le=2**31 - 1, description="Encoder, until a parameter file says better."
+        2**20, ge=256, le=2**31 - 1, description="Encoder, unless a parameter file defines it."
     )
     stream_timeout_s: Positive = Field(
         0.25, description="Without a new setpoint for this long, streaming axes stop by themselves."
@@ -82,7 +82,7 @@ class SimOptions(BackendOptions):
     )
     hot_connect_delay_s: NotNegative = Field(0.2, description="Time to take slaves back in.")
     max_catch_up_s: Positive = Field(
-        30.0, description="Motion made up for at most, after nobody looked for long."
+        30.0, description="Longest time to catch up after a pause of all callers."
     )
 
     def per_axis(self, key: str, axes: int) -> FloatArray:

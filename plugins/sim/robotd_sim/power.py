@@ -39,7 +39,7 @@ class Power:
         self._quick_stop_dec = parameters["QuickStopDec"][:axes]
 
     def request(self, axis: int, *, on: bool) -> None:
-        """Ask for servo on or off; a few ticks later the drive obeys.
+        """Request servo on or off; the drive follows a few ticks later.
 
         Raises NotReady when the axis turns so fast that command and measured position would be
         further apart within one tick than ServoOnFollowingError allows.
@@ -84,7 +84,7 @@ class Power:
         self._states.reason[axis] = alarm_text(code)
 
     def clear(self, axis: int) -> None:
-        """Clear alarms; gone a tick later."""
+        """Clear alarms, effective a tick later."""
 
         def clear() -> None:
             self._states.amp_alarm[axis] = False
@@ -121,7 +121,7 @@ class Power:
             self._turn_on(axis)
 
     def _turn_on(self, axis: int) -> None:
-        """Close the loop where the axis is, at the speed that it has; then brake it."""
+        """Close the loop at the present position and speed; then brake."""
         servo = self._servo
         position, velocity = float(servo.position[axis]), servo.velocity(axis)
         servo.close_loop(axis, closed=True)

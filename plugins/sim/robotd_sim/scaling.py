@@ -1,4 +1,4 @@
-"""Encoder counts ↔ user units: the only file that knows gear ratios and polarity.
+"""Encoder counts ↔ user units, with gear ratios and polarity.
 
 counts = units · polarity · numerator / denominator + offset, where the offset holds the home
 position and, for an incremental encoder, where it woke up. Counts are those of a 64-bit
@@ -18,7 +18,7 @@ _RANGE = 2.0**32
 
 
 def wrap32(counts: FloatArray) -> FloatArray:
-    """What is left of ``counts`` in a signed 32-bit register."""
+    """Wrap ``counts`` to a signed 32-bit register."""
     return (counts + _RANGE / 2) % _RANGE - _RANGE / 2
 
 
@@ -34,7 +34,7 @@ class Scaling:
 
     Attributes:
         gain: signed counts per user unit.
-        origin: counts that the encoder cannot know of: where an incremental encoder woke up,
+        origin: counts that the encoder does not hold: at power-on of an incremental encoder,
             or the turns beyond the 32 bits of an absolute one. Whole numbers.
         home: counts between the encoder's zero and the home position. Whole numbers.
     """
@@ -59,7 +59,7 @@ class Scaling:
     def change(
         self, gain: FloatArray, origin: FloatArray, home: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Take a new scale while the encoders stand where they are.
+        """Take a new scale at unchanged encoder counts.
 
         Returns the factor and the summand by which every position changes its number.
         """

@@ -19,8 +19,8 @@ class Stream:
     ends in the setpoint's; for an axis in ``by_velocity``, whose position follows from even
     acceleration to the velocity, it is a parabola. When a setpoint is overdue the command
     continues with the last velocity; one that arrives with less than half a period left is
-    rejected, for the axes could reach it only by a leap. After ``timeout`` ticks ``on_timeout``
-    is called, unless the axes stand and still wait for the first setpoint.
+    rejected, for the axes could reach it only by a jump. After ``timeout`` ticks ``on_timeout``
+    is called, unless the axes are at rest and still wait for the first setpoint.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Stream:
             self._take_stock()
 
     def setpoint(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-        """One setpoint per axis, of shape (n,); entries of axes that do not follow are ignored.
+        """Take one setpoint per axis, shape (n,); ignored for axes that do not stream.
 
         Raises LateSetpoint when less than half a period is left until ``due_ns``.
         """

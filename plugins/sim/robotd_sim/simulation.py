@@ -124,7 +124,7 @@ class Simulation:
             self.require_rest(axis, "parameters cannot be loaded")
 
     def require_rest(self, axis: int, what: str) -> None:
-        """Raises NotReady unless ``axis`` executes nothing and stands."""
+        """Raise NotReady unless ``axis`` is idle and at rest."""
         if not self.motion.is_idle(axis):
             doing = Operation(int(self.states.operation[axis])).name.lower()
             doing = "coasting" if doing == "idle" else doing
@@ -143,7 +143,7 @@ class Simulation:
         self.guards.refresh()
 
     def change_scale(self, axis: int, changes: Mapping[str, float]) -> None:
-        """Change parameters of the scale of one axis, which stands and is off."""
+        """Change scale parameters of one axis, which is at rest and off."""
         self.require_rest(axis, "its scale cannot be changed")
         self.parameters = self.parameters.with_values(
             {name: {axis: value} for name, value in changes.items()}
@@ -211,7 +211,7 @@ class Simulation:
         self.servo.relabel(*self.scaling.change(gain, origin, home))
 
     def _wake_encoders(self) -> None:
-        """An absolute encoder knows 32 bits of its position, an incremental one nothing."""
+        """Read encoders at power-on: 32 bits of an absolute one, 0 of an incremental one."""
         absolute = self._absolute(self.parameters)
         counts = self.scaling.counts(self.servo.position)
         origin = np.where(absolute, counts - wrap32(counts), counts)
@@ -221,7 +221,7 @@ class Simulation:
         return parameters["AbsoluteEncoderMode"][: self.axes]
 
     def _engine_defaults(self) -> WmxParameters:
-        """The vendor's, except that a unit is a radian: that is what the robot is written in."""
+        """Return the defaults of the vendor, except that a unit is a radian."""
         axes = range(self.axes)
         counts = float(self.options.encoder_counts_per_turn)
         return default_wmx_parameters().with_values({
@@ -245,7 +245,7 @@ class Simulation:
 
 
 def _ramps(robot: RobotDescriptor) -> FloatArray:
-    """Deceleration of each axis' controlled stop, in rad/s²; NaN where the robot says nothing."""
+    """Deceleration of each axis' controlled stop, in rad/s²; NaN where the descriptor has none."""
     ramps = np.full(robot.axes, np.nan)
     for joint in robot.joints:
         ramps[joint.axis] = joint.acceleration_rad_s2

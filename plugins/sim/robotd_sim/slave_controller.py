@@ -40,7 +40,7 @@ def memory(slave: Slave, *, communicating: bool, last: bool, system_time_ns: int
         _PORTS_0_AND_1_MII, _FEATURES_DC_64_BIT)  # fmt: skip
     put(0x0010, "HH", slave.address, 0)  # station address, alias
     put(0x0110, "H", _link_status(last=last))
-    put(0x0120, "H", state)  # AL control: what the master asked for
+    put(0x0120, "H", state)  # AL control: state requested by the master
     put(0x0130, "H", state)  # AL status
     put(0x0134, "H", 0)  # AL status code
     # 0x0300 to 0x0313: receive errors, forwarded errors and lost links of the ports, all 0
@@ -54,7 +54,7 @@ def memory(slave: Slave, *, communicating: bool, last: bool, system_time_ns: int
 
 
 def _link_status(*, last: bool) -> int:
-    """DL status: ports 0 and 1 are in use, of the last slave only port 0."""
+    """Return the DL status: ports 0 and 1; only port 0 of the last slave."""
     operational, watchdog = 1 << 0, 1 << 1
     links = 1 << 4 if last else 1 << 4 | 1 << 5
     communication = 1 << 9 if last else 1 << 9 | 1 << 11

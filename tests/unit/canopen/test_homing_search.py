@@ -16,7 +16,7 @@ EDGES = {17: -1.0, 18: 1.0, 19: 0.45, 21: 0.55, 23: 0.45, 27: 0.55}
 
 
 def run(method: int, position: float) -> tuple[Phase, float]:
-    """Where a search from ``position`` ends, and how."""
+    """Run a search from ``position``; return its end."""
     search = Search(METHODS[method], FAST, CREEP)
     for _ in range(STEPS):
         search.step(SWITCHES.inputs(position))

@@ -36,7 +36,7 @@ def robot(axes: int = 2, **keys: Any) -> RobotDescriptor:
 
 @dataclass
 class Record:
-    """What a rig saw at each sample: arrays of shape (samples, axes)."""
+    """Values of each sample, arrays of shape (samples, axes)."""
 
     time_s: FloatArray
     position: FloatArray

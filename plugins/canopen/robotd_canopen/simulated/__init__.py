@@ -1,7 +1,7 @@
 """CiA 402 drives and a CiA 401 module as real nodes on a python-can bus.
 
-Nothing here knows the backend: dictionaries come from EDS files, SDO and EMCY from the
-``canopen`` library, everything else is CiA 301, 401 and 402 from the slave's side.
+Independent of the backend: dictionaries come from EDS files, SDO and EMCY from the
+``canopen`` library, everything else is written from CiA 301, 401 and 402.
 """
 
 from robotd_canopen.simulated.device_nodes import DriveNode, IoNode

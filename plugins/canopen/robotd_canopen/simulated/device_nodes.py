@@ -1,4 +1,4 @@
-"""The two kinds of simulated nodes: a servo drive and a digital I/O module."""
+"""Simulated servo drive and simulated digital I/O module."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class DriveNode(SimulatedNode):
             drive.power_on()
 
     def sync(self, period_s: float) -> None:
-        """Synchronous objects have taken effect; obey them."""
+        """Act on the synchronous objects, which have taken effect."""
         if self.state == OPERATIONAL:
             for drive in self.drives:
                 drive.sync(period_s)

@@ -66,11 +66,11 @@ class Drive:
 
     @property
     def position(self) -> float:
-        """Where the motor really is, rad or m from its place at power-on."""
+        """True position of the motor, rad or m from its position at power-on."""
         return self._machine.position(self._model.motor) - self.motion.zero
 
     def push(self, delta: float) -> None:
-        """Turn the motor by hand; an enabled drive does not let that happen."""
+        """Turn the motor by hand; no effect on an enabled drive."""
         if self.state not in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
             position = self._machine.position(self._model.motor) + delta
             self._machine.servo.place(self._model.motor, position, position, 0.0)
@@ -84,22 +84,22 @@ class Drive:
         self._values[index + self._offset, 0] = value
 
     def power_on(self) -> None:
-        """As after a reset: no power, no fault, position kept."""
+        """Enter the state after a reset: no power, no fault, position kept."""
         self._leave_power(State.SWITCH_ON_DISABLED)
         self._controlword = 0
         self.put(0x6076, round(self._model.rated_torque_nm * 1000))
         self.sample(0.0)
 
     def sync(self, period_s: float) -> None:
-        """Obey the objects as they are now, for one period of ``period_s``."""
+        """Act on the objects for one period of ``period_s``."""
         before, word = self._controlword, self.get(0x6040)
         self._controlword = word
-        self._obey(before, word, period_s)
+        self._act(before, word, period_s)
         self.put(0x6061, int(self.motion.mode))
         self.put(0x6041, self._statusword())
 
     def sample(self, period_s: float) -> None:
-        """Supervise, and bring the objects that are measured up to date."""
+        """Supervise, and update the measured objects."""
         if self._faults.blocked:
             self._machine.keep(self._model.motor, self._blocked_at)
         else:
@@ -123,14 +123,14 @@ class Drive:
             self._leave_power(State.FAULT)
 
     def connection_lost(self) -> None:
-        """The master's heartbeat is missing: what object 0x6007 says."""
+        """React to the missing heartbeat of the master as object 0x6007 defines."""
         option = self.get(0x6007)
         if option == 1:
             self.trip(0x8130)
         elif option in _BRAKES and self.state is State.OPERATION_ENABLED:
             self._enter(State.QUICK_STOP_ACTIVE)
 
-    def _obey(self, before: int, word: int, period_s: float) -> None:
+    def _act(self, before: int, word: int, period_s: float) -> None:
         if self.state is State.FAULT:
             if resets_fault(before, word):
                 self.state = State.SWITCH_ON_DISABLED
@@ -139,11 +139,11 @@ class Drive:
             return
         if self.state is State.FAULT_REACTION_ACTIVE:
             return
-        wanted = TRANSITIONS.get((self.state, command(word)))
-        if wanted is not None:
-            self._enter(wanted)
+        target = TRANSITIONS.get((self.state, command(word)))
+        if target is not None:
+            self._enter(target)
         if self.state is State.OPERATION_ENABLED:
-            self.motion.obey(Mode.of(self.get(0x6060)), before, word, period_s)
+            self.motion.act(Mode.of(self.get(0x6060)), before, word, period_s)
 
     def _enter(self, state: State) -> None:
         if state is self.state:
@@ -204,5 +204,5 @@ class Drive:
 
 
 def _wrap(counts: int) -> int:
-    """As a 32-bit encoder shows it."""
+    """Wrap counts as a 32-bit encoder does."""
     return (counts + _INT32) % (2 * _INT32) - _INT32

@@ -1,4 +1,4 @@
-"""Homing by switches without an index pulse (CiA 402-2, methods 17 to 30), period by period."""
+"""Homing search by switches without an index pulse (CiA 402-2, methods 17 to 30)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ NEGATIVE_LIMIT, POSITIVE_LIMIT, HOME_SWITCH = 1, 2, 4  # bits of object 0x60FD
 
 @dataclass(frozen=True)
 class Method:
-    """Search a switch, then leave it against the direction of the search: there is home.
+    """Search for a switch, then leave it in reverse: home is its edge.
 
     Attributes:
         switch: bit of object 0x60FD.
         direction: 1 or -1: of the search while the switch is open.
-        turns: at the limit switch the search goes on the other way; else it has failed.
+        turns: at the limit switch the search reverses; else it has failed.
     """
 
     switch: int
@@ -47,8 +47,8 @@ class Search:
     """One homing. ``fast`` and ``creep`` are speeds, rad/s (or m/s).
 
     Attributes:
-        phase: where it is.
-        velocity: what the motor shall do now, signed as the drive counts.
+        phase: present phase.
+        velocity: command of the motor, signed in the direction of the drive.
     """
 
     def __init__(self, method: Method, fast: float, creep: float) -> None:
@@ -57,7 +57,7 @@ class Search:
         self._method, self._fast, self._creep = method, fast, creep
 
     def step(self, inputs: int) -> None:
-        """One period on, with object 0x60FD as it is now."""
+        """Advance by one period, with the present object 0x60FD."""
         method, closed = self._method, bool(inputs & self._method.switch)
         match self.phase:
             case Phase.SEARCHING | Phase.TURNED if closed:

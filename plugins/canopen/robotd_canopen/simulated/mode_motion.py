@@ -1,4 +1,4 @@
-"""The modes of operation of a simulated axis."""
+"""Modes of operation of a simulated axis."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Mode(IntEnum):
 
     @classmethod
     def of(cls, number: int) -> Mode | None:
-        """None for a number that the drive does not know."""
+        """Return the mode of a number; None for one that the drive does not support."""
         return cls(number) if number in cls._value2member_map_ else None
 
 
 class Motion:
-    """What gives one motor its command. ``get`` reads a profile object.
+    """Command of one motor, by mode of operation. ``get`` reads a profile object.
 
     Attributes:
         mode: in force; follows object 0x6060.
@@ -50,11 +50,11 @@ class Motion:
         self._switches = switches
         self.target_reached = self.mode_bit = self.error_bit = self.limited = False
         self._motor, self._scale, self._machine, self._get = motor, scale, machine, get
-        self._zero = 0  # counts at which the encoder stands at position 0
+        self._zero = 0  # counts at position 0
         self._target: float | None = None  # set-point that a halt has put aside
         self._speed: float | None = None
         self._search: Search | None = None
-        self._obey = {
+        self._handlers = {
             Mode.PROFILE_POSITION: self._profile_position,
             Mode.PROFILE_VELOCITY: self._profile_velocity,
             Mode.HOMING: self._homing,
@@ -69,7 +69,7 @@ class Motion:
 
     @property
     def zero(self) -> float:
-        """Motor position at which the encoder stands at 0."""
+        """Motor position at which the encoder reads 0."""
         return self._to_position(0)
 
     def inputs(self) -> int:
@@ -77,17 +77,17 @@ class Motion:
         return self._switches.inputs(self._scale.polarity * self._machine.position(self._motor))
 
     def begin(self) -> None:
-        """Operation enabled: stand, with nothing to do."""
+        """Start at rest: operation has been enabled."""
         self._target = self._speed = self._search = None
         self.target_reached, self.mode_bit, self.error_bit = True, False, False
         if not self._machine.moves(self._motor):
             self._machine.hold(self._motor, self._machine.command(self._motor)[0])
 
-    def obey(self, mode: Mode | None, before: int, word: int, period_s: float) -> None:
+    def act(self, mode: Mode | None, before: int, word: int, period_s: float) -> None:
         """One period with the controlword ``word``; ``before`` is the last period's."""
         if mode is not None and mode is not self.mode:
             self._change(mode)
-        handler = self._obey.get(self.mode)
+        handler = self._handlers.get(self.mode)
         if handler is not None:
             handler(word & ~before, word, period_s)
 
@@ -97,7 +97,7 @@ class Motion:
         self._brake(self._ramp(0x6085), then)
 
     def _change(self, mode: Mode) -> None:
-        """A running motion comes to rest with the ramp of the mode that it was in."""
+        """Change the mode; a running motion stops with the ramp of the previous mode."""
         self.mode = mode
         self._target = self._speed = self._search = None
         self.mode_bit = self.error_bit = False
@@ -161,17 +161,17 @@ class Motion:
             self.error_bit = self.target_reached = True
 
     def _search_on(self, search: Search) -> None:
-        """One period of a homing that moves; home is where the motor is when the switch opens."""
+        """Run one period of a homing search; home is the edge of the switch."""
         before = search.phase
         search.step(self.inputs())
         if search.phase is Phase.FOUND and before is not Phase.FOUND:
             self._attained()
         position, velocity = self._machine.command(self._motor)
-        wanted = search.velocity * self._scale.polarity
-        if wanted != self._speed:
-            self._speed, ramp = wanted, self._ramp(0x609A)
+        speed = search.velocity * self._scale.polarity
+        if speed != self._speed:
+            self._speed, ramp = speed, self._ramp(0x609A)
             self._machine.plan(
-                self._motor, profile_to_velocity(position, velocity, wanted, ramp, ramp)
+                self._motor, profile_to_velocity(position, velocity, speed, ramp, ramp)
             )
         elif search.phase in (Phase.FOUND, Phase.FAILED) and self._rests():
             self._search, self._speed = None, None
@@ -206,7 +206,7 @@ class Motion:
     def _follow(self, target: float, word: int, period_s: float) -> None:
         """A straight line to ``target`` in one period, within the limits of 0x607D.
 
-        Should the next setpoint be late, the line goes on for one more period.
+        If the next setpoint is late, the line is extended by one period.
         """
         low, high = self._limits()
         self.limited = not low <= target <= high
@@ -261,7 +261,7 @@ class Motion:
         return (counts + self._zero) / self._scale.position * self._scale.polarity
 
     def _unwrapped(self, counts: int) -> float:
-        """A target of 32 bits, taken the short way round from the present command."""
+        """Unwrap a 32-bit target to the position nearest to the present command."""
         demand = self.counts(self._machine.command(self._motor)[0])
         short = (counts - demand + _SPAN // 2) % _SPAN - _SPAN // 2
         return self._to_position(demand + short)

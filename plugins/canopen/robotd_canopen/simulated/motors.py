@@ -1,7 +1,7 @@
-"""The motors of all simulated drives: the simulation backend's servo, in the drives' own time.
+"""Motors of all simulated drives: the shared servo model in the time of the drives.
 
 While SYNC comes, the drives' clocks are locked to it: one SYNC is one period whatever the
-jitter of the frame, as the phase-locked loop of a drive does it. Without SYNC time goes on by
+jitter of the frame, as the phase-locked loop of a drive does it. Without SYNC they run on
 the clock of the computer.
 """
 
@@ -22,7 +22,7 @@ _MAX_CATCH_UP_S = 1.0
 
 
 class DriveClock:
-    """Time that somebody else sets."""
+    """Clock that is set from outside."""
 
     def __init__(self, now_ns: int) -> None:
         self._now_ns = now_ns
@@ -57,12 +57,12 @@ class Motors:
             self._follow(axis, Segment(0.0, position, 0.0, 0.0))
 
     def synchronise(self, now_ns: int, period_s: float) -> None:
-        """A SYNC has come at ``now_ns``: a period has passed, more if some were lost, or none."""
+        """Advance by a SYNC at ``now_ns``: one period, more if SYNCs were lost, or none."""
         self._timing.period_ns = round(period_s * NANOSECONDS)
         self._advance(self._timing.note_event(now_ns) * self._timing.period_ns)
 
     def free_run(self, now_ns: int) -> None:
-        """There is no SYNC: time goes on by itself."""
+        """Advance to ``now_ns`` without SYNC."""
         elapsed_ns = now_ns - self._timing.time_ns
         self._timing.begin(now_ns)
         self._advance(elapsed_ns)
@@ -81,7 +81,7 @@ class Motors:
         return float(self._torque[axis])
 
     def moves(self, axis: int) -> bool:
-        """The command of ``axis`` is under way."""
+        """Return True while the command of ``axis`` moves."""
         return self._world.moves(axis)
 
     def enable(self, axis: int) -> None:
@@ -103,11 +103,11 @@ class Motors:
         self.plan(axis, [slow, Segment(stop_s, end, 0.0, 0.0)] if stop_s else [slow])
 
     def hold(self, axis: int, position: float) -> None:
-        """Stand at ``position`` from now on."""
+        """Hold ``position``."""
         self.plan(axis, [Segment(0.0, position, 0.0, 0.0)])
 
     def keep(self, axis: int, position: float) -> None:
-        """Something holds the motor at ``position``, whatever the command."""
+        """Hold the motor at ``position`` from outside, whatever the command."""
         self.servo.place(axis, position, *self.command(axis))
 
     def plan(
@@ -152,7 +152,7 @@ class Motors:
 
 
 def _mechanics(axes: int) -> Mechanics:
-    """The same figures as the simulation backend's own defaults."""
+    """Return the defaults of the simulation backend."""
     return Mechanics(
         bandwidth_hz=np.full(axes, 50.0),
         feedforward=np.full(axes, 0.9),

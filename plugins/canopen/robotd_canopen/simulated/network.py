@@ -1,4 +1,4 @@
-"""The simulated network: one thread, one CAN bus, all nodes on it."""
+"""Simulated network: one thread and one CAN bus with all nodes."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ log = logging.getLogger(__name__)
 _SYNC, _NMT, _HEARTBEAT = 0x080, 0x000, 0x700
 _NODE = 0x7F  # bits of a COB-ID that hold the node, in the predefined connection set
 _RPDOS = range(0x180, 0x580)
-_STEP_NS = 10_000_000  # how often time is looked at without traffic
-_LATEST_NS = 10 * _STEP_NS  # and at least, whatever the traffic
-_LONGEST_WAIT_S = 5.0  # beyond it the computer's clock was set
-_SYNC_LOST_NS = 100_000_000  # without SYNC for so long the drives' time goes on by itself
+_STEP_NS = 10_000_000  # period of heartbeats and supervision without traffic
+_LATEST_NS = 10 * _STEP_NS  # the same under any traffic
+_LONGEST_WAIT_S = 5.0  # a longer wait means that the clock of the computer was set
+_SYNC_LOST_NS = 100_000_000  # without SYNC for so long the drives run on the clock of the computer
 
 Action = Callable[[], None]
 
 
 class SimulatedNetwork(canopen.Network):
-    """Nodes that share a bus and a thread. Start it with ``start``, or as a context.
+    """Nodes that share a bus and a thread; started by ``start`` or as a context.
 
-    Nodes may be looked at from any thread; ``call`` runs what changes them.
+    Any thread may read nodes; ``call`` runs changes in the thread of the network.
 
     Args:
         bus: an open python-can bus; closed by ``stop``.
@@ -103,12 +103,12 @@ class SimulatedNetwork(canopen.Network):
 
         self._calls.put(run)
         if not done.wait(timeout_s):
-            raise TimeoutError("the simulated network does not answer")
+            raise TimeoutError(f"the simulated network did not run the call within {timeout_s:g} s")
         if failures:
             raise failures[0]
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """The library's SDO servers send by this."""
+        """Send a frame; called by the SDO servers of the library."""
         self._put(can_id, self.members[can_id & _NODE].faults.garble(data))
 
     def _boot(self) -> None:
@@ -130,11 +130,11 @@ class SimulatedNetwork(canopen.Network):
                 if message is not None:
                     self._receive(message)
                 self._send_delayed()
-                # What waits to be read comes first: a computer that paused is no silent master.
+                # Read waiting frames first: after a pause of the computer the master is not silent.
                 over_ns = time.monotonic_ns() - due_ns
                 if over_ns >= 0 and (message is None or over_ns > _LATEST_NS):
                     due_ns = self._tick() + _STEP_NS
-            except Exception as error:  # noqa: BLE001 - nothing that arrives may end the thread
+            except Exception as error:  # noqa: BLE001 - no frame may end the thread
                 if self._ending.wait(0.001):
                     return
                 log.warning("the simulated network: %s: %s", type(error).__name__, error)
@@ -192,7 +192,7 @@ class SimulatedNetwork(canopen.Network):
         return 0.004
 
     def _send(self, node: SimulatedNode, cob_id: int, data: bytes) -> None:
-        """A frame of ``node``, if its faults let it pass."""
+        """Send a frame of ``node``, subject to its faults."""
         faults = node.faults
         if faults.silent:
             return
@@ -216,6 +216,6 @@ class SimulatedNetwork(canopen.Network):
 
 
 def _arrival_ns(message: can.Message) -> int:
-    """When ``message`` came, monotonic: it may have waited for this thread."""
+    """Return the arrival time, monotonic: the message may have waited for this thread."""
     waited_s = time.time() - message.timestamp if message.timestamp else 0.0
     return time.monotonic_ns() - round(min(max(waited_s, 0.0), _LONGEST_WAIT_S) * NANOSECONDS)

@@ -1,4 +1,4 @@
-"""What can go wrong with a simulated node, on demand. Used by the network's thread alone."""
+"""Injected faults of a simulated node. Used by the thread of the network alone."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ class Faults:
     """Faults in force for one node; the defaults are a healthy one.
 
     Attributes:
-        silent: sends nothing and hears nothing, as with a broken cable.
+        silent: sends and receives nothing, as with a broken cable.
         statusword: shown instead of the real one.
         sdo_aborts: object → abort code of every access; sub None means all subindices.
         sdo_silent: objects of which requests are not answered.
         pdo_delay_s: TPDOs are sent this much later.
         pdo_drop: part of the TPDOs that get lost, 0 to 1.
-        garbled: part of its frames, PDOs and SDO answers included, that come as garbage, 0 to 1.
+        garbled: part of its frames, PDOs and SDO responses included, replaced by garbage, 0 to 1.
         blocked: the motor does not move.
-        garbled_frames: how many have come as garbage.
+        garbled_frames: frames replaced by garbage so far.
     """
 
     silent: bool = False
@@ -40,19 +40,19 @@ class Faults:
             setattr(self, fault.name, getattr(healthy, fault.name))
 
     def abort_code(self, index: int, sub: int) -> int | None:
-        """The code with which an access is refused; None: it is not."""
+        """Return the abort code of an access; None: it is not aborted."""
         return self.sdo_aborts.get((index, sub), self.sdo_aborts.get((index, None)))
 
     def ignores(self, index: int, sub: int) -> bool:
-        """A request for the object gets no answer."""
+        """Return True if a request for the object gets no response."""
         return (index, sub) in self.sdo_silent or (index, None) in self.sdo_silent
 
     def drops_pdo(self) -> bool:
-        """Whether the TPDO to be sent now gets lost."""
+        """Return True if the TPDO to be sent now is lost."""
         return self.pdo_drop > 0 and self.random.random() < self.pdo_drop
 
     def garble(self, data: bytes) -> bytes:
-        """What becomes of ``data`` on its way."""
+        """Return ``data``, or garbage in its place."""
         if self.garbled > 0 and self.random.random() < self.garbled:
             self.garbled_frames += 1
             return self.random.randbytes(self.random.randint(0, 8))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Scale:
-    """Drive units per rad, rad/s and rad/s² (or m); ``polarity`` 1 or -1: how it counts."""
+    """Drive units per rad, rad/s and rad/s² (or m), and polarity, 1 or -1."""
 
     position: float
     velocity: float
@@ -17,7 +17,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Switches:
-    """Where switches close, rad (or m) as the drive counts; None: there is no such switch."""
+    """Positions of the switches, rad (or m) in drive direction; None: no such switch."""
 
     negative_limit: float | None = None
     positive_limit: float | None = None

@@ -44,7 +44,7 @@ class SimulatedNode(canopen.LocalNode):
     def __init__(self, node_id: int, eds: Path, identity: dict[int, int] | None = None) -> None:
         super().__init__(node_id, canopen.import_od(str(eds), node_id))
         self.number = node_id
-        self._write_callbacks.clear()  # its heartbeat would run in a thread of its own
+        self._write_callbacks.clear()  # the heartbeat of the library runs in a thread of its own
         self._identity = identity or {}
         self.faults = Faults()
         self.values: dict[Key, int] = {}
@@ -57,10 +57,10 @@ class SimulatedNode(canopen.LocalNode):
         self._restore()
 
     def connect(self, network: canopen.Network, send: Send) -> None:
-        """Be part of a network; ``send`` takes a COB-ID and data."""
+        """Join a network; ``send`` takes a COB-ID and data."""
         self.send = send
         network[self.number] = self
-        network.unsubscribe(0, self.nmt.on_command)  # ours is called by the network itself
+        network.unsubscribe(0, self.nmt.on_command)  # ours is called by the network
         network.unsubscribe(self.sdo.rx_cobid, self.sdo.on_request)
         network.subscribe(self.sdo.rx_cobid, self._on_sdo)
 
@@ -90,12 +90,12 @@ class SimulatedNode(canopen.LocalNode):
                 self.on_operational()
 
     def on_heartbeat_of(self, node: int, now_ns: int) -> None:
-        """Somebody's heartbeat: supervision begins with the first one (CiA 301, 7.2.8.2.2.2)."""
+        """Receive a heartbeat: supervision begins with the first (CiA 301, 7.2.8.2.2.2)."""
         if self.values.get((_HEARTBEAT_CONSUMER, 1), 0) >> 16 & 0x7F == node:
             self._master_seen_ns = now_ns
 
     def tick(self, now_ns: int) -> None:
-        """Heartbeat, and the watch on the master's."""
+        """Send the heartbeat, and supervise that of the master."""
         period_ns = self.values.get((0x1017, 0), 0) * 1_000_000
         if period_ns and now_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = now_ns + period_ns
@@ -145,7 +145,7 @@ class SimulatedNode(canopen.LocalNode):
         """An RPDO with an event-driven transmission type has taken effect."""
 
     def on_connection_lost(self) -> None:
-        """The master's heartbeat is missing."""
+        """Called when the master's heartbeat is missing."""
 
     def on_written(self, index: int, sub: int) -> None:
         """SDO has written an object."""

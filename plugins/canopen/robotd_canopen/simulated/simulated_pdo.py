@@ -1,4 +1,4 @@
-"""The PDOs of a simulated node, as its objects 0x1400 to 0x1BFF say."""
+"""PDOs of a simulated node, configured by its objects 0x1400 to 0x1BFF."""
 
 from __future__ import annotations
 
@@ -43,18 +43,16 @@ class PdoSet:
         self._receive: dict[int, _Pdo] = {}
         self._transmit: list[_Pdo] = []
 
-    @property
-    def cob_ids(self) -> set[int]:
-        """Frames that the node wants to have."""
-        return set(self._receive)
-
     def configure(self) -> None:
         """Read the communication and mapping parameters again."""
         self._receive = {pdo.cob_id: pdo for pdo in self._read(0x1400)}
         self._transmit = list(self._read(0x1800))
 
     def receive(self, cob_id: int, data: bytes) -> bool | None:
-        """Take a frame: None: not ours, or for the next SYNC; False: in effect; True: short."""
+        """Take a frame; return its effect.
+
+        None: not ours, or for the next SYNC; False: in effect; True: too short.
+        """
         pdo = self._receive.get(cob_id)
         if pdo is None:
             return None
@@ -67,14 +65,14 @@ class PdoSet:
         return False
 
     def apply(self) -> None:
-        """SYNC: what has come since the last one takes effect."""
+        """SYNC: the RPDOs received since the last one take effect."""
         for pdo in self._receive.values():
             if pdo.pending is not None:
                 self._store(pdo, pdo.pending)
                 pdo.pending = None
 
     def synchronous(self) -> Iterator[tuple[int, bytes]]:
-        """TPDOs whose turn it is with this SYNC; of type 0 those that have changed."""
+        """TPDOs due with this SYNC; of type 0 those that have changed."""
         for pdo in self._transmit:
             if not pdo.synchronous:
                 continue
@@ -86,7 +84,7 @@ class PdoSet:
                     yield pdo.cob_id, data
 
     def changed(self, *, always: bool = False) -> Iterator[tuple[int, bytes]]:
-        """Event-driven TPDOs whose content is another than when they were last sent."""
+        """Event-driven TPDOs whose content has changed since they were sent."""
         for pdo in self._transmit:
             if not pdo.synchronous:
                 data = self._pack(pdo)

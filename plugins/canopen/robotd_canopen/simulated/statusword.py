@@ -1,4 +1,4 @@
-"""The CiA 402 state machine as a drive lives it: commands, transitions, statusword."""
+"""CiA 402 state machine of a drive: commands, transitions, statusword."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _TRANSITION_BITS = 0x0F
 
 
 class State(Enum):
-    """State of a drive; the value is what the statusword shows of it (CiA 402-2, table 30)."""
+    """State of a drive; the value is its statusword pattern (CiA 402-2, table 30)."""
 
     SWITCH_ON_DISABLED = 0x40
     READY_TO_SWITCH_ON = 0x31
@@ -21,7 +21,7 @@ class State(Enum):
 
 
 class Command(Enum):
-    """What a controlword asks for (CiA 402-2, table 27)."""
+    """Command in a controlword (CiA 402-2, table 27)."""
 
     DISABLE_VOLTAGE = auto()
     QUICK_STOP = auto()
@@ -50,7 +50,7 @@ TRANSITIONS: dict[tuple[State, Command], State] = {
 
 
 def command(controlword: int) -> Command:
-    """The command in bits 0 to 3."""
+    """Return the command in bits 0 to 3."""
     bits = controlword & _TRANSITION_BITS
     if not bits & 2:
         return Command.DISABLE_VOLTAGE
@@ -62,5 +62,5 @@ def command(controlword: int) -> Command:
 
 
 def resets_fault(before: int, now: int) -> bool:
-    """Bit 7 rises from one controlword to the next."""
+    """Return True if bit 7 rises from one controlword to the next."""
     return bool(now & ~before & _FAULT_RESET)
