@@ -1,15 +1,15 @@
-"""Every error that robotd raises on purpose, one type per phase.
+"""Every error that robotd raises on purpose, one type per phase::
 
-RobotdError
-├── DescriptorError      a robot file is wrong: file, line, key path, what and why
-├── PluginError          a backend cannot be found, loaded or trusted
-├── ConnectError         the device or one of its children does not answer while opening
-├── OperationError       a command failed or was refused
-│   ├── InvalidArgument  the caller's value is out of range (also a ValueError)
-│   ├── LateSetpoint     a streamed setpoint missed its due time
-│   ├── NotReady         the device is not in a state that allows the command
-│   └── Unsupported      this backend cannot do it, ever
-└── DeviceTimeout        the device did not do it in time (also a TimeoutError)
+    RobotdError
+    ├── DescriptorError      a robot file is wrong: file, line, key path, what and why
+    ├── PluginError          a backend cannot be found, loaded or trusted
+    ├── ConnectError         the device or one of its children does not answer while opening
+    ├── OperationError       a command failed or was rejected
+    │   ├── InvalidArgument  the caller's value is out of range (also a ValueError)
+    │   ├── LateSetpoint     a streamed setpoint missed its due time
+    │   ├── NotReady         the device is not in a state that allows the command
+    │   └── Unsupported      this backend cannot do it, ever
+    └── DeviceTimeout        the device did not do it in time (also a TimeoutError)
 
 A backend's own errors inherit one of these. Every error carries its parts: ``reason``, the
 ``axis`` that it concerns, and the vendor's number in ``code``. ``str`` puts them together once.
@@ -35,7 +35,9 @@ class RobotdError(Exception):
         code: the vendor's error number, None where there is none.
 
     Attributes:
-        reason, axis, code: as given.
+        reason: as given.
+        axis: as given.
+        code: as given.
         axis_name: name of the axis, filled in by the core; "" shows the number instead.
     """
 
@@ -95,7 +97,10 @@ class DescriptorError(RobotdError):
 
 
 class PluginError(RobotdError):
-    """A backend plugin is missing, doubled, broken, or of another API version."""
+    """A plugin is missing, duplicate, broken, or of another API version.
+
+    The text names the distribution; ``robotd backends`` lists what is installed.
+    """
 
 
 class ConnectError(RobotdError):
@@ -108,15 +113,21 @@ class ConnectError(RobotdError):
 
 
 class OperationError(RobotdError):
-    """A command failed or was refused; nothing moved because of it."""
+    """A command failed or was rejected; nothing moved because of it."""
 
 
 class InvalidArgument(OperationError, ValueError):
-    """A value is not acceptable; the text names the thing, the value and the limit."""
+    """A value is out of range; the text names the thing, the value and the limit.
+
+    Repeating the call cannot help.
+    """
 
 
 class NotReady(OperationError):
-    """The engine or the axis is not in a state that allows the command."""
+    """The engine or the axis is not in a state that allows the command.
+
+    The same call works once the state has changed.
+    """
 
 
 class LateSetpoint(OperationError):
@@ -139,7 +150,7 @@ class Unsupported(OperationError):
 
 
 class DeviceTimeout(RobotdError, TimeoutError):
-    """The device did not reach the wanted state in time."""
+    """The device did not reach the requested state in time; it may still do so."""
 
 
 def reason_of(error: Exception) -> str:

@@ -21,3 +21,12 @@ def links(page: Path) -> list[str]:
 def test_every_link_leads_to_a_file(page: Path) -> None:
     for target in links(page):
         assert (page.parent / target).exists(), target
+
+
+def test_decisions_have_numbers_of_their_own() -> None:
+    pages = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
+    numbers = [page.name.partition("-")[0] for page in pages]
+    assert len(numbers) == len(set(numbers)), numbers
+    for number, page in zip(numbers, pages, strict=True):
+        title = page.read_text(encoding="utf-8").partition("\n")[0]
+        assert re.match(rf"# 0*{int(number)}[.:] ", title), title

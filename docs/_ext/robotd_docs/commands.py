@@ -63,7 +63,7 @@ class CommandDirective(SphinxDirective):
         parts = [f"```text\n{name} {usage}\n```", _paragraphs(command.help)]
         rows = [_row(option, context) for option in command.get_params(context)]
         if shown := [row for row in rows if row]:
-            parts.append(table(("option", "meaning", "default"), shown))
+            parts.append(table(("option", "default", "meaning"), shown))
         return self.parse_text_to_nodes("\n\n".join(parts))
 
 
@@ -82,7 +82,8 @@ def _row(option: click.Parameter, context: click.Context) -> tuple[str, str, str
     meaning = option.help or ""
     if "range" in extra:
         meaning += f" Range: {code(extra['range'])}."
-    return names, meaning, "required" if option.required else code(extra.get("default", ""))
+    default = "required" if option.required else code(extra.get("default", ""))
+    return names, default, meaning
 
 
 def check_all_documented(app: Any, env: Any) -> None:

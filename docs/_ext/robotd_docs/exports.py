@@ -12,6 +12,7 @@ from docutils import nodes
 from docutils.parsers.rst import directives
 from docutils.statemachine import StringList
 from sphinx.domains.python import PyObject
+from sphinx.ext.napoleon import GoogleDocstring
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.parsing import nested_parse_to_nodes
 
@@ -67,8 +68,14 @@ class ExportsDirective(SphinxDirective):
         return nested_parse_to_nodes(self.state, StringList(lines, source=module.__name__))
 
 
+def _whole(docstring: Any) -> list[str]:
+    return [*docstring._consume_to_end()]  # noqa: SLF001 - there is no setting for it
+
+
 def setup(app: Any) -> None:
     """Register the directive, and name the attributes of a class so."""
+    # Napoleon reads "Time in s; 0: none" of a property as type and text.
+    GoogleDocstring._parse_attribute_docstring = _whole  # noqa: SLF001
     for fields in PyObject.doc_field_types:
         if fields.name == "variable":
             fields.label = "Attributes"
