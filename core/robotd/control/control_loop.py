@@ -93,6 +93,7 @@ class ControlLoop:
         self._thread: threading.Thread | None = None
         self._due_ns = 0  # of the next period or the present one; 0: nobody has to wait for it
         self._late_ns = 0  # of deadlines missed since the last period
+        self._advanced_ns = 0  # nominal time of the last setpoints
         self._began_ns = 0  # in real time: simulated time stands while a driver hangs
         limit_s = SIMULATED_HANG_S if self._simulated else connection.settings.stale_after_s
         self._watchdog = Watchdog(self._age_ns, lambda: place_of(self._thread), limit_s, self._hang)
@@ -150,13 +151,13 @@ class ControlLoop:
         period_ns, stats = self.period_ns, self.stats
         start_ns = self._clock.now_ns()
         late_ns = start_ns - deadline_ns
-        missed = max(0, (late_ns + period_ns // 2 - 1) // period_ns)
-        stats.missed += missed
+        missed = self._overrun(deadline_ns)
         deadline_ns += missed * period_ns
         self._late_ns = max(self._late_ns, late_ns)
         if not missed or deadline_ns <= start_ns:
             self._began_ns = MonotonicClock.now_ns()
             self.step(deadline_ns)
+            deadline_ns = max(deadline_ns, self._advanced_ns)
             self._began_ns = 0
             stats.record(self._late_ns, start_ns, self._clock.now_ns())
             self._late_ns = 0
@@ -207,9 +208,22 @@ class ControlLoop:
             return
         self._read(time_ns)
         if self._is_fresh(time_ns):
-            self._mixer.advance(time_ns, self._image)
+            self._advanced_ns = time_ns + self._overrun(time_ns) * self.period_ns
+            self._mixer.advance(self._advanced_ns, self._image)
         self._report_loss(time_ns)
         self._run_tasks(time_ns, first=False)
+
+    def _overrun(self, time_ns: int) -> int:
+        """Return the deadlines that have passed while the device was read, by more than half.
+
+        Setpoints for the first of them would come too late, and in a device whose every read is
+        slow no setpoint would ever be sent.
+        """
+        missed = max(
+            0, (self._clock.now_ns() - time_ns + self.period_ns // 2 - 1) // self.period_ns
+        )
+        self.stats.missed += missed
+        return missed
 
     def _run(self) -> None:
         self._prepare_thread()
