@@ -29,7 +29,6 @@ html_title = f"robotd {release}"
 html_static_path = ["_static"]
 html_css_files = ["robotd.css"]
 html_show_sphinx = False
-smartquotes = False  # it would turn --option into –option
 
 myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist"]
 myst_heading_anchors = 3

@@ -6,6 +6,7 @@ that no page documents is a warning.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from importlib.metadata import entry_points
 from typing import Any
@@ -79,7 +80,7 @@ def _row(option: click.Parameter, context: click.Context) -> tuple[str, str, str
         metavar = option.metavar or option.type.name.upper()
         names = f"`{', '.join(option.opts)} {metavar}`"
     extra = option.get_help_extra(context)
-    meaning = option.help or ""
+    meaning = re.sub(r"(?<!\S)(--[a-z-]+)", r"`\1`", option.help or "")  # no dash: –set
     if "range" in extra:
         meaning += f" Range: {code(extra['range'])}."
     default = "required" if option.required else code(extra.get("default", ""))
