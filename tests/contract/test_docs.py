@@ -23,6 +23,12 @@ def test_every_link_leads_to_a_file(page: Path) -> None:
         assert (page.parent / target).exists(), target
 
 
+def test_no_page_has_markers_of_an_unresolved_merge() -> None:
+    pages = [*PAGES, *(ROOT / "docs").rglob("*.md")]
+    marker = re.compile(r"(<{7}|>{7}) [0-9A-Za-z]")
+    assert [page for page in pages if marker.search(page.read_text(encoding="utf-8"))] == []
+
+
 def test_decisions_have_numbers_of_their_own() -> None:
     pages = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
     numbers = [page.name.partition("-")[0] for page in pages]
