@@ -84,7 +84,7 @@ class DescriptorError(RobotdError):
 
     @classmethod
     def join(cls, errors: Iterable[DescriptorError]) -> DescriptorError:
-        """One error whose text lists the errors on lines of their own, the first 50 of them."""
+        """Join errors into one, listed on lines of their own, at most 50."""
         problems = list(errors)
         if len(problems) == 1:
             return problems[0]
@@ -117,7 +117,7 @@ class OperationError(RobotdError):
 
 
 class InvalidArgument(OperationError, ValueError):
-    """A value is out of range; the text names the thing, the value and the limit.
+    """A value out of range; the text names thing, value and limit.
 
     Repeating the call cannot help.
     """
@@ -131,7 +131,7 @@ class NotReady(OperationError):
 
 
 class LateSetpoint(OperationError):
-    """A setpoint came too late for its due time and was not given to the device."""
+    """A setpoint that came too late and was not given to the device."""
 
 
 class Unsupported(OperationError):
@@ -154,12 +154,12 @@ class DeviceTimeout(RobotdError, TimeoutError):
 
 
 def reason_of(error: Exception) -> str:
-    """Return the text of ``error`` without its axis, for a text that names the axis already."""
+    """Return the text of ``error`` without its axis."""
     return error.reason if isinstance(error, RobotdError) else str(error)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return ``; did you mean 'x'?`` for the nearest known name; "" when none is near."""
+    """Return ``; did you mean 'x'?`` for the nearest known name, else ""."""
     near = get_close_matches(name, list(known), n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
 

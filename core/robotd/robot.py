@@ -281,7 +281,7 @@ def open_robot(
     enable: bool = True,
     clock: Clock | None = None,
 ) -> Iterator[Robot]:
-    """A started robot without ROS, shut down at the end of the block whatever happens in it.
+    """Start a robot without ROS and shut it down after the block.
 
     Args:
         name_or_path, backend, variant: as for ``build_robot``.

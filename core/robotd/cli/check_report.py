@@ -16,7 +16,7 @@ Found = TypeVar("Found")
 
 @dataclass
 class CheckReport:
-    """Prints a line for each check; ``code`` is the exit status of the first that failed."""
+    """Prints a line for each check; ``code`` belongs to the first failure."""
 
     code: ExitCode = ExitCode.OK
     problems: int = 0

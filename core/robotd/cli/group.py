@@ -44,7 +44,7 @@ class RobotdGroup(click.Group):
         return super().parse_args(ctx, args)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command of robotd or, where there is none of that name, of a plugin."""
+        """Import a command of robotd, or else of a plugin."""
         if cmd_name not in self._summaries:
             return plugin_command(cmd_name)
         gc.disable()  # imported objects stay; serve() enables it again, which saves 60 ms

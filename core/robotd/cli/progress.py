@@ -13,7 +13,7 @@ _CLEAR_LINE = "\r\x1b[K"
 
 
 class Progress:
-    """Shows the progress of a motion on standard error, and clears the line at the end.
+    """Shows the progress of a motion on standard error, on one line.
 
     Args:
         joints: those to show.

@@ -1,4 +1,4 @@
-"""Checks of a machine for the WMX backend that need neither the SDK nor the backend."""
+"""Checks of a machine for WMX that need neither SDK nor backend."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Check = Callable[[Path], Iterator[Finding]]
 
 
 def default_sdk_root() -> Path:
-    """Return the root that a build of the backend would use: variable, or the first that exists."""
+    """Return the SDK root of a build: the variable's, or the first existing."""
     if named := os.environ.get("WMX3_SDK_PATH"):
         return Path(named)
     return next((root for root in SDK_ROOTS if root.is_dir()), SDK_ROOTS[0])

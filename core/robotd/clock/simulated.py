@@ -93,7 +93,7 @@ class SteppedClock:
 
 
 class PacedClock:
-    """Simulated time for a robot with a control thread, as when it runs with ROS nodes.
+    """Simulated time for a robot with a control thread, as with ROS nodes.
 
     The control loop uses ``leader``, whose sleeping advances time. All other threads wait for
     it. Any thread may call.

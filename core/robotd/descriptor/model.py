@@ -33,7 +33,7 @@ Problem = tuple[tuple[str | int, ...], str, Any]
 
 
 def _ros_value(value: Any) -> Any:
-    """Accept what a ROS parameter can hold: a scalar, or a list of scalars of one type."""
+    """Accept a ROS parameter: a scalar, or a list of scalars of one type."""
     scalars = value if isinstance(value, list) else [value]
     if not all(isinstance(item, bool | int | float | str) for item in scalars):
         raise ValueError("must be a boolean, a number, a string, or a list of one of these")
@@ -182,7 +182,7 @@ class GripperSettings(Section):
 
 
 class TrajectorySettings(Section):
-    """What a trajectory must satisfy to be accepted, and to count as done."""
+    """Conditions for a trajectory to be accepted and to count as finished."""
 
     max_points: int = Field(3000, ge=1, description="Points in one trajectory.")
     velocity_margin: float = Field(
@@ -271,7 +271,7 @@ class RobotDescriptor(Section):
 
     @property
     def tree(self) -> Node | None:
-        """Where each key was written; None for a descriptor that was made in Python."""
+        """Origin of each key; None for a descriptor made in Python."""
         return self._tree
 
     @property

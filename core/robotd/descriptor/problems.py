@@ -89,7 +89,7 @@ def _shown(value: Any) -> str:
 
 
 def _keys_at(model: type[BaseModel], loc: Sequence[str | int]) -> list[str]:
-    """Return the keys of the model at ``loc`` below ``model``; empty when it is no model."""
+    """Return the keys of the model at ``loc`` below ``model``; empty without one."""
     current: Any = model
     for key in loc:
         if isinstance(current, type) and issubclass(current, BaseModel):

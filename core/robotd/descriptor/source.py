@@ -82,7 +82,7 @@ def read_yaml(path: Path) -> Node:
 
 
 def read_value(text: str, origin: Path) -> Node:
-    """Read one value in the syntax of a file: a scalar, a list or a mapping.
+    """Read one value in the syntax of a file: scalar, list or mapping.
 
     Raises DescriptorError for text that is no YAML, with ``origin`` as the file.
     """

@@ -1,4 +1,4 @@
-"""Nav2: topics, frames and limits of a mobile base, for a parameter file of Nav2 (Jazzy)."""
+"""Nav2 (Jazzy): topics, frames and limits of a mobile base."""
 
 from __future__ import annotations
 

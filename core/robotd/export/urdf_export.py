@@ -9,7 +9,7 @@ MAX_BYTES = 8_000_000
 
 
 def urdf(source: ExportInput) -> str:
-    """Return the text of the file. Raises DescriptorError: there is none, or it is not UTF-8."""
+    """Return the text of the file. Raises DescriptorError: missing or not UTF-8."""
     path = source.descriptor.urdf
     if path is None:
         raise source.rejection(f"{source.descriptor.name} has no urdf")

@@ -30,7 +30,7 @@ _GROWTH = 1.25  # of T from one try to the next
 def blend_in(
     path: Trajectory, start: MotionState, limits: JointLimits, velocity_margin: float
 ) -> tuple[FloatArray, float]:
-    """Return the coefficients of ``path`` with a start at ``start``, and the time T in s.
+    """Return coefficients of ``path`` starting at ``start``, and time T in s.
 
     T is the first knot for which no joint exceeds its limits: the acceleration stays within
     the limit or adds a fifth of it to the client's, and the velocity stays between the start's
@@ -97,7 +97,7 @@ def _is_within(
 
 
 def _add(path: Trajectory, deviation: FloatArray, end_s: float) -> FloatArray:
-    """Return the sum as coefficients (k, 6, m): δ is shifted to the begin of each segment."""
+    """Return the sum as coefficients (k, 6, m), δ shifted to each segment."""
     segments, order, joints = path.coefficients.shape
     total = np.zeros((segments, 6, joints))
     total[:, 6 - order :] = path.coefficients

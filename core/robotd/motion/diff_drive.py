@@ -22,7 +22,7 @@ ZERO_TWIST = PlanarTwist(0.0, 0.0)
 
 
 class Pose(NamedTuple):
-    """Where the base is: in m, and its heading from -π to π in rad."""
+    """Pose of the base in m, heading from -π to π in rad."""
 
     x: float
     y: float
@@ -45,7 +45,7 @@ class WheelPair:
         return (twist.linear - turning) / self.radius, (twist.linear + turning) / self.radius
 
     def twist(self, left: float, right: float) -> PlanarTwist:
-        """The inverse of ``speeds``; of angles in rad instead of speeds: the way in m and rad."""
+        """Invert ``speeds``; for wheel angles in rad the result is a displacement."""
         return PlanarTwist(
             self.radius * (right + left) / 2, self.radius * (right - left) / self.separation
         )

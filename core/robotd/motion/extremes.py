@@ -19,7 +19,7 @@ _MAX_HALVINGS = 26
 
 @dataclass(frozen=True, eq=False)
 class Extreme:
-    """Extreme value of each joint (m,), and the time in s (m,) at which it is reached."""
+    """Extreme value (m,) of each joint and its time in s (m,)."""
 
     value: FloatArray
     time_s: FloatArray
@@ -105,7 +105,10 @@ def _bernstein(breaks: FloatArray, coefficients: FloatArray) -> FloatArray:
 
 @cache
 def _to_bernstein(order: int) -> FloatArray:
-    """Return (order, order) of b_i = Σ_{j ≤ i} C(i, j) / C(n, j) · a_j; a_n is in column 0."""
+    """Return the matrix (order, order) from power to Bernstein coefficients.
+
+    b_i = Σ_{j ≤ i} C(i, j) / C(n, j) · a_j; a_n is in column 0.
+    """
     n = order - 1
     return np.array([[comb(i, n - c) / comb(n, n - c) for c in range(order)] for i in range(order)])
 

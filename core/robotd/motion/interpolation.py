@@ -36,7 +36,7 @@ def interpolation_of(knots: TrajectoryRequest) -> Interpolation:
 
 
 def interpolate(knots: TrajectoryRequest, start_velocity: FloatArray) -> FloatArray:
-    """Return coefficients (k, order, m) of a path through the k + 1 knots, at rest at its end.
+    """Return coefficients (k, order, m) of a path through k + 1 knots.
 
     ``start_velocity`` (m,) is that at the first knot where the knots have no velocities.
 

@@ -20,7 +20,7 @@ from robotd.motion.trajectory import Trajectory
 
 
 class PathBuilder:
-    """Builds the path of one goal; all choices between a direct way and a blend are here.
+    """Builds the path of one goal: direct, or with a blended start.
 
     Args:
         points: merged, in axis order.

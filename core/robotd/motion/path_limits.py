@@ -51,7 +51,7 @@ def check_path_limits(
 
 
 def acceleration_notes(peaks: PathPeaks, limits: JointLimits) -> tuple[str, ...]:
-    """Return a sentence on the joint that exceeds its acceleration limit by most, if any does.
+    """Describe the joint that exceeds its acceleration limit most, if any.
 
     Planners limit acceleration at their own sampling; the polynomials through the samples
     have peaks between them.

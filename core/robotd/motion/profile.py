@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Profile:
-    """Speed and ramps of a move or a velocity command (rad/s and rad/s², or m/s and m/s²).
+    """Speed and ramps of a move or a velocity command.
 
+    In rad/s and rad/s², or m/s and m/s².
     ``velocity`` is a positive speed for a move and signed for a velocity command.
     """
 

@@ -16,7 +16,7 @@ class RejectionCode(IntEnum):
 
 
 class TrajectoryRejected(InvalidArgument):
-    """Rejection of a trajectory. The text names the joint, the time, the value and the limit."""
+    """Rejection of a trajectory; the text names joint, time, value and limit."""
 
     code: RejectionCode
 

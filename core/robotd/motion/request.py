@@ -26,7 +26,7 @@ Rows = Sequence[Sequence[float]]
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryRequest:
-    """Points of a goal: as the client gave them, or checked and in axis order (``arrange``).
+    """Points of a goal, as given or checked and in axis order.
 
     Attributes:
         joint_names: m names.
@@ -52,7 +52,7 @@ class TrajectoryRequest:
         velocities: Rows = (),
         accelerations: Rows = (),
     ) -> TrajectoryRequest:
-        """Build a request from one row per point, as messages carry them; empty rows: not given.
+        """Build a request from one row per point; empty rows: not given.
 
         Velocities and accelerations are used where every point has them. Those of some points
         only are ignored, with a note; accelerations also where velocities are ignored.
@@ -92,7 +92,7 @@ class TrajectoryRequest:
 def _optional_table(
     label: str, rows: Rows, width: int
 ) -> tuple[FloatArray | None, tuple[str, ...]]:
-    """Return the table of rows that every point has, or None and a note on those ignored."""
+    """Return the table if every point has a row, or None and a note."""
     given = [row for row in rows if len(row)]
     if given and len(given) < len(rows):
         _check_widths(label, rows, width)
@@ -119,7 +119,7 @@ def arrange(
     settings: TrajectorySettings,
     start: MotionState,
 ) -> TrajectoryRequest:
-    """Check a request and put its joints into axis order; joints that it lacks hold at ``start``.
+    """Check a request and order its joints; missing joints hold at ``start``.
 
     Raises:
         TrajectoryRejected: joints unknown or doubled; joints missing that move, or where

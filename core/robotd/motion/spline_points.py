@@ -22,7 +22,7 @@ _CHECKS = np.array([0.2, 0.4, 0.6, 0.8])  # of an interval, at which spline and 
 
 
 def spline_points(trajectory: Trajectory, max_points: int) -> tuple[FloatArray, FloatArray]:
-    """Return times (k,) in s and positions (k, m), k ≤ ``max_points``, the first at the start.
+    """Return times (k,) in s and positions (k, m), k ≤ ``max_points``.
 
     The spline through them is within ``MAX_ERROR`` of the trajectory at all times.
 

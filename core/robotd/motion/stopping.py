@@ -134,7 +134,7 @@ class _Ramp:
 
 
 def _first_cell(trajectory: Trajectory, from_s: float, acceleration: FloatArray) -> float:
-    """Return the width of a cell of which a stop at the present speed takes about 24."""
+    """Return the cell width; a stop at the present speed takes about 24."""
     speed = np.maximum(np.abs(trajectory.state_at(from_s).velocity), _MIN_SPEED)
     stop_s = 0.5 / float(np.min(np.minimum(acceleration / speed, _MAX_DECELERATION)))
     return min(max(stop_s / 24.0, 1e-3), _MAX_CELL_S)

@@ -123,7 +123,7 @@ class Tolerances:
 
 
 class JointBounds:
-    """Bounds of one kind, arrays (m,) in rad or m and their rates; inf is no limit.
+    """Bounds of one kind, (m,) arrays in rad or m; inf: unlimited.
 
     Args:
         kind: for texts.

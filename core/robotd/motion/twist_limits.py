@@ -17,7 +17,7 @@ _TOGETHER = 1e-9  # parts whose zeros are this close, as a part of the way, are 
 
 @dataclass(frozen=True)
 class RampLimits:
-    """Limits of one part of a twist, all positive: m and s, or rad and s.
+    """Limits of one part of a twist, positive, in m or rad and s.
 
     Attributes:
         velocity: in either direction.

@@ -33,7 +33,7 @@ KNOWN_BACKENDS = {
 
 
 def not_installed(name: str) -> str:
-    """Return what a known backend is, how to install it and which page to read; "" if unknown."""
+    """Describe a known backend and its installation; "" if unknown."""
     known = KNOWN_BACKENDS.get(name)
     if known is None:
         return ""

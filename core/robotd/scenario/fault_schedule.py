@@ -1,4 +1,4 @@
-"""Injects faults at their time or position, by a task at the start of each period."""
+"""Injects faults at their time or position, at the start of a period."""
 
 from __future__ import annotations
 

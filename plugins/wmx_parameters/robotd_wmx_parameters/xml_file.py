@@ -43,7 +43,7 @@ _NUMBER = re.compile(r"\s*[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,3})
 
 @dataclass
 class _Cells:
-    """Values of one kind of block during reading: a row per element, a cell per axis."""
+    """Values of one kind of block: a row per element, a cell per axis."""
 
     sections: Sections
     count: int

@@ -23,7 +23,7 @@ DISCOVERY_S = 1.0
 
 @dataclass(frozen=True)
 class AxisReport:
-    """One axis as it was measured; rad and N·m, or m and N for a linear axis.
+    """Measured state of one axis; rad and N·m, or m and N when linear.
 
     Attributes:
         torque: None where the drive does not tell.

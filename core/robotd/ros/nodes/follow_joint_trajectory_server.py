@@ -64,7 +64,7 @@ class Ending:
 
 
 class FollowJointTrajectoryServer(Node):
-    """Executes one trajectory at a time, each watched by a worker; a newer goal takes over.
+    """Executes one trajectory at a time; a newer goal takes over.
 
     A bad goal is accepted and aborted at once, because only a result can carry a reason. One too
     many is rejected, see ``MAX_ACTIVE_GOALS``.
