@@ -13,6 +13,8 @@ from sphinx.util.docutils import SphinxDirective
 import robotd.testing.conformance
 from robotd_docs.markdown import table
 
+JOINTED = "jointed"  # the fixture of checks that need joints
+INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one
 FOLDER = Path(robotd.testing.conformance.__file__).parent
 
 
@@ -25,6 +27,8 @@ class ChecksDirective(SphinxDirective):
         if not themes:
             raise self.error(f"no checks in {FOLDER}")
         text = "\n\n".join(_theme(path) for path in themes)
+        if "joints |" not in text or "fault injector |" not in text:
+            raise self.error("no check needs joints or a fault injector: names have changed")
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 
 
@@ -45,12 +49,10 @@ def _needs(check: ast.FunctionDef, tree: ast.Module) -> str:
     marks = [mark for mark in marks if "mark.needs(" in mark] or whole
     capabilities = re.findall(r"Capability\.(\w+)", " ".join(marks))
     needs = [f"`{name.lower()}`" for name in capabilities]
-    arguments = {argument.arg for argument in check.args.args}
-    if "jointed" in arguments:
+    arguments = {each.arg: ast.unparse(each.annotation or each) for each in check.args.args}
+    if JOINTED in arguments:
         needs.append("joints")
-    if arguments & {"bench", "fault_injector"} or re.search(
-        r"BenchOrSkip|FaultInjectorOrSkip", ast.unparse(check)
-    ):
+    if INJECTOR in arguments.values() or f"{INJECTOR}OrSkip" in ast.unparse(check):
         needs.append("fault injector")
     return ", ".join(needs)
 
