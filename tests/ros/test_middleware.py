@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -32,7 +31,6 @@ from robotd.testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 
-SOURCES = Path(__file__).parents[2] / "core" / "robotd" / "ros"
 RULE = ("--ros-args", "-r", "/follow:=/remapped", "-p", "speeed:=1.0")
 PARTICIPANT = """\
 import rclpy
@@ -109,22 +107,3 @@ def test_a_killed_process_leaves_its_shared_memory(monkeypatch: pytest.MonkeyPat
     assert orphans, f"{made}, older orphans {locks}"
     shared_memory.remove_leftovers()
     assert not any(path.exists() for path in orphans)
-
-
-def test_every_workaround_says_what_it_is_for() -> None:
-    for path in (SOURCES / "middleware").glob("*.py"):
-        text = path.read_text(encoding="utf-8").partition('"""\n\n')[0]
-        if path.name == "__init__.py" or "Part of ``cdr.py``" in text:
-            continue
-        for heading in ("Works around: ", "Measured: ", "Upstream: ", "Shown by: "):
-            assert f"\n{heading}" in text, f"{path.name}: {heading}"
-        shown = text.partition("Shown by: ")[2].strip().rstrip(".").split(", ")
-        for name in shown:
-            assert (SOURCES.parents[2] / name.strip()).is_file(), f"{path.name}: {name}"
-
-
-def test_other_modules_use_the_one_door() -> None:
-    for path in SOURCES.rglob("*.py"):
-        if path.parent.name != "middleware":
-            text = path.read_text(encoding="utf-8")
-            assert "robotd.ros.middleware." not in text, path

@@ -5,6 +5,7 @@ benchmark that shows what breaks without it.
 """
 
 from robotd.ros.middleware.action_names import remapped_action
+from robotd.ros.middleware.action_server import RealTimeResultServer
 from robotd.ros.middleware.cdr import HotPublisher, Link
 from robotd.ros.middleware.discovery import announce_often, discovery_server, see_whole_graph
 from robotd.ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
@@ -23,6 +24,7 @@ __all__ = [
     "Link",
     "Participant",
     "RateLimit",
+    "RealTimeResultServer",
     "ServiceResponses",
     "StampClock",
     "TypeMismatchCheck",

@@ -18,7 +18,7 @@ from robotd.log import get_logger
 from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_delay
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.middleware.action_server import RealTimeResultServer
+from robotd.ros.middleware import RealTimeResultServer
 from robotd.ros.nodes.manipulator_state import declare_joint_number
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.trajectory_conversions import (
