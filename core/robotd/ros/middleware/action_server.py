@@ -3,9 +3,9 @@
 Works around: rclpy expires results by the node's clock. At ``--time-scale max`` 10 s of that are
 0.3 s of real time, and a client that asks for a result later than that gets UNKNOWN.
 Measured: 17 of 70 goals lost their results.
-Upstream: none known for the clock; https://github.com/ros2/rcl/issues/1103 is about the start of the
-time-out (closed).
-Shown by: tests/ros/test_trajectory.py.
+Upstream: none known for the clock; https://github.com/ros2/rcl/issues/1103 (closed) is about the
+start of the time-out.
+Shown by: tests/ros/test_simulated_time.py.
 """
 
 from __future__ import annotations
