@@ -12,14 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import ACTION, WAIT_S, Client, RobotProcess, wait_for, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 
@@ -92,6 +94,19 @@ def test_a_goal_takes_a_fraction_of_its_time(client: Client) -> None:
     assert seconds(clocks[-1].clock) - first_s >= 9.5
     assert time.monotonic() - begin_s < 9.0
     assert client.send_goal(goal(0.0, 10.0)).result()[1].error_code == 0
+
+
+def test_a_result_is_kept_for_real_time(client: Client) -> None:
+    clocks = client.listen(Clock, "/clock")
+    actions = ActionClient(client.node, FollowJointTrajectory, ACTION)
+    assert actions.wait_for_server(WAIT_S)
+    handle = wait_for(actions.send_goal_async(goal(0.0, 1.0)))
+    wait_until(lambda: clocks, "no clock")
+    begin_s = seconds(clocks[-1].clock)
+    wait_until(lambda: seconds(clocks[-1].clock) > begin_s + 15.0, "15 s of simulated time")
+    result = wait_for(handle.get_result_async())
+    assert result.status == GoalStatus.STATUS_SUCCEEDED
+    actions.destroy()
 
 
 def test_time_stands_when_paused_and_steps_whole_periods(client: Client) -> None:
