@@ -126,6 +126,8 @@ class TrajectoryExecution:
         self._advanced_ns = start_ns
         self._pause_ns = 0
         self._settled_periods = 0
+        # Replaced as a whole: another thread sees the values of one period.
+        self._snapshot = (0.0, self._aim.copy(), self._measured.copy())
         self._done = threading.Event()
 
     @property
@@ -153,14 +155,9 @@ class TrajectoryExecution:
         wait_for_event(self._done, deadline_ns, clock)
 
     def progress(self) -> Progress:
-        """The last period's values, copied; two arrays may be one period apart."""
-        return Progress(
-            self._time_s,
-            self._desired.copy(),
-            self._desired_velocity.copy(),
-            self._actual.copy(),
-            self._actual_velocity.copy(),
-        )
+        """Values of one control period: the path at ``time_s`` and what was measured then."""
+        time_s, desired, actual = self._snapshot
+        return Progress(time_s, desired[0], desired[1], actual[0], actual[1])
 
     def splice_state(self, time_ns: int) -> MotionState | None:
         """The commanded state at ``time_ns`` if nothing happens until then.
@@ -224,6 +221,10 @@ class TrajectoryExecution:
         np.subtract(self._desired, self._actual, self._error)
         np.abs(self._error, self._error)
         np.fmax(self.max_error, self._error, self.max_error)
+        time_s = self._time_s
+        if self._phase is Phase.RUNNING:
+            time_s = (time_ns - self.start_ns) / NANOSECONDS
+        self._snapshot = time_s, self._aim.copy(), self._measured.copy()
 
     def _expect(self, time_ns: int) -> None:
         self._stall_recovery.expect(time_ns, self._aim)
