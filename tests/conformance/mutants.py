@@ -52,6 +52,7 @@ class Mutant:
     Axes: ClassVar[type[SimAxes]] = SimAxes
     Io: ClassVar[type[SimIo]] = SimIo
     Fieldbus: ClassVar[type[SimFieldbus]] = SimFieldbus
+    Injector: ClassVar[type[SimFaultInjector]] = SimFaultInjector
 
     @hookimpl
     def robotd_backend(self) -> BackendInfo:
@@ -80,7 +81,7 @@ class Mutant:
 
     @hookimpl
     def robotd_fault_injector(self, device: SimDevice) -> FaultInjector:
-        return SimFaultInjector(device.simulation)
+        return self.Injector(device.simulation)
 
 
 # Units and signs

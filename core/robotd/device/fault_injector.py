@@ -47,6 +47,10 @@ class FaultInjector:
         """Let a sensor change one bit of the input image."""
         raise self._unsupported("set_input_bit")
 
+    def output_bit(self, byte: int, bit: int) -> bool:
+        """Return the level of one output, as a lamp at its terminal shows it."""
+        raise self._unsupported("output_bit")
+
     def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
         """Let one output keep ``value`` whatever is written to it; None: it obeys again."""
         raise self._unsupported("stick_output_bit")

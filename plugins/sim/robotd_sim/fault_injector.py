@@ -39,6 +39,10 @@ class SimFaultInjector(FaultInjector):
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         self._faults.set_input_bit(byte, bit, value)
 
+    def output_bit(self, byte: int, bit: int) -> bool:
+        with self._world.lock:
+            return bool(self._simulation.io.outputs[byte] >> bit & 1)
+
     def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
         self._faults.stick_output_bit(byte, bit, value)
 

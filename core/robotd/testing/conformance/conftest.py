@@ -14,6 +14,7 @@ from robotd.plugin.foreign_process import note_step
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.kit_report import Report
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, KitTarget
+from robotd.testing.conformance.surroundings import surroundings
 from robotd.testing.conformance.time_limits import TimeLimits
 
 
@@ -22,6 +23,7 @@ def pytest_configure(config: pytest.Config) -> None:
     name = config.getoption("--robotd-backend")
     if not name:
         raise pytest.UsageError("which backend? add --robotd-backend NAME")
+    config.stash[AT_START] = surroundings()
     try:
         note_step(f"loading the backend {name}")
         robot, overrides = config.getoption("--robotd-robot"), config.getoption("--robotd-set")
@@ -34,6 +36,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 STAND = pytest.StashKey[KitTarget]()
+AT_START = pytest.StashKey[dict[str, object]]()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -60,6 +63,12 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     if item.session.testsfailed > failed_before:
         item.config.stash[STAND].clear()
     return result
+
+
+@pytest.fixture(scope="session")
+def at_start(pytestconfig: pytest.Config) -> dict[str, object]:
+    """The process as it was before the backend was imported."""
+    return pytestconfig.stash[AT_START]
 
 
 @pytest.fixture(scope="session")

@@ -205,3 +205,22 @@ def _parameters(harness: Harness) -> WmxParameters:
     """The robot's own, or the vendor's defaults for one that has none."""
     path = harness.robot.descriptor.parameters_file
     return default_wmx_parameters() if path is None else read_wmx_parameters(path)
+
+
+@pytest.mark.needs(Capability.PARAMETERS_FILE)
+def test_a_good_parameter_file_is_in_force_axis_by_axis(
+    make_harness: MakeHarness, tmp_path: Path
+) -> None:
+    harness = make_harness()
+    harness.up(enable=False)
+    if not harness.may_rescale() or harness.count < 2:
+        pytest.skip("would change the drives' scale for good, or there is one axis")
+    ramps = {axis: 1.5 + axis for axis in harness.all}
+    parameters = default_wmx_parameters().with_values({"QuickStopDec": ramps})
+    path = tmp_path / "good.xml"
+    write_wmx_parameters(parameters, path)
+    before = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
+    harness.robot.connection.load_parameters(path)
+    after = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
+    assert all(one != other for one, other in zip(before, after, strict=True)), "nothing changed"
+    assert after[0] != after[1], "two axes with different parameters have the same dump"

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable
 
 import numpy as np
 
 from robotd.device.process_image import ProcessImage
-from robotd.testing.conformance.harness import Harness
+from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.stopwatch import timed
 
 CALLS = 400
 TYPICAL_SHARE = 0.25  # of a period: the median
 WORST_SHARE = 1.0  # of a period: 99 of 100
+MANY, MANY_SLOW = 2000, 4  # reads, and how many of them may be slow
+SLOW_STATE_S = 0.02
 ATTEMPTS = 3  # a busy computer makes calls slower, never faster: the best attempt counts
 
 
@@ -94,3 +98,42 @@ def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
         assert np.isfinite(values).all()
     assert image.servo_on.all()
     assert not image.offline.any()
+
+
+def test_no_read_of_many_is_slow_or_fails(harness: Harness) -> None:
+    image, slow = ProcessImage(harness.count), 0
+    for _ in range(ATTEMPTS):
+        durations = list[float]()
+        for _ in range(MANY):
+            harness.periods(1)
+            with timed(durations):
+                harness.drivers.axes.read(image)
+        slow = sum(duration > harness.period_s for duration in durations)
+        if slow <= MANY_SLOW:
+            return
+    raise AssertionError(f"{slow} of {MANY} reads took longer than a period")
+
+
+def test_state_answers_while_something_slow_runs(make_harness: MakeHarness) -> None:
+    harness = make_harness(real_time=True)
+    harness.up()
+    ended = threading.Event()
+
+    def switch() -> None:
+        while not ended.is_set():
+            harness.drivers.axes.servo(0, False, 5.0)
+            harness.drivers.axes.servo(0, True, 5.0)
+
+    busy = threading.Thread(target=switch, name="caller")
+    busy.start()
+    try:
+        durations = list[float]()
+        for _ in range(100):
+            time.sleep(0.01)
+            with timed(durations):
+                harness.drivers.device.state()
+    finally:
+        ended.set()
+        busy.join(20.0)
+    slow = sorted(durations)[-10]
+    assert slow < SLOW_STATE_S, f"state() waits {slow * 1e3:.0f} ms for a servo"

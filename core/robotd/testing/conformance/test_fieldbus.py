@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import FieldbusDriver
+from robotd.device.fault_injector import FaultInjector
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
@@ -107,3 +109,72 @@ def test_a_hot_connect_moves_and_switches_nothing(harness: Harness) -> None:
     harness.let(0.5)
     assert harness.image.servo_on.all()
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
+
+
+def test_a_bus_that_exchanges_nothing_is_not_operational(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    driver = fieldbus_of(harness)
+    harness.begin()
+    harness.drivers.device.open()
+    assert driver.status(0).state is not BusState.OPERATIONAL
+    harness.drivers.device.start_communication(10.0)
+    assert driver.status(0).state is BusState.OPERATIONAL
+    harness.drivers.device.stop_communication(10.0)
+    assert driver.status(0).state is not BusState.OPERATIONAL
+
+
+def test_the_nodes_have_as_many_axes_as_the_bus(harness: Harness) -> None:
+    driver = fieldbus_of(harness)
+    for status in map(driver.status, range(driver.buses)):
+        assert sum(node.axes for node in status.nodes) == status.axes
+        assert status.period_s >= 0.0
+        places = [node.position for node in status.nodes]
+        assert len(set(places)) in (1, len(places)), "two nodes are at one place"
+
+
+def test_the_lost_node_is_the_one_that_was_lost(make_harness: MakeHarness) -> None:
+    lost = []
+    for axis in (0, 1):
+        harness = make_harness()
+        harness.up()
+        if harness.count < 2:
+            pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
+        driver = fieldbus_of(harness)
+        FaultInjectorOrSkip.of(harness).disconnect(axis)
+        harness.until(partial(is_offline, harness, axis), "the drive is offline", 3.0)
+        harness.periods(5)
+        found = [
+            (bus, node.id)
+            for bus in range(driver.buses)
+            for node in driver.status(bus).nodes
+            if node.offline
+        ]
+        assert len(found) == 1
+        lost += found
+    assert lost[0] != lost[1]
+
+
+def is_offline(harness: Harness, axis: int) -> bool:
+    return bool(harness.image.offline[axis])
+
+
+@pytest.mark.needs(Capability.STATISTICS)
+def test_lost_frames_are_counted_until_a_reset(harness: Harness, injector: FaultInjector) -> None:
+    def lost() -> int:
+        status = harness.robot.fieldbus.status(0)
+        return status.lost_frames + status.timeouts
+
+    harness.robot.fieldbus.reset_statistics(0)
+    injector.lose_packets(3)
+    harness.until(lambda: lost() >= 1, "lost frames are counted", 2.0)
+    harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
+    harness.robot.fieldbus.reset_statistics(0)
+    assert lost() == 0
+
+
+@pytest.mark.needs(Capability.REGISTER_READ)
+def test_registers_differ_from_each_other_and_between_nodes(harness: Harness) -> None:
+    nodes = [node.id for node in fieldbus_of(harness).status(0).nodes]
+    blocks = [harness.robot.fieldbus.read_register(0, node, 0, 64) for node in nodes[:2]]
+    assert len(set(blocks[0])) > 2, "every register has the same value"
+    assert len(set(blocks)) == len(blocks), "two nodes have the same registers"

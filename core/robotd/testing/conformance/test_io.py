@@ -15,8 +15,8 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import IoDriver
 from robotd.device.fault_injector import FaultInjector
-from robotd.errors import InvalidArgument
-from robotd.testing.conformance.harness import Harness
+from robotd.errors import InvalidArgument, OperationError
+from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.stopwatch import timed
 
 pytestmark = pytest.mark.needs(Capability.IO)
@@ -129,3 +129,40 @@ def test_addresses_outside_are_refused(harness: Harness, io: IoDriver) -> None:
     ):
         with pytest.raises(InvalidArgument):
             call()
+
+
+def test_outputs_are_at_the_terminals(
+    harness: Harness, io: IoDriver, injector: FaultInjector
+) -> None:
+    first, size = window(io)
+    for pattern in (0x00, 0xC3, 0x3C):
+        io.write_outputs(first, bytes([pattern] * size))
+        for bit in range(8):
+            level = bool(pattern >> bit & 1)
+            harness.until(partial(shows, injector, first, bit, level), "the terminal shows it")
+
+
+@pytest.mark.needs(Capability.SIMULATED)
+def test_outputs_are_no_inputs(harness: Harness, io: IoDriver) -> None:
+    if io.input_bytes == 0:
+        pytest.skip("the device has no inputs")
+    first, size = window(io)
+    before = io.read_inputs(0, io.input_bytes)
+    for pattern in (0x00, 0xFF):
+        io.write_outputs(first, bytes([pattern] * size))
+        harness.periods(5)
+        assert io.read_inputs(0, io.input_bytes) == before
+
+
+def test_nothing_is_written_while_no_device_is_open(make_harness: MakeHarness) -> None:
+    driver = make_harness().drivers.io
+    if driver is None or driver.output_bytes == 0:
+        pytest.skip("the device has no outputs")
+    with pytest.raises(OperationError):
+        driver.write_outputs(0, bytes(1))
+    with pytest.raises(OperationError):
+        driver.write_output_bit(0, 0, False)
+
+
+def shows(injector: FaultInjector, byte: int, bit: int, level: bool) -> bool:
+    return injector.output_bit(byte, bit) is level

@@ -1,0 +1,35 @@
+"""State of the process that belongs to the program, not to a backend."""
+
+from __future__ import annotations
+
+import locale
+import os
+import signal
+from pathlib import Path
+
+SIGNALS = (
+    signal.SIGINT,
+    signal.SIGTERM,
+    signal.SIGHUP,
+    signal.SIGUSR1,
+    signal.SIGCHLD,
+    signal.SIGPIPE,
+)
+
+
+def surroundings() -> dict[str, object]:
+    """Return what a library of a device may change in its process, and must not."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return {
+        "signal handlers": [signal.getsignal(number) for number in SIGNALS],
+        "working folder": str(Path.cwd()),
+        "locale": locale.setlocale(locale.LC_ALL),
+        "file mask": mask,
+        "environment": {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith(("PYTEST", "ROBOTD"))
+        },
+        "priority": os.getpriority(os.PRIO_PROCESS, 0),
+    }

@@ -1,0 +1,115 @@
+"""Measured values: they are measured, stamped when they came, and told apart from commands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
+
+LONG_S = 5.0
+CODES = (0x07, 0x2310, 0x8611)
+EMPTY_WORDS = {"alarm", "error", "fault", "failed", "unknown", "none", "n/a"}
+
+
+def test_time_stamps_never_go_back(harness: Harness) -> None:
+    stamps: list[int] = []
+    harness.move(harness.all, harness.image.position_command + harness.travel())
+    with harness.each_period(lambda image: stamps.append(image.fresh_ns)):
+        harness.let(0.5)
+    steps = np.diff(stamps)
+    assert (steps >= 0).all(), "a value is older than the one before"
+    assert steps.max() <= 1e9 * (5 * harness.feedback_s + 0.05)
+    harness.rest()
+
+
+def test_a_blocked_axis_is_measured_where_it_is(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    injector = FaultInjectorOrSkip.of(harness)
+    start = harness.image.position.copy()
+    shaft = injector.position(0)
+    injector.block(0, True)
+    harness.move([0], start + harness.travel())
+    seen = []
+    for _ in range(40):
+        harness.periods(2)
+        seen.append((harness.image.position[0], harness.image.position_command[0],
+                     harness.image.velocity[0], injector.position(0)))  # fmt: skip
+        if harness.image.amp_alarm[0] or abs(harness.image.position_command[0] - start[0]) > 0.04:
+            break
+    position, command, velocity, real = np.array(seen).T
+    injector.block(0, False)
+    assert np.abs(command - start[0]).max() > 2 * SETTLED_RAD, "the command does not move"
+    assert np.abs(position - start[0]).max() <= SETTLED_RAD, "the position is that of the command"
+    assert np.abs(velocity[1:]).max() <= 0.05, "the velocity is that of the command"
+    assert np.abs(real - shaft).max() <= SETTLED_RAD, "the fault injector shows the command"
+
+
+def test_a_jump_of_the_encoder_is_seen(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up(enable=False)
+    injector = FaultInjectorOrSkip.of(harness)
+    before = harness.image.position.copy()
+    injector.jump_encoder(0, 0.02)
+    harness.periods(5)
+    before[0] += 0.02
+    assert harness.image.position == pytest.approx(before, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.SIMULATED)
+def test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known(harness: Harness) -> None:
+    torques, speeds = [], []
+
+    def look(image: object) -> None:
+        torques.append(harness.image.torque.copy())
+        speeds.append(harness.image.velocity_command.copy())
+
+    distance = harness.travel()
+    with harness.each_period(look):
+        harness.move(harness.all, harness.image.position_command + distance)
+        harness.rest()
+    torque, speed = np.array(torques) * np.sign(distance), np.abs(np.array(speeds))
+    change = np.gradient(speed, axis=0)
+    for axis in harness.all:
+        if np.isnan(torque[:, axis]).all():
+            continue
+        limit = 0.3 * np.abs(change[:, axis]).max()
+        faster = torque[change[:, axis] > limit, axis].mean()
+        slower = torque[change[:, axis] < -limit, axis].mean()
+        assert faster > slower, "torque has the wrong sign, or is 0 instead of NaN"
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_code_is_shown_in_full_with_a_reason(
+    harness: Harness, injector: FaultInjector, code: int
+) -> None:
+    injector.trip(0, code)
+    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    harness.periods(5)
+    assert harness.image.alarm_code[0] == code
+    reason = harness.image.reason[0]
+    assert reason == reason.strip()
+    assert not reason or any(letter.isalpha() for letter in reason), "a reason has words"
+    assert reason.lower().rstrip(".!") not in EMPTY_WORDS, f"{reason!r} says nothing"
+
+
+def test_an_alarm_stays_however_long_it_takes(harness: Harness, injector: FaultInjector) -> None:
+    injector.trip(0, CODES[0])
+    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    harness.let(LONG_S)
+    assert harness.image.amp_alarm[0], "the alarm went away by itself"
+    assert harness.image.alarm_code[0] == CODES[0]
+
+
+def test_switching_on_clears_no_alarm(harness: Harness, injector: FaultInjector) -> None:
+    injector.trip(0, CODES[0])
+    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    try:
+        harness.drivers.axes.servo(0, True, 1.0)
+    except Exception:  # noqa: BLE001 - rejected, in whatever words
+        harness.periods(3)
+    assert harness.image.amp_alarm[0], "switching on cleared the alarm"

@@ -1,0 +1,87 @@
+"""A command to one axis changes nothing of the others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.state import CommandMode
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.test_units import rescalable
+
+
+def several(harness: Harness) -> Harness:
+    if harness.count < 2:
+        pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
+    return harness
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+def test_the_mode_of_one_axis(make_harness: MakeHarness) -> None:
+    harness = several(make_harness())
+    harness.up()
+    for axis in harness.all[:2]:
+        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+        harness.periods(5)
+        expected = np.where(
+            np.arange(harness.count) <= axis, CommandMode.VELOCITY, CommandMode.POSITION
+        )
+        assert list(harness.image.mode) == list(expected)
+
+
+@pytest.mark.needs(Capability.SCALING)
+def test_the_polarity_of_one_axis(make_harness: MakeHarness) -> None:
+    harness = several(rescalable(make_harness))
+    for axis in harness.all:
+        harness.robot.axes.set_polarity(axis, 1)
+    harness.periods(5)
+    expected = harness.image.position.copy()
+    harness.robot.axes.set_polarity(1, -1)
+    harness.periods(5)
+    expected[1] *= -1.0
+    assert harness.image.position == pytest.approx(expected, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.SCALING)
+def test_the_gear_ratio_of_one_axis(make_harness: MakeHarness) -> None:
+    harness = several(rescalable(make_harness))
+    for axis in harness.all:
+        harness.robot.axes.set_gear_ratio(axis, 2.0**18, 2.0 * np.pi)
+    harness.periods(5)
+    expected = harness.image.position.copy()
+    harness.robot.axes.set_gear_ratio(1, 2.0**19, 2.0 * np.pi)
+    harness.periods(5)
+    expected[1] /= 2.0
+    assert harness.image.position == pytest.approx(expected, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.HOMING)
+def test_the_home_position_of_one_axis(make_harness: MakeHarness) -> None:
+    harness = several(make_harness())
+    harness.up()
+    if not harness.may_rescale():
+        pytest.skip("would change the home position for good")
+    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.rest()
+    before, was_done = harness.image.position.copy(), harness.image.home_done.copy()
+    if harness.can(Capability.SIMULATED):
+        assert not was_done.any(), "home is done before homing"
+    harness.robot.axes.home(1)
+    harness.rest()
+    before[1], was_done[1] = 0.0, True
+    assert harness.image.position == pytest.approx(before, abs=SETTLED_RAD)
+    assert list(harness.image.home_done) == list(was_done)
+
+
+def test_the_alarm_of_one_axis_is_cleared_alone(harness: Harness, injector: FaultInjector) -> None:
+    several(harness)
+    if harness.can(Capability.CONTROLLER_ALARM):
+        pytest.skip(f"the {harness.robot.backend.name} backend has one alarm for all axes")
+    for axis in (0, 1):
+        injector.trip(axis, 0x32)
+    harness.until(lambda: bool(harness.image.amp_alarm[:2].all()), "both alarms are shown", 1.0)
+    harness.robot.axes.clear_alarm(0)
+    harness.let(0.3)
+    assert list(harness.image.amp_alarm[:2]) == [False, True]

@@ -1,0 +1,223 @@
+"""Ramps: each is the one that was asked for, and a stop ends whatever moves the axis, at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.axes import Jog, Move
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import AxisDriver
+from robotd.device.state import CommandMode
+from robotd.motion.profile import Profile
+from robotd.testing.conformance.attempts import judge
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.recording import Recording
+
+SPAN_S = 0.02  # over which ramps are measured
+MORE, LESS = 1.15, 0.6  # share of the asked-for ramp that the steepest part may have
+GENTLE = 0.4
+RETURNS_S = 0.05
+
+Stop = Callable[[AxisDriver, Sequence[int]], None]
+STOPS = [
+    pytest.param(lambda driver, axes: driver.stop(axes), id="stop"),
+    pytest.param(lambda driver, axes: driver.quick_stop(axes), id="quick_stop"),
+]
+
+
+def uneven(harness: Harness, axis: int, gentle: str) -> Profile:
+    """A profile of which one ramp is gentler than the other."""
+    even = harness.profile(axis)
+    gentler = GENTLE * even.acceleration
+    if gentle == "acceleration":
+        return Profile(even.velocity, gentler, even.deceleration)
+    return Profile(even.velocity, even.acceleration, gentler)
+
+
+def ramp_problems(
+    recording: Recording, profiles: Sequence[Profile], *, rising: bool = True
+) -> list[str]:
+    """Axes whose steepest ramps are not those of their profiles."""
+    _, ramps = recording.slope(np.abs(recording.velocity_command), SPAN_S)
+    found = []
+    for axis, profile in enumerate(profiles):
+        seen = [("deceleration", -ramps[:, axis].min(), profile.deceleration)]
+        if rising:
+            seen.append(("acceleration", ramps[:, axis].max(), profile.acceleration))
+        found += [
+            f"axis {axis}: {name} {ramp:.3g} rad/s², asked for {asked:.3g}"
+            for name, ramp, asked in seen
+            if not LESS * asked <= ramp <= MORE * asked
+        ]
+    return found
+
+
+@pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+def test_a_move_has_the_ramps_of_its_profile(harness: Harness, gentle: str) -> None:
+    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
+
+    def motion() -> Recording:
+        targets = harness.image.position_command + harness.travel()
+        with harness.recording() as recording:
+            moves = [Move(axis, float(targets[axis]), profiles[axis]) for axis in harness.all]
+            harness.robot.axes.move(moves)
+            harness.rest()
+        return recording
+
+    judge(harness, motion, lambda recording: ramp_problems(recording, profiles))
+
+
+@pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
+    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
+
+    def motion() -> Recording:
+        targets = harness.image.position_command + harness.travel()
+        moves = [Move(axis, float(targets[axis]), profiles[axis]) for axis in harness.all]
+        harness.robot.axes.move(moves)
+        harness.let(0.15)
+        with harness.recording() as recording:
+            harness.periods(3)
+            harness.robot.axes.stop(harness.all)
+            harness.rest()
+        return recording
+
+    judge(harness, motion, lambda recording: ramp_problems(recording, profiles, rising=False))
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+@pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+def test_a_velocity_command_has_the_ramps_of_its_profile(
+    make_harness: MakeHarness, gentle: str
+) -> None:
+    harness = make_harness()
+    harness.up()
+    for axis in harness.all:
+        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
+
+    def motion(stop: Callable[[], None]) -> Callable[[], Recording]:
+        def run() -> Recording:
+            with harness.recording() as recording:
+                harness.robot.axes.jog([Jog(axis, profiles[axis]) for axis in harness.all])
+                harness.let(0.7)
+                stop()
+                harness.rest()
+            return recording
+
+        return run
+
+    still = [Profile(0.0, each.acceleration, each.deceleration) for each in profiles]
+    for stop in (
+        lambda: harness.robot.axes.stop(harness.all),
+        lambda: harness.robot.axes.jog([Jog(axis, still[axis]) for axis in harness.all]),
+    ):
+        judge(harness, motion(stop), lambda recording: ramp_problems(recording, profiles))
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_a_stop_ends_a_trajectory(jointed: Harness, stop: Stop) -> None:
+    harness, joints = jointed, list(jointed.robot.joint_axes)
+    way = harness.travel()[joints]
+    with harness.following([2.0], [way]) as execution:
+        harness.let(0.8)
+        began = harness.image.position.copy()
+        stop(harness.drivers.axes, joints)
+        harness.until(lambda: execution.done, "the trajectory ends")
+    assert execution.outcome is Outcome.FAULT
+    harness.rest()
+    passed = np.abs(harness.image.position - began)[joints]
+    assert (passed < 0.4 * np.abs(way)).all(), "the trajectory went on"
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_a_stop_returns_at_once(harness: Harness, stop: Stop) -> None:
+    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.let(0.2)
+    began_ns, began_s = harness.clock.now_ns(), time.perf_counter()
+    stop(harness.drivers.axes, harness.all)
+    took_s = time.perf_counter() - began_s
+    passed_s = (harness.clock.now_ns() - began_ns) * 1e-9
+    limit_s = 2.0 * harness.period_s if harness.stepped else RETURNS_S
+    late = took_s > RETURNS_S or passed_s > limit_s
+    assert not late, "the control loop calls stop: it must not wait"
+    harness.rest()
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_an_axis_that_is_stopped_neither_returns_nor_goes_on(harness: Harness, stop: Stop) -> None:
+    distance = harness.travel()
+    harness.move(harness.all, harness.image.position_command + distance)
+    harness.let(0.2)
+    with harness.recording() as recording:
+        stop(harness.drivers.axes, harness.all)
+        harness.rest()
+        harness.let(1.5)
+    way = (recording.position - recording.position[0]) * np.sign(distance)
+    assert (way.max(0) - way[-1] <= SETTLED_RAD).all(), "an axis came back after it had stopped"
+    later = recording.time_s > recording.time_s[-1] - 1.4
+    assert np.ptp(recording.position[later], 0).max() <= SETTLED_RAD, "an axis went on"
+
+
+def test_a_short_move_is_made(harness: Harness) -> None:
+    for sign in (1.0, -1.0):
+        targets = harness.image.position_command + sign * np.linspace(0.007, 0.012, harness.count)
+        harness.move(harness.all, targets)
+        harness.rest()
+        assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
+
+
+@pytest.mark.needs(Capability.SIMULATED)
+def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) -> None:
+    limits = harness.robot.axes.limits
+    for far in (0.8, 2.5, 4.0, 9.0, -4.0, 0.0):
+        targets = np.array([min(max(far, 0.95 * each.lower), 0.95 * each.upper) for each in limits])
+        speeds = [min(0.9 * each.velocity, 8.0) for each in limits]
+        ramps = [min(0.9 * each.acceleration, 20.0) for each in limits]
+        harness.robot.axes.move(
+            [
+                Move(axis, float(targets[axis]), Profile(speeds[axis], ramps[axis], ramps[axis]))
+                for axis in harness.all
+            ]
+        )
+        harness.rest()
+        assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+        assert harness.image.position_command == pytest.approx(targets, abs=SETTLED_RAD)
+
+
+def test_a_standing_axis_does_not_drift(harness: Harness) -> None:
+    with harness.recording() as recording:
+        harness.let(4.0)
+    assert np.ptp(recording.position, 0).max() <= SETTLED_RAD
+
+
+@pytest.mark.needs(Capability.DEVICE_WATCHDOG)
+def test_an_axis_stops_when_setpoints_stay_away(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    if harness.robot.axes.trajectories_on_device:
+        pytest.skip(f"the {harness.robot.backend.name} backend streams no positions")
+    start = harness.image.position_command.copy()
+    speeds = np.sign(harness.travel()) * [
+        harness.profile(axis, 0.3).velocity for axis in harness.all
+    ]
+    began_ns = harness.clock.now_ns()
+
+    def setpoint(image: object) -> None:
+        time_s = (harness.clock.now_ns() - began_ns) * 1e-9 + harness.period_s
+        ramp_s = min(time_s, 0.2)
+        way = speeds * (ramp_s**2 / 0.4 + max(0.0, time_s - 0.2))
+        if time_s < 0.5:
+            harness.drivers.axes.stream(start + way, speeds * ramp_s / 0.2, harness.due_ns)
+
+    claim = harness.robot.axes.claimed("conformance", harness.all)
+    with claim, harness.each_period(setpoint):
+        harness.let(1.5)
+        with harness.recording() as recording:
+            harness.let(0.3)
+    assert np.ptp(recording.position, 0).max() <= SETTLED_RAD, "it went on without setpoints"
