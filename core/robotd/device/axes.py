@@ -170,7 +170,7 @@ class Axes:
         self._see(lambda: not self.image.amp_alarm[axis])
 
     def set_command_mode(self, axis: int, mode: int) -> None:
-        """Position 0 or velocity 1 (torque 2 where the backend has it), on an idle axis."""
+        """Set position (0), velocity (1) or torque (2) mode of an idle axis."""
         self._check_axis(axis)
         self.check_command_mode(axis, mode)
         needs = {
@@ -416,7 +416,7 @@ def _numbers(profile: Profile) -> tuple[float, float, float]:
 
 
 def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:
-    """Run a one-axis command on every axis, whatever happens on the others; error or None each."""
+    """Run a one-axis command on every axis; return error or None of each."""
     results: dict[int, Exception | None] = {}
     for axis in axes:
         try:

@@ -8,7 +8,7 @@ from enum import Enum
 
 
 class BusState(Enum):
-    """State of a bus or of a node, whatever the bus calls it; the values are for people."""
+    """Neutral state of a bus or of a node."""
 
     UNKNOWN = "unknown"  # not heard of, or the bus has no states
     INITIALISING = "initialising"

@@ -1,4 +1,4 @@
-"""Features that not every backend has, as data: the core and the tests decide by them."""
+"""Optional features of a backend, as data for core and tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The engine: life cycle of one device, with retries, and whether it is ready to command."""
+"""Connection: life cycle of one device with retries, and its readiness."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Connection:
 
     @property
     def rejection(self) -> str:
-        """Why axes cannot be commanded, for whoever tried while ``commandable`` is False."""
+        """Reason for rejecting axis commands while ``commandable`` is False."""
         if self._ending.is_set():
             return ENDING
         text = f"engine is not ready (state {self.state.value})"
@@ -119,7 +119,7 @@ class Connection:
 
     @property
     def reason(self) -> str:
-        """Why the device is not ready: what its start-up is doing, or the fault; may be ""."""
+        """Reason for not being ready: the start-up step or the fault; may be ""."""
         return self.fault if self._prepared else self.step.text or self.fault
 
     @property
@@ -132,7 +132,7 @@ class Connection:
 
     @property
     def fault(self) -> str:
-        """Why the device does not communicate, in words; "" if it does, or cannot say."""
+        """Reason for the lack of communication; "" if there is none."""
         if self._hang:
             return self._hang
         if self.state is ConnectionState.COMMUNICATING:
@@ -364,7 +364,7 @@ class Connection:
         return f"the last start failed: {self._start_failure}" if self._start_failure else ""
 
     def _unprepared(self) -> str:
-        """Why a device that communicates is not ready."""
+        """Explain a device that communicates and is not ready."""
         if self._start_failure:
             return f"it communicates although its start failed: {self._start_failure}"
         return "communication was not started by robotd, so its parameters are not in force"

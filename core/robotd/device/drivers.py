@@ -126,7 +126,7 @@ class AxisDriver(ABC):
 
     @property
     def servo_groups(self) -> Sequence[Sequence[int]]:
-        """Axes that share one servo switch, group by group; an axis in no group has its own.
+        """Groups of axes that share one servo switch; others have their own.
 
         ``servo`` of one axis then switches its group; the core names all of them to the client.
         """

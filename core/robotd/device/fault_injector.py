@@ -1,4 +1,4 @@
-"""What only a person at the bench can do, offered by a backend that can do it by itself."""
+"""Fault injection: inputs and faults that normally need hands-on access."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class FaultInjector:
     lives_by_clock: bool = False
 
     def position(self, axis: int) -> float:
-        """Where the axis really is, in rad or m, as an instrument beside the drive shows it."""
+        """True position of the axis in rad or m, independent of the drive."""
         raise self._unsupported("position")
 
     def move_by_hand(self, axis: int, delta: float) -> None:

@@ -29,7 +29,7 @@ class Gripper:
 
     @property
     def is_commanded_closed(self) -> bool:
-        """What the output bit asks for; any thread."""
+        """Commanded state of the output bit. Any thread."""
         return self._commanded()
 
     def closed(self, time_ns: int) -> float:

@@ -87,7 +87,7 @@ class ProcessImage:
         self._sequence = 0
 
     def fault(self, axis: int) -> str:
-        """Why ``axis`` cannot move: not answering, in alarm, or ""; with the device's reason."""
+        """Fault of ``axis`` with the device's reason: offline or in alarm, else ""."""
         if self.offline[axis]:
             what = "drive is offline"
         elif self.controller_alarm:

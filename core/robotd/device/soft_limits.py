@@ -1,4 +1,4 @@
-"""A velocity command has no target: what ends it before the axis leaves its position limits."""
+"""Soft-limit guard: stops a jog in time to stay inside the position limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Report of a start-up step that takes long: for the log, the status and the diagnostics."""
+"""Report of a long start-up step, for log, status and diagnostics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class StartupStep:
 
     @property
     def text(self) -> str:
-        """What is being done and for how long, as "starting communication for 12 s"; or ""."""
+        """Describe the running step as "starting communication for 12 s"; or ""."""
         step = self._step
         return f"{step[0]} for {time.monotonic() - step[1]:.0f} s" if step else ""
 

@@ -16,7 +16,7 @@ class ConnectionState(Enum):
 
 
 class CommandMode(IntEnum):
-    """What a setpoint of the axis means; the numbers of ``/wmx/axis/set_mode``."""
+    """Quantity of an axis' setpoint; the numbers of ``/wmx/axis/set_mode``."""
 
     POSITION = 0
     VELOCITY = 1
@@ -24,7 +24,7 @@ class CommandMode(IntEnum):
 
 
 class Operation(IntEnum):
-    """What an axis is doing now."""
+    """Current operation of an axis."""
 
     IDLE = 0
     POSITION = 1  # executing a move

@@ -1,4 +1,4 @@
-"""What is said of each part of a robot in its diagnostics: pure functions, no ROS."""
+"""Diagnostic status of each part of a robot: pure functions, no ROS."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """One part of the robot: ``message`` says why it has its level, ``values`` are for people."""
+    """Status of one part: ``message`` explains its level, ``values`` give details."""
 
     part: str
     level: Level
@@ -37,7 +37,7 @@ class Status:
 def engine_status(
     state: ConnectionState, backend: str, fault: str = "", step: str = "", *, ready: bool
 ) -> Status:
-    """OK while axes can be commanded, ERROR for a device that is lost or failed, else WARN.
+    """Status of the connection: OK when commandable, ERROR when lost, else WARN.
 
     Args:
         fault: why the device is not ready; "" where it was not started, or stopped on purpose.
@@ -61,7 +61,7 @@ def engine_status(
 def axis_status(
     part: str, axis: int, image: ProcessImage, state: ConnectionState, *, used: bool
 ) -> Status:
-    """One axis; that a servo is off is worth a warning where the robot switches it on itself."""
+    """Status of one axis; a servo that should be on warns when off."""
     if state is not ConnectionState.COMMUNICATING:
         return unknown_status(part, state)
     level, message = _judge_axis(axis, image, used=used)
@@ -83,7 +83,7 @@ def axis_status(
 
 
 def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> Status:
-    """A bus and its nodes: ERROR for a lost node, WARN for one that is not operational."""
+    """Status of a bus: ERROR for a lost node, WARN for one not operational."""
     errors = [f"node {node.id} {fault}" for node in network.nodes if (fault := _node_fault(node))]
     warnings = [
         f"node {node.id} is {node.state.value}"
@@ -108,7 +108,7 @@ def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> Status:
 def cycle_status(
     report: LoopReport, rate_hz: float, realtime: str, *, running: bool, missing: bool
 ) -> Status:
-    """The cycle: ERROR when it stands, WARN while deadlines are missed or it is too slow.
+    """Status of the control loop: ERROR when stopped, WARN for missed deadlines.
 
     Args:
         rate_hz: what it should run at.
@@ -139,7 +139,7 @@ def cycle_status(
 
 
 def gripper_status(state: ConnectionState, *, closed: bool) -> Status:
-    """Where the gripper was sent; nothing measures whether it is there."""
+    """Status of the gripper: its command; no sensor measures its position."""
     if state is not ConnectionState.COMMUNICATING:
         return unknown_status("gripper", state)
     return Status("gripper", Level.OK, "commanded closed" if closed else "commanded open")
@@ -163,7 +163,7 @@ def _judge_axis(axis: int, image: ProcessImage, *, used: bool) -> tuple[Level, s
 
 
 def _complaints(axis: int, image: ProcessImage, *, used: bool) -> Iterator[tuple[Level, str]]:
-    """What is wrong with an axis, the worst first."""
+    """Yield the problems of an axis, the worst first."""
     if fault := image.fault(axis):
         yield Level.ERROR, fault
     if image.negative_limit[axis]:

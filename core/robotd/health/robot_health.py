@@ -1,4 +1,4 @@
-"""How a robot is, part by part, and whether something changed. Imports no ROS."""
+"""Health of a robot, part by part, and detection of changes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RECENT_S = 2.0  # for how long something that happened is worth a warning
 
 
 class Health:
-    """Looks at a robot; for one thread, which may wait for the fieldbus, so not the cycle's."""
+    """Evaluates a robot's health; for one thread that may wait for the fieldbus."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -91,7 +91,7 @@ class Growth:
         self._grown_ns: int | None = None
 
     def is_recent(self, count: int, now_ns: int) -> bool:
-        """Whether ``count`` was seen to grow in the last ``RECENT_S``."""
+        """Return True when ``count`` grew within the last ``RECENT_S``."""
         if count > self._count:
             self._grown_ns = now_ns
         self._count = count

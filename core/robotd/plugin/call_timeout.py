@@ -1,4 +1,4 @@
-"""Calls into foreign code that must come back: they run in a thread that can be given up."""
+"""Run a call with a time limit, in a thread that is abandoned on time-out."""
 
 from __future__ import annotations
 

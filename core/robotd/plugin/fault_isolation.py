@@ -86,7 +86,7 @@ def _named(call: Call, what: str, backend: str) -> Call:
 
 
 def _timed(call: Call, signature: inspect.Signature, what: str, accepts: bool) -> Call:
-    """``call`` that is given up when its time is over; ``signature`` is that of the contract.
+    """Wrap ``call`` with a time limit; ``signature`` is that of the contract.
 
     ``accepts``: it only has to accept a command.
     """
@@ -126,7 +126,7 @@ class _State:
 
 
 class _Fault:
-    """``fault`` of a device; what is wrong with the answer where there is none. Never raises."""
+    """Return the ``fault`` of a device, or why it has no answer. Never raises."""
 
     def __init__(self, ask: Callable[[], str], plugin: str) -> None:
         self._ask = ask

@@ -1,4 +1,4 @@
-"""Where plugins put the robots and nodes that they bring; a clash stops the start-up."""
+"""Registries of robots and nodes from plugins; a clash stops the start-up."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ TEXTS = {
 
 
 def text_of_al(code: int) -> str:
-    """``no valid outputs (AL status 0x0019)``; empty for 0, the number alone for an unknown one."""
+    """Return ``no valid outputs (AL status 0x0019)``; "" for 0."""
     if not code:
         return ""
     number = f"AL status 0x{code:04X}"

@@ -140,7 +140,7 @@ class WmxAxes(AxisDriver):
             start(axis, *self._scaling.profile(axis, profile))
 
     def stop(self, axes: Sequence[int]) -> None:
-        """A spline stops in the time that its joints need, a move with its own deceleration."""
+        """Stop splines in the joints' own time, moves with their deceleration."""
         streamed = self._stream.end(axes)
         self._slow_down(streamed)
         others = [axis for axis in axes if axis not in streamed]
@@ -216,7 +216,7 @@ class WmxAxes(AxisDriver):
         position: Callable[[list[int]], None],
         velocity: Callable[[list[int]], None],
     ) -> None:
-        """Stop what moves with the calls of its mode; one axis' rejection does not spare others."""
+        """Stop moving axes by the calls of their mode; one rejection spares none."""
         status = self._status()
         moving = [axis for axis in axes if not status.idle(axis)]
         for call, mode in ((position, False), (velocity, True)):

@@ -123,7 +123,7 @@ class Connection:
         return self._lost
 
     def lost_because(self) -> str:
-        """Why the engine is lost to us, in words; "" while it is not."""
+        """Reason for the loss of the engine; "" while it is connected."""
         return self._lost_because if self._devices and self._lost is not None else ""
 
     def give_up(self) -> None:

@@ -83,7 +83,7 @@ class WmxDevice(DeviceDriver):
         return state
 
     def fault(self) -> str:
-        """Who or what ended the exchange of values, as far as the engine tells."""
+        """Reason for the end of communication, as far as the engine reports it."""
         if reason := self.connection.lost_because():
             return reason
         if not self._attached or self.connection.state() is ConnectionState.COMMUNICATING:
@@ -109,7 +109,7 @@ class WmxDevice(DeviceDriver):
         return "; ".join(lines)
 
     def load_parameters(self, path: Path) -> str:
-        """Check the file with our own reader, fill in what it leaves out, give it to the engine.
+        """Check the file, complete its missing elements, and import it.
 
         The engine would take a missing element for 0. A shared engine has parameters of its own:
         they stay.

@@ -27,7 +27,7 @@ def checks(root: Path | None, engine: bool) -> Iterator[Finding]:
 
 
 def check_binding(root: Path | None) -> Iterator[Finding]:
-    """The compiled module loads, is of the SDK that was looked at, and knows its errors."""
+    """Check that the binding loads and matches the inspected SDK."""
     version = ".".join(map(str, _native.library_version()))
     built = Path(_native.SDK_PATH)
     yield "ok", f"binding built against {built}, library {version}", ""

@@ -82,7 +82,7 @@ def name_of(error: CallError) -> str:
 
 
 def text_of(api: str, code: int, sdk_text: str = "") -> str:
-    """What a code says, for people: ``wmx 297 (device locked by another process)``."""
+    """Return the text of a code: ``wmx 297 (device locked by another process)``."""
     for base in _bases(api):
         if name := names().get((base, code)):
             row = table().get((base, name))

@@ -76,7 +76,7 @@ class WmxFieldbus(FieldbusDriver):
 
 
 def _details(info: Master) -> dict[str, str]:
-    """What else the master counts. The SDK states no units: the figures are as it has them."""
+    """Return further counters of the master; the SDK states no units."""
     failure = info.hot_connect_failure
     return {
         "hot connect": f"{info.hot_connect}: {failure}" if failure else info.hot_connect,

@@ -12,7 +12,7 @@ from robotd_wmx.errors import translated
 
 
 class WmxIo(IoDriver):
-    """Reads answer from the image of the last cycle; writes reach the slaves with the next.
+    """Digital I/O: reads use the last cycle's image, writes the next one.
 
     Without an engine a read answers what was read last, 0 before that.
     """

@@ -1,4 +1,4 @@
-"""What a robot descriptor may say under ``backends.wmx``; every key ends in its unit."""
+"""Options under ``backends.wmx`` of a robot descriptor."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from robotd_wmx.velocity_stream import VelocityStream
 
 
 class Readout:
-    """Cycle thread. The arrays of an image are handed to the binding once and filled in place."""
+    """Fills the process image in place by one call of the binding."""
 
     def __init__(self, connection: Connection, stream: VelocityStream) -> None:
         self._connection = connection

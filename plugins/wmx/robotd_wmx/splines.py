@@ -85,7 +85,7 @@ def check(axes: Sequence[int], times_s: FloatArray) -> None:
 
 
 def engine_points(times_s: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times in ms and points in user units as the engine wants them, without the start.
+    """Return times in ms and points in user units, without the start.
 
     One segment becomes two on the same cubic (the engine wants two points besides the start),
     and a point on top of the one before is nudged aside so that the pause between them stays.

@@ -91,7 +91,7 @@ def run_conformance(
 
 
 def pytest_command() -> list[str]:
-    """The command line of pytest on the checks; settings in the present folder do not count."""
+    """Return the pytest command line; settings of the current folder are ignored."""
     checks = Path(robotd.__file__).parent.joinpath(*PACKAGE.split(".")[1:])
     return [
         sys.executable,

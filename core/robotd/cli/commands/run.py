@@ -160,7 +160,7 @@ def _serve(
 
 
 def _say(text: str) -> None:
-    """Print to standard output; a broken pipe or a full disk must not stop the robot."""
+    """Print to standard output; a broken pipe must not stop the robot."""
     click.echo(text, file=lossy(sys.stdout))
 
 

@@ -36,7 +36,7 @@ def sim() -> None:
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, file: Path, robot: str | None, *, time_scale: float | None) -> None:
-    """Run a scenario as a test: status 0 when all went as it expects, else 1.
+    """Run a scenario as a test: status 0 when it passes, else 1.
 
     Without ROS, and as fast as the computer goes unless --time-scale says otherwise.
     """

@@ -1,4 +1,4 @@
-"""What a running robot says of itself, and the commands that one service call can do."""
+"""State of a running robot, and commands that need one service call."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def axis_reports(message: AxisState) -> tuple[AxisReport, ...]:
 
 
 def _fault(client: RosClient) -> tuple[str, str]:
-    """Why axes cannot be commanded, and what helps; each may be empty."""
+    """Return the reason for rejecting axis commands and its remedy; may be ""."""
     reason, _, remedy = client.call(Trigger, FAULT).message.partition("\n")
     return reason, remedy
 

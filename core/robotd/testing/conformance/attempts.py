@@ -1,4 +1,4 @@
-"""Motions that are judged by when their values came, on a computer that may be busy."""
+"""Timed motions for checks, repeated on a busy computer."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from robotd.testing.conformance.time_limits import TimeLimits
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Load backend and robot, so that a wrong name is one sentence and not an error per check."""
+    """Load backend and robot once, so that a wrong name is reported once."""
     name = config.getoption("--robotd-backend")
     if not name:
         raise pytest.UsageError("which backend? add --robotd-backend NAME")
@@ -87,7 +87,7 @@ def harness(target: KitTarget) -> Harness:
 
 @pytest.fixture
 def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
-    """Further rigs, not brought up; the shared one is shut down first: a device has one client."""
+    """Function that builds further harnesses; the shared one is shut down first."""
     made: list[Harness] = []
 
     def make(**options: Any) -> Harness:
@@ -104,7 +104,7 @@ def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
 
 @pytest.fixture
 def injector(harness: Harness) -> FaultInjector:
-    """The bench of the shared rig; the check is skipped where it cannot do what is needed."""
+    """Fault injector of the shared harness; unsupported calls skip the check."""
     return FaultInjectorOrSkip.of(harness)
 
 

@@ -1,4 +1,4 @@
-"""A robot on the bench: brought up, moved a little, watched, and given time to do so."""
+"""Harness: a started robot that checks move and observe."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Harness:
 
     @property
     def healthy(self) -> bool:
-        """Ready for the next check as it is: enabled, in position mode, at rest, no alarm."""
+        """True when ready for the next check: enabled, idle, no alarm."""
         image = self.image
         return bool(
             self.robot.connection.ready
@@ -264,7 +264,7 @@ class Harness:
         return capability in self.robot.capabilities
 
     def may_rescale(self) -> bool:
-        """A change of scale or home can be undone: by a parameter file, or it is no real drive."""
+        """Return True when a change of scale or home can be undone."""
         return self.can(Capability.SIMULATED) or self.robot.descriptor.parameters_file is not None
 
 

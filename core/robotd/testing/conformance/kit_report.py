@@ -1,4 +1,4 @@
-"""The report for people: what was checked, on what share, and why the rest was not."""
+"""Summary of a run: checks that ran, and reasons of the skipped ones."""
 
 from __future__ import annotations
 

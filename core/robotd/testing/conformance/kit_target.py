@@ -1,4 +1,4 @@
-"""What the checks run on: one backend, one robot, and at most one rig at a time."""
+"""Target of the checks: one backend and one robot."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class KitTarget:
         return Harness(self.backend, self.descriptor, lives_by_clock=self.lives_by_clock, **options)
 
     def shared(self) -> Harness:
-        """The shared rig, ready for a check; a new one where the last check broke it."""
+        """Return the shared harness, replaced when the last check broke it."""
         harness = self._shared
         if harness is not None:
             harness.undo_faults()

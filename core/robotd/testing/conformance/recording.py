@@ -1,4 +1,4 @@
-"""What the process image showed, period by period, as arrays."""
+"""Recording of the process image, period by period, as arrays."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Recording:
 
 
 class Recorder:
-    """A task of the cycle that fills a recording, and calls a task, while there is one.
+    """Control-loop task that fills the current recording, if any.
 
     What has been taken away is used no more when the method returns.
     """

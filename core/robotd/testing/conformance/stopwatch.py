@@ -1,4 +1,4 @@
-"""How long calls take, on a computer that has other things to do."""
+"""Duration of calls, measured on a computer that may be busy."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ def timed(durations_s: list[float]) -> Iterator[None]:
 
 
 def _preemptions() -> int:
-    """How often this thread had to leave the processor while it wanted to go on."""
+    """Return the number of involuntary context switches of this thread."""
     return resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw

@@ -1,4 +1,4 @@
-"""Ageing of values: what is shown is alive, and what is dead does not look alive."""
+"""Ageing of values: stale values are never shown as fresh."""
 
 from __future__ import annotations
 

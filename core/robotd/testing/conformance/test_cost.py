@@ -1,4 +1,4 @@
-"""What a period costs: ``read``, ``stream`` and ``state`` come back at once, always."""
+"""Cost of a period: ``read``, ``stream`` and ``state`` return at once."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def run_once(make_harness: MakeHarness) -> None:
 
 
 def settles(condition: Callable[[], bool]) -> bool:
-    """Whether ``condition`` comes true: threads and sockets may take a moment to go."""
+    """Return True when ``condition`` becomes true within a time-out."""
     return wait_until(condition, 2.0, MonotonicClock(), 0.02)
 
 

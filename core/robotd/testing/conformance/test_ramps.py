@@ -1,4 +1,4 @@
-"""Ramps: each is the one that was asked for, and a stop ends whatever moves the axis, at once."""
+"""Ramps: each is the requested one; a stop ends any motion at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is refused, and how: by robotd's errors, with the reason, and nothing moves."""
+"""Rejections: by robotd's errors, with the reason, and nothing moves."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ def check_not_blocked(durations_s: list[float]) -> None:
 
 
 def observers(harness: Harness) -> list[Callable[[], None]]:
-    """What clients ask for all the time."""
+    """Return the calls that clients make all the time."""
     works: list[Callable[[], None]] = [lambda: look(harness)]
     if harness.can(Capability.FIELDBUS):
         works.append(lambda: ask_fieldbus(harness))

@@ -33,7 +33,7 @@ def check_smooth(harness: Harness, motion: Callable[[], Recording]) -> None:
 
 
 def jumps_of(harness: Harness, recording: Recording) -> list[str]:
-    """What is beyond the limits of each joint, in words."""
+    """Describe positions beyond the limits of each joint."""
     limits, found = harness.robot.follower.limits, []
     more = MORE if harness.stepped else MORE_IN_REAL_TIME
     _, speeds = recording.slope(recording.position, 2 * harness.period_s)

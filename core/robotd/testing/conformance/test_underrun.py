@@ -19,7 +19,7 @@ TOLERANCE = 0.25  # of the streamed velocity
 
 
 class InterruptedStream:
-    """Setpoints of all axes: speed up, keep the velocity, miss some, slow down where that led."""
+    """Stream setpoints: accelerate, cruise, miss some, and decelerate."""
 
     def __init__(self, harness: Harness) -> None:
         self._harness = harness

@@ -212,7 +212,7 @@ def jog(harness: Harness, speeds: np.ndarray) -> None:
 
 
 def stream_ramp(harness: Harness, start: np.ndarray, end: np.ndarray, seconds: float) -> None:
-    """Stream a smooth way from ``start`` to ``end`` on every axis, as the cycle does it."""
+    """Stream a smooth path from ``start`` to ``end`` on every axis."""
     driver, began_ns = harness.drivers.axes, harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
