@@ -106,7 +106,7 @@ FAULTY: list[tuple[type[Mutant], str, str]] = [
         "test_io.py::test_bits_written_by_several_threads_are_all_there",
         "outputs from byte",
     ),
-    (mutants.Boaster, "test_refusals.py::test_what_is_declared_is_there", "register_read"),
+    (mutants.Boaster, "test_rejections.py::test_what_is_declared_is_there", "register_read"),
 ]
 
 

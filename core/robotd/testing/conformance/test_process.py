@@ -9,11 +9,11 @@ import tracemalloc
 
 import pytest
 
-from robotd.device.process_image import ProcessImage
 from robotd.testing.conformance.harness import MakeHarness
 from robotd.testing.conformance.surroundings import surroundings
 
 OWN_LOG = "component="
+READS, GROWTH_BYTES = 300, 30_000
 
 
 def hooks() -> dict[str, object]:
@@ -57,17 +57,15 @@ def test_closing_takes_no_time(make_harness: MakeHarness) -> None:
 def test_reading_needs_no_memory(make_harness: MakeHarness) -> None:
     harness = make_harness()
     harness.up()
-    image = ProcessImage(harness.count)
 
     def growth() -> int:
         before = tracemalloc.get_traced_memory()[0]
-        for _ in range(1000):
-            harness.drivers.axes.read(image)
+        harness.periods(READS)  # the control loop reads
         return tracemalloc.get_traced_memory()[0] - before
 
     tracemalloc.start()
     try:
-        growth()
-        assert growth() < 50_000, "a read leaves memory behind"
+        # Threads of the device allocate too, and free it again: each span has to grow.
+        assert min(growth() for _ in range(3)) < GROWTH_BYTES, "a read leaves memory behind"
     finally:
         tracemalloc.stop()
