@@ -202,7 +202,9 @@ class TrajectorySettings(Section):
     goal_tolerance_rad: Positive = Field(0.01, description="Error at the end that is success.")
     goal_time_s: Positive = Field(2.0, description="Time after the end to reach the goal.")
     path_tolerance_rad: Positive | None = Field(
-        None, description="Error on the way that aborts; null watches nothing."
+        0.2,
+        description="Error on the way that aborts (m for a linear joint); null watches nothing."
+        " A position loop of gain 20/s without feed-forward lags 0.16 rad at 3.14 rad/s.",
     )
     stopped_velocity_rad_s: Positive = Field(
         0.01, description="Speed below which a joint stands still."
