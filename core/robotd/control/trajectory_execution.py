@@ -11,6 +11,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import wait_for_event
+from robotd.control.command_return import CommandReturn
 from robotd.control.stall_recovery import StallRecovery
 from robotd.device.process_image import ProcessImage, columns
 from robotd.device.state import Operation, Underrun
@@ -38,6 +39,9 @@ class Outcome(Enum):
     PATH_TOLERANCE = auto()
     GOAL_TOLERANCE = auto()
     FAULT = auto()
+
+
+TOLERANCES = frozenset({Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
 
 
 class Phase(Enum):
@@ -114,7 +118,8 @@ class TrajectoryExecution:
         self._stop: StopPlan | None = None
         start = np.array([position, np.zeros(joints)])
         self._stall_recovery = StallRecovery(start, start_ns, limits, underrun)
-        self._end_position: FloatArray = position.copy()  # of the path, or as far as it has come
+        # Where the joints are held: the end of the path, or as far as it has come.
+        self._held: FloatArray = np.array([position, np.zeros(joints)])
         self._aim: FloatArray = self.setpoint.copy()
         self._desired, self._desired_velocity = self._aim
         self._measured: FloatArray = self.setpoint.copy()
@@ -128,6 +133,8 @@ class TrajectoryExecution:
         self._settled_periods = 0
         # Replaced as a whole: another thread sees the values of one period.
         self._snapshot = (0.0, self._aim.copy(), self._measured.copy())
+        self._return: CommandReturn | None = None
+        self._return_ns = start_ns
         self._done = threading.Event()
 
     @property
@@ -279,7 +286,9 @@ class TrajectoryExecution:
         return f"stopped by the device after the cycle had stood for {pause_s * 1e3:.0f} ms"
 
     def _judge(self, time_ns: int) -> None:
-        if self.ending is None and self._phase is Phase.RUNNING:
+        # Until a stall is recovered from, the joints are where it left them.
+        stalled = self._pause_ns > STALL_S * NANOSECONDS or self._stall_recovery.active
+        if self.ending is None and self._phase is Phase.RUNNING and not stalled:
             violation = self._tolerances.check_path(
                 self._time_s,
                 self._desired,
@@ -307,7 +316,7 @@ class TrajectoryExecution:
         self._sampler.sample(self._time_s, self.position, self.velocity)
         if rate != 1.0:
             self.velocity *= rate
-        self._end_position[:] = self.position
+        self._held[0] = self.position
         self._lead_back(due_ns, due_ns - time_ns)
         if self._stall_recovery.active:
             return
@@ -318,7 +327,7 @@ class TrajectoryExecution:
 
     def _hold(self, due_ns: int, period_ns: int) -> None:
         """Stay at the end of the path, or lead the joints back to it."""
-        self.setpoint[0], self.setpoint[1] = self._end_position, 0.0
+        self.setpoint[:] = self._held
         self._lead_back(due_ns, period_ns)
 
     def _lead_back(self, due_ns: int, period_ns: int) -> None:
@@ -359,7 +368,18 @@ class TrajectoryExecution:
         timed_out = time_ns - self._phase_ns > REST_TIMEOUT_S * NANOSECONDS
         if self.ending and (self._settled_periods >= SETTLED_PERIODS or timed_out):
             outcome, message = self.ending
+            stuck = self.streams and outcome in TOLERANCES and not moving
+            if stuck and self._return_command(time_ns):
+                return
             self.finish(outcome, f"{message}; joints still move" if moving else message)
+
+    def _return_command(self, time_ns: int) -> bool:
+        """Lead the command to where the joints stand; False once it is there."""
+        if self._return is None:
+            self._return = CommandReturn(self._held[0], self._actual, self._limits)
+            self._return_ns = time_ns
+        time_s = (time_ns - self._return_ns) / NANOSECONDS
+        return self._return.sample(time_s, self._held)
 
     def _success_text(self) -> str:
         worst = int(np.argmax(self.max_error))

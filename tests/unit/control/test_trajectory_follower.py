@@ -437,3 +437,28 @@ def test_the_place_where_an_earlier_goal_ended_is_no_start(harness: Harness) -> 
         harness.follower.follow(request),
     ):
         pass
+
+
+def test_a_joint_that_is_held_ends_the_goal_and_does_not_leap_when_it_is_free(
+    harness: Harness,
+) -> None:
+    harness.faults.block(0, True)
+    start_s = harness.now_s
+    with harness.goal(FAR) as execution:
+        harness.end(execution)
+    assert execution.outcome is Outcome.PATH_TOLERANCE
+    assert "exceeds path tolerance 0.2 rad" in execution.message
+    assert harness.now_s - start_s < 2.0, "reported while the joint was still commanded to move"
+    harness.setpoints.assert_smooth(ACCELERATION)
+    harness.run(0.1)
+    assert harness.image.position_command[0] == pytest.approx(harness.image.position[0], abs=1e-3)
+    assert harness.image.servo_on.all()
+    held_at = harness.image.position.copy()
+    harness.faults.block(0, False)
+    speeds: list[float] = []
+    harness.robot.control_loop.every(
+        500.0, "speed", lambda image: speeds.append(float(abs(image.velocity[0])))
+    )
+    harness.run(1.0)
+    assert max(speeds) < 0.05
+    assert harness.image.position == pytest.approx(held_at, abs=5e-3)

@@ -1,0 +1,47 @@
+"""Return of the command to joints that did not follow it, so that none leaps once it is free."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.motion import JointLimits
+
+MIN_ERROR = 0.005  # rad or m; less is lag and sag of a sound drive, and stays
+PEAK_VELOCITY, PEAK_ACCELERATION = 1.875, 5.7735  # of 10u³ - 15u⁴ + 6u⁵, for 1 in 1 s
+
+
+class CommandReturn:
+    """Move of the command alone, from standstill to standstill, within the joints' limits.
+
+    The joint stands where it was measured; its command comes to it along a quintic polynomial.
+
+    Args:
+        command: (m,) position command, rad or m.
+        measured: (m,) where the joints stand.
+        limits: velocity and acceleration that the command keeps.
+    """
+
+    def __init__(self, command: FloatArray, measured: FloatArray, limits: JointLimits) -> None:
+        offset = measured - command
+        self._ended = False
+        self._start = command.copy()
+        self._offset: FloatArray = np.where(np.abs(offset) > MIN_ERROR, offset, 0.0)
+        size = np.abs(self._offset)
+        by_velocity = PEAK_VELOCITY * size / limits.velocity
+        by_acceleration = np.sqrt(PEAK_ACCELERATION * size / limits.acceleration)
+        self.duration_s = float(np.maximum(by_velocity, by_acceleration).max())
+
+    def sample(self, time_s: float, command: FloatArray) -> bool:
+        """Write position and velocity ``time_s`` after the start into ``command``, (2, m).
+
+        Returns False when the end had been written before.
+        """
+        if self._ended:
+            return False
+        u = min(time_s / self.duration_s, 1.0) if self.duration_s else 1.0
+        command[0] = self._start + self._offset * (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
+        slope = 30.0 * u**2 * (1.0 - u) ** 2
+        command[1] = self._offset * (slope / self.duration_s if self.duration_s else 0.0)
+        self._ended = u >= 1.0
+        return True
