@@ -1,7 +1,7 @@
-"""The cycle: one named thread with absolute deadlines.
+"""Control loop: one named thread with absolute deadlines.
 
-Each period: read the process image → watch its age → advance streamed trajectories → hand the
-image to the tasks that are due → sleep to the next deadline. A deadline that is missed is
+Each period: read the process image → check its age → advance streamed trajectories → call the
+tasks that are due → sleep to the next deadline. A deadline that is missed is
 counted and skipped, never made up for in a burst.
 """
 
@@ -32,10 +32,10 @@ log = get_logger("cycle")
 Task = Callable[[ProcessImage], None]
 
 PR_SET_TIMERSLACK = 29  # linux/prctl.h
-STOP_S = 2.0  # for the period that is under way to end; one that hangs is left to itself
+STOP_S = 2.0  # time-out for the current period; a thread that hangs is abandoned
 SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
-AHEAD_NS = 120_000  # who gives way begins nothing in so short a time before a period
-WAITS, WAIT_S = 6, 5e-5  # in fact 0.1 ms each: as long as the system takes to wake a thread
+AHEAD_NS = 120_000  # other threads begin no work in this time before a period
+WAITS, WAIT_S = 6, 5e-5  # in fact 0.1 ms each: wake-up latency of the system
 
 
 @dataclass
@@ -49,15 +49,17 @@ class _Periodic:
 
 
 class ControlLoop:
-    """Owns the thread ``robotd-control``, the only caller of ``AxisDriver.read`` and ``stream``.
+    """Fixed-rate thread ``robotd-control``; only it calls ``AxisDriver.read`` and ``stream``.
 
     Args:
-        driver, engine, image: what is read, whether it may be, and where it goes.
-        streamer: advances trajectories.
+        driver: source of the process image and sink of setpoints.
+        connection: gate of the reads, and the state of the device.
+        image: process image that is filled each period.
+        mixer: advances trajectories and sends setpoints.
         rate_hz: periods per second.
         realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
-        clock: what the deadlines are on. On a ``SteppedClock`` there is no thread: the cycle
-            runs in whoever sleeps on the clock.
+        clock: time base of the deadlines. On a ``SteppedClock`` there is no thread: periods
+            run in the thread that sleeps on the clock.
     """
 
     def __init__(
@@ -86,41 +88,41 @@ class ControlLoop:
         self._communicating_since_ns = 0
         self._tasks: list[_Periodic] = []
         self._read_failure: str | None = None
-        self._lost: tuple[object, str] | None = None  # why nothing can be commanded, and in words
-        self._lost_ns = 0  # since when the device is lost, 0 while it is not
+        self._lost: tuple[object, str] | None = None  # key and text of the reason
+        self._lost_ns = 0  # time at which the device was lost; 0: it is not
         self._failing = False
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._due_ns = 0  # of the next period or the present one; 0: nobody has to wait for it
+        self._due_ns = 0  # of the next or current period; 0: no thread has to wait for it
         self._late_ns = 0  # of deadlines missed since the last period
         self._advanced_ns = 0  # nominal time of the last setpoints
-        self._began_ns = 0  # in real time: simulated time stands while a driver hangs
+        self._began_ns = 0  # in real time: simulated time stops while a driver hangs
         limit_s = SIMULATED_HANG_S if self._simulated else connection.settings.stale_after_s
         self._watchdog = Watchdog(self._age_ns, lambda: place_of(self._thread), limit_s, self._hang)
 
     def every(self, rate_hz: float, name: str, task: Task, *, first: bool = False) -> None:
-        """Call ``task(image)`` in the cycle thread, at most ``rate_hz`` times a second.
+        """Call ``task(image)`` in the control-loop thread, at most ``rate_hz`` times a second.
 
-        Only while the engine communicates. A task must not block; what it raises is logged
-        once and does not stop the cycle. Any thread may call, also while the cycle runs.
+        Only while the device communicates. A task must not block; an exception is logged
+        once and does not stop the loop. Any thread may call, also while the loop runs.
 
         Args:
-            rate_hz: in periods of the cycle's own clock.
+            rate_hz: on the clock of the control loop.
             name: for the log.
             task: called with the image.
-            first: before the image is read, and whether or not the engine communicates.
+            first: before the image is read, also while the device does not communicate.
         """
         self._tasks.append(_Periodic(task, name, round(NANOSECONDS / rate_hz), first))
 
     def delay(self, seconds: float) -> None:
-        """For a task that plays a fault: the present period takes ``seconds`` longer."""
+        """Prolong the current period by ``seconds``; for tasks that inject faults."""
         if self._simulated:
-            self._began_ns = 0  # however long that takes in real time, no driver hangs
+            self._began_ns = 0  # excluded from the hang detection: no driver hangs
         self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NANOSECONDS))
         self._began_ns = MonotonicClock.now_ns()
 
     def start(self) -> None:
-        """Begin; a cycle that runs already goes on. For one thread; not again after ``stop``."""
+        """Start the loop; no effect while it runs. One thread; not again after ``stop``."""
         if isinstance(self._clock, SteppedClock):
             self._clock.attach(self.period_ns, self.period)
         elif self._thread is None:
@@ -129,7 +131,7 @@ class ControlLoop:
             self._watchdog.start()
 
     def stop(self) -> None:
-        """End the thread after its period; returns when it is gone. Twice is not an error."""
+        """End the thread after its period and wait; a second call has no effect."""
         self._stop.set()
         self._watchdog.stop()
         if isinstance(self._clock, SteppedClock):
@@ -137,11 +139,11 @@ class ControlLoop:
         if self._thread is not None:
             self._thread.join(STOP_S)
             if self._thread.is_alive():
-                log.error("the cycle hangs and was left to itself")
+                log.error("the control loop hangs; its thread is abandoned")
         self._mixer.device_lost(NOT_RUNNING)
 
     def period(self, deadline_ns: int) -> int:
-        """The period of a deadline that has come; returns the next deadline.
+        """Run the period of a deadline that has come; return the next deadline.
 
         A deadline that has passed by more than half a period is missed: its setpoint would come too
         late, and its SYNC so close to the next one that drives would count the two as one.
@@ -167,12 +169,12 @@ class ControlLoop:
         return deadline_ns
 
     def yield_to_control_loop(self) -> None:
-        """Wait while a period is about to begin or under way, 1 ms at most. Any other thread.
+        """Wait while a period is imminent or running, 1 ms at most. Any other thread.
 
-        For threads that run one short piece of Python after the other. They give the interpreter
-        back between two pieces and take it again, sooner than the thread that it was given to
-        wakes up. Each time that thread begins to wait anew, and so it never comes to demand the
-        interpreter, after ``SWITCH_INTERVAL_S``. A burst of 50 messages kept the cycle for 2 ms.
+        Avoids GIL convoying: threads that run many short callbacks release the GIL between two
+        of them and re-acquire it before the control loop wakes. Its wait begins anew each time,
+        so that it never requests the GIL after ``SWITCH_INTERVAL_S``. A burst of 50 messages
+        delayed the control loop by 2 ms.
         """
         for _ in range(WAITS):
             if not self._due_ns or self._clock.now_ns() < self._due_ns - AHEAD_NS:
@@ -180,11 +182,11 @@ class ControlLoop:
             time.sleep(WAIT_S)
 
     def step(self, time_ns: int) -> None:
-        """What a period does, at its nominal time ``time_ns``.
+        """Run the work of a period at its nominal time ``time_ns``.
 
         The nominal time, not the jittery real one, drives trajectories. Called by ``period``,
-        or by a test that owns the clock. What goes wrong is logged once and ends all motion,
-        never the cycle.
+        or by a test that owns the clock. An exception is logged once and ends all motion,
+        never the control loop.
         """
         try:
             self._run_tasks(time_ns, first=True)
@@ -192,7 +194,7 @@ class ControlLoop:
             self._failing = False
         except Exception as error:
             if not self._failing:
-                log.exception("a period of the cycle failed")
+                log.exception("a control period failed")
             self._failing = True
             self._mixer.device_lost(f"{type(error).__name__}: {error}")
 
@@ -214,10 +216,10 @@ class ControlLoop:
         self._run_tasks(time_ns, first=False)
 
     def _overrun(self, time_ns: int) -> int:
-        """Return the deadlines that have passed while the device was read, by more than half.
+        """Return the number of deadlines that have passed by more than half a period.
 
-        Setpoints for the first of them would come too late, and in a device whose every read is
-        slow no setpoint would ever be sent.
+        Setpoints for the first of them would be late; with a device whose every read is slow no
+        setpoint would ever be sent.
         """
         missed = max(
             0, (self._clock.now_ns() - time_ns + self.period_ns // 2 - 1) // self.period_ns
@@ -238,7 +240,7 @@ class ControlLoop:
         return MonotonicClock.now_ns() - began_ns if began_ns else 0
 
     def _hang(self, reason: str) -> None:
-        """Watchdog: no command any more; what runs has failed; the axes are asked to stop."""
+        """Fail running motion, reject commands and stop the axes. Watchdog thread."""
         self._connection.abandon(reason)
         self._mixer.device_lost(reason)
         try:
@@ -268,7 +270,7 @@ class ControlLoop:
             image.end_write()
 
     def _is_fresh(self, time_ns: int) -> bool:
-        """Whether the values are young enough to be true; else the engine is not ready."""
+        """Check the age of the values; stale values make the connection not ready."""
         if self._communicating_since_ns == 0:
             self._communicating_since_ns = time_ns
         age_ns = time_ns - max(self._image.fresh_ns, self._communicating_since_ns)
@@ -283,14 +285,14 @@ class ControlLoop:
         return not stale
 
     def _lose(self, why: object, reason: str) -> None:
-        """Nothing can be commanded. The device is asked for its reason once for each ``why``."""
+        """Fail all motion. The device's fault is read once for each ``why``."""
         if self._lost is None or self._lost[0] != why:
             fault = self._connection.fault
             self._lost = why, reason if fault in reason else f"{reason}: {fault}"
         self._mixer.device_lost(self._lost[1])
 
     def _report_loss(self, time_ns: int) -> None:
-        """One log line when the device is lost, whoever noticed it, and one when it is back."""
+        """Log once when the device is lost, and once when it is back."""
         if self._connection.ready:
             if self._lost_ns:
                 lost_s = (time_ns - self._lost_ns) / NANOSECONDS
@@ -314,5 +316,5 @@ class ControlLoop:
                 periodic.failing = False
             except Exception:
                 if not periodic.failing:
-                    log.exception("a task of the cycle failed", task=periodic.name)
+                    log.exception("a control-loop task failed", task=periodic.name)
                 periodic.failing = True

@@ -1,4 +1,4 @@
-"""How well the cycle keeps its time: lateness, execution time, missed deadlines."""
+"""Timing statistics of the control loop: lateness, execution time, missed deadlines."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
 
 @dataclass(frozen=True)
 class LoopReport:
-    """A snapshot; times in microseconds, over the last ``samples`` periods.
+    """Timing snapshot; times in microseconds, over the last ``samples`` periods.
 
     Attributes:
         cycles, missed: periods run and deadlines missed since the start.
-        rate_hz: the rate really held over the window; NaN before the second period.
+        rate_hz: measured rate over the window; NaN before the second period.
         lateness_p50_us, lateness_p99_us, lateness_max_us: wake-up after the deadline.
         execution_p50_us, execution_p99_us, execution_max_us: work done in a period.
     """
@@ -36,12 +36,12 @@ class LoopReport:
 
 @dataclass(frozen=True, eq=False)
 class CycleSamples:
-    """The last periods one by one, oldest first; int64 nanoseconds of shape (samples,).
+    """Timing of the last periods, oldest first; int64 nanoseconds of shape (samples,).
 
     Attributes:
         start_ns: monotonic time at which the work began.
-        lateness_ns: how long after the deadline that was.
-        execution_ns: how long the work took.
+        lateness_ns: ``start_ns`` after the deadline.
+        execution_ns: duration of the work.
     """
 
     start_ns: IntArray
@@ -50,7 +50,7 @@ class CycleSamples:
 
 
 class LoopStatistics:
-    """Ring buffers written by the cycle thread; ``report`` may be called by any thread."""
+    """Ring buffers written by the control loop; any thread may call ``report``."""
 
     def __init__(self) -> None:
         self.cycles = 0
@@ -60,7 +60,7 @@ class LoopStatistics:
         self._execution_ns = np.zeros(WINDOW, np.int64)
 
     def record(self, late_ns: int, start_ns: int, end_ns: int) -> None:
-        """Cycle thread: one period, begun ``late_ns`` late, ran from ``start_ns`` to ``end_ns``."""
+        """Record a period from ``start_ns`` to ``end_ns``, begun ``late_ns`` late. Loop thread."""
         slot = self.cycles % WINDOW
         self._start_ns[slot] = start_ns
         self._lateness_ns[slot] = late_ns
@@ -68,7 +68,7 @@ class LoopStatistics:
         self.cycles += 1
 
     def samples(self) -> CycleSamples:
-        """The last ``WINDOW`` periods; call it when the cycle has ended, or the oldest may mix."""
+        """Return the last ``WINDOW`` periods; consistent once the control loop has ended."""
         first = max(0, self.cycles - WINDOW)
         order = np.arange(first, self.cycles) % WINDOW
         return CycleSamples(
@@ -76,7 +76,7 @@ class LoopStatistics:
         )
 
     def report(self) -> LoopReport:
-        """The figures of the last ``WINDOW`` periods; zeros before the first."""
+        """Return the figures of the last ``WINDOW`` periods; zeros before the first."""
         cycles = self.cycles
         samples = min(cycles, WINDOW)
         if samples == 0:

@@ -1,4 +1,4 @@
-"""A mobile base: twists from anybody, wheel speeds to the device, and where it has gone."""
+"""Differential-drive base: velocity commands in, wheel commands and odometry out."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
 log = get_logger("base")
 
 OWNER = "mobile base"
-JUMP = 3.0  # times the highest wheel speed: no wheel turns that far, its position was renumbered
+JUMP = 3.0  # times the wheel speed limit: a larger step means the position was renumbered
 
 
 class MobileBase:
-    """Claims the wheels when a command comes and gives them back when the base has stopped.
+    """Differential drive that claims its wheels while it is commanded, and its odometry.
 
-    The cycle limits the commanded twist, streams wheel speeds and integrates the odometry, once
-    a period. What may block belongs to a thread of its own, ``robotd-base``.
+    The control loop limits the commanded twist, streams wheel speeds and integrates the odometry,
+    once a period. Calls that may block run in the thread ``robotd-base``.
 
-    Between commands, and after a fault, nothing is held: the wheels are then ordinary axes.
-    Whenever the device is lost, the odometry pauses and goes on from a new baseline.
+    Between commands, and after a fault, no axis is claimed: the wheels are then ordinary axes.
+    While the device is lost the odometry pauses; it continues from a new baseline.
 
     Attributes:
-        settings, wheels: what the base is.
+        settings: of the descriptor, or of the ROS parameters.
+        wheels: kinematics of the pair.
     """
 
     def __init__(
@@ -54,14 +55,14 @@ class MobileBase:
         self._free = threading.Event()
         self._free.set()
         self._wake = threading.Event()
-        self._let_go = threading.Event()
+        self._released = threading.Event()
         self._closing = False
         self._thread: threading.Thread | None = None
         self.configure(settings)
         mixer.add(self)
 
     def configure(self, settings: DriveSettings) -> None:
-        """Take other settings and begin the odometry anew. Before ``start`` only."""
+        """Set the parameters and reset the odometry. Before ``start`` only."""
         self.settings = settings
         self.wheels = WheelPair(settings.wheel_radius_m, settings.wheel_separation_m)
         self._limiter = TwistLimiter(twist_limits(settings), self._period_s)
@@ -71,28 +72,23 @@ class MobileBase:
 
     @property
     def pose(self) -> Pose:
-        """Where the base is, seen from where it was at the start or the last reset. Any thread."""
+        """Pose relative to the start or the last reset. Any thread."""
         return self._odometry.pose
 
-    @property
-    def streaming(self) -> bool:
-        """The base moves the wheels now, or holds them. Any thread."""
-        return self._streaming
-
     def twist(self, image: ProcessImage) -> PlanarTwist:
-        """The measured twist, by the wheels' velocities in ``image``."""
+        """Return the measured twist, from the wheel velocities in ``image``."""
         left, right = self.settings.axes
         return self.wheels.twist(float(image.velocity[left]), float(image.velocity[right]))
 
     def command(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Move like this until the next command, for ``command_timeout_s`` at most.
+        """Set the twist until the next command, for ``command_timeout_s`` at most.
 
-        Any thread; never blocks. Too much is reduced on the commanded arc. Wheels that cannot
-        be moved are said once in the log, and tried again with each command.
+        Any thread; never blocks. A twist beyond the limits is scaled down on its arc. Wheels that
+        cannot be moved are logged once, and each command tries again.
 
         Raises:
             InvalidArgument: a number is not finite.
-            NotReady: the base is being stopped for good.
+            NotReady: the base was stopped by ``stop``.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
             raise InvalidArgument(
@@ -105,43 +101,43 @@ class MobileBase:
             self._wake.set()
 
     def reset_odometry(self) -> None:
-        """The present pose becomes the origin. Any thread."""
+        """Make the current pose the origin. Any thread."""
         with self._lock:
             self._odometry.reset()
 
     def stop(self, timeout_s: float) -> None:
-        """Slow to rest, give the wheels back, and refuse commands until the engine restarts.
+        """Slow to rest, release the wheels, and reject commands until the engine restarts.
 
-        Any thread but the cycle's. What takes longer than ``timeout_s`` is left to others.
+        Any thread but the control loop. After ``timeout_s`` it logs an error and returns.
         """
         self._stopped = True
         if not wait_until(self._free.is_set, timeout_s, self._clock):
             log.error("the base is not at rest", after_s=timeout_s)
 
     def start(self) -> None:
-        """Take commands from now on. Twice is not an error."""
+        """Accept commands from now on. A second call has no effect."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._serve, name="robotd-base", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
-        """Take no command any more; returns when the thread is gone. Twice is not an error."""
+        """End the thread and wait for it. A second call has no effect."""
         self._closing = True
         self._streaming = False
         self._wake.set()
-        self._let_go.set()
+        self._released.set()
         if self._thread is not None:
             self._thread.join()
 
     def advance(
         self, time_ns: int, image: ProcessImage, position: FloatArray, velocity: FloatArray
     ) -> bool:
-        """Cycle: one period; writes the wheels' velocities."""
+        """Run one period; write the wheel velocities. Control-loop thread."""
         self._track(image)
         if not self._streaming:
             return False
-        if (reason := self._reason(time_ns, image)) is not None:
-            self._tell(reason)
+        if (reason := self._loss_of_wheels(time_ns, image)) is not None:
+            self._log_rejection(reason)
             self._release()
             return False
         left, right = self.settings.axes
@@ -152,12 +148,12 @@ class MobileBase:
         return True
 
     def device_lost(self, reason: str) -> None:
-        """Cycle: nothing can be moved, and where the wheels are is not known."""
+        """Release the wheels; their positions are unknown now. Control-loop thread."""
         self._stopped = False
         with self._lock:
             self._odometry.rebase()
         if self._streaming:
-            self._tell(reason)
+            self._log_rejection(reason)
             self._release()
 
     def _track(self, image: ProcessImage) -> None:
@@ -183,8 +179,8 @@ class MobileBase:
         self._late = late
         return ZERO_TWIST if late else twist
 
-    def _reason(self, time_ns: int, image: ProcessImage) -> str | None:
-        """Why the wheels, which are claimed, cannot be moved any more."""
+    def _loss_of_wheels(self, time_ns: int, image: ProcessImage) -> str | None:
+        """Return the reason why the claimed wheels cannot move; None: they can."""
         for axis in self.settings.axes:
             if error := self._axes.rejection(axis, CommandMode.VELOCITY, OWNER):
                 return str(error)
@@ -196,9 +192,9 @@ class MobileBase:
     def _release(self) -> None:
         self._streaming = False
         self._limiter.reset()
-        self._let_go.set()
+        self._released.set()
 
-    def _tell(self, rejection: str | None) -> None:
+    def _log_rejection(self, rejection: str | None) -> None:
         if rejection == self._rejection:
             return
         self._rejection = rejection
@@ -220,21 +216,21 @@ class MobileBase:
                 self._free.set()
 
     def _hold_wheels(self) -> None:
-        """Claim the wheels and let the cycle move them until it lets go."""
+        """Claim the wheels until the control loop releases them."""
         try:
             with self._axes.claimed(OWNER, self.settings.axes, CommandMode.VELOCITY):
-                self._tell(None)
-                self._let_go.clear()
+                self._log_rejection(None)
+                self._released.clear()
                 self._claimed_ns = self._clock.now_ns()
                 self._streaming = not self._closing
                 if self._streaming:
-                    self._let_go.wait()
-        except Exception as error:  # noqa: BLE001 - whatever it is, the next command tries again
-            self._tell(str(error))
+                    self._released.wait()
+        except Exception as error:  # noqa: BLE001 - logged; the next command tries again
+            self._log_rejection(str(error))
 
 
 def twist_limits(settings: DriveSettings) -> TwistLimits:
-    """The limits of the base, in the form of ``motion``."""
+    """Return the limits of the base as ``TwistLimits``."""
     return TwistLimits(
         RampLimits(
             settings.velocity_m_s,
@@ -254,7 +250,7 @@ def twist_limits(settings: DriveSettings) -> TwistLimits:
 
 
 def wheel_limits(settings: DriveSettings) -> AxisLimits:
-    """What a wheel may be asked for as a single axis: its part of the fastest twist."""
+    """Return the limits of a wheel as an axis: its share of the fastest twist."""
     limits = twist_limits(settings)
     ramps = [max(part.acceleration, part.deceleration) for part in (limits.linear, limits.angular)]
     rim = limits.linear.velocity + limits.half_track * limits.angular.velocity

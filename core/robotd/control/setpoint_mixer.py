@@ -1,4 +1,4 @@
-"""Streams what moves the axes, one setpoint per axis and period: a trajectory, and more."""
+"""Mixes the setpoints of all sources and streams one per axis and control period."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from robotd.errors import LateSetpoint
 
 PREEMPTED = "preempted by a new goal"
 ABANDONED = "the joints did not come to rest in time"
-NOT_RUNNING = "the cycle is not running"
+NOT_RUNNING = "the control loop is not running"
 SPLICE_LOST = "the running trajectory was stopped before this one could take over"
 
 
 class SetpointSource(Protocol):
-    """Something besides trajectories that moves axes of its own. Cycle thread."""
+    """Source of setpoints other than a trajectory, for its own axes. Control-loop thread."""
 
     def advance(
         self, time_ns: int, image: ProcessImage, position: FloatArray, velocity: FloatArray
     ) -> bool:
-        """Write the setpoints of its axes into the arrays; False when it moves nothing now."""
+        """Write the setpoints of its axes into the arrays; return False when it has none."""
 
     def device_lost(self, reason: str) -> None:
-        """The device cannot be reached. Called in every such period."""
+        """Handle the loss of the device; called in every period without it."""
 
 
 class SetpointMixer:
-    """Holds at most one running execution and one that takes over from it on its way.
+    """Running trajectory execution, its successor, and the other setpoint sources.
 
-    ``submit``, ``make_way`` and ``release`` are for the trajectory follower (one worker at a
-    time); ``advance`` and ``device_lost`` for the cycle; ``add`` comes before the cycle starts.
+    ``submit``, ``release_after`` and ``release`` are for the trajectory follower (one worker at
+    a time); ``advance`` and ``device_lost`` for the control loop; ``add`` before it starts.
 
     Args:
         axes: number of axes of the device.
-        rate_hz: rate of the cycle.
-        clock: of the device and of the cycle; None: monotonic.
+        rate_hz: rate of the control loop.
+        clock: of the device and of the control loop; None: monotonic.
 
     Attributes:
         late: number of setpoints that were not sent because they came too late.
@@ -66,26 +66,26 @@ class SetpointMixer:
         self._sources: list[SetpointSource] = []
 
     def add(self, source: SetpointSource) -> None:
-        """Stream the setpoints of ``source`` together with those of trajectories."""
+        """Add a source whose setpoints are streamed together with those of trajectories."""
         self._sources.append(source)
 
     @property
     def running(self) -> TrajectoryExecution | None:
-        """The execution that moves the joints now, or holds them after its end."""
+        """Execution that moves the joints, or holds them after its end."""
         return self._running
 
     @property
     def active(self) -> list[TrajectoryExecution]:
-        """What runs and what is waiting to take over, without what has ended."""
+        """Running execution and its successor, without those that have ended."""
         return [each for each in (self._running, self._next) if each is not None and not each.done]
 
     @property
     def next_start_ns(self) -> int:
-        """The earliest time 0 of a trajectory from rest that is submitted now."""
+        """Earliest time 0 of a trajectory from rest that is submitted now."""
         return self._due_ns + self.period_ns
 
     def submit(self, execution: TrajectoryExecution, after: TrajectoryExecution | None) -> bool:
-        """Let ``execution`` run: at once from rest, else from its ``start_ns`` on.
+        """Run ``execution``: at once from rest, else from its ``start_ns`` on.
 
         The axes must be in streaming. Where the device is lost, it ends with a fault at once.
 
@@ -93,8 +93,8 @@ class SetpointMixer:
             after: the moving execution on whose path it was planned; None: it begins at rest.
 
         Returns:
-            False, and nothing was done, when its time has passed, or ``after`` no longer is
-            what runs or has left its path: plan again.
+            False, without effect, when its start time has passed, or ``after`` is no longer the
+            running one or has left its path: plan again.
         """
         with self._handover:
             if self._lost is not None:
@@ -111,9 +111,9 @@ class SetpointMixer:
             return True
 
     def release_after(self, running: TrajectoryExecution | None) -> bool:
-        """Hold the joints no longer after ``running``, which has ended; a goal from rest comes.
+        """Stop holding the joints after ``running``, which has ended.
 
-        Returns False, and nothing was done, when something else runs by now.
+        Returns False, without effect, when another execution runs by now.
         """
         with self._handover:
             if self._running is not running:
@@ -123,12 +123,12 @@ class SetpointMixer:
             return True
 
     def release(self) -> None:
-        """Stream trajectories no more. Call after the last one ended, before ``end_stream``."""
+        """Stop streaming trajectories; after the last has ended, before ``end_stream``."""
         with self._handover:
             self._drop(Outcome.FAULT, ABANDONED)
 
     def advance(self, time_ns: int, image: ProcessImage) -> None:
-        """Cycle: one period, whose setpoints are due at ``time_ns + period_ns``."""
+        """Run one period, with setpoints due at ``time_ns + period_ns``. Control-loop thread."""
         self._due_ns, self._lost = time_ns + self.period_ns, None
         streams = self._advance_trajectory(time_ns, image)
         for source in self._sources:
@@ -137,7 +137,7 @@ class SetpointMixer:
             self._send(self._due_ns)
 
     def device_lost(self, reason: str) -> None:
-        """Cycle: the device cannot be reached; whatever runs has failed."""
+        """Fail everything that runs: the device cannot be reached. Control-loop thread."""
         for source in self._sources:
             source.device_lost(reason)
         self._lost = reason
@@ -145,7 +145,7 @@ class SetpointMixer:
             self._drop(Outcome.FAULT, reason)
 
     def _send(self, due_ns: int) -> None:
-        """Hand the setpoints over, unless the device has gone on without them."""
+        """Send the setpoints, unless the device has continued without them."""
         if self._extrapolates and self._clock.now_ns() > due_ns - self.period_ns // 2:
             self.late += 1
             return
@@ -163,7 +163,7 @@ class SetpointMixer:
                 self._take_over()
         execution = self._running
         if execution is None or execution.outcome is Outcome.FAULT:
-            # After a fault the joints are where the device stopped them, not at the setpoint.
+            # After a fault the joints are at the position where the device stopped them.
             return False
         execution.advance(time_ns, self.period_ns, image)
         if not execution.streams:
@@ -172,7 +172,7 @@ class SetpointMixer:
         return True
 
     def _take_over(self) -> None:
-        """Lock held. Let the one that waits run if its time has come, or end it."""
+        """Start the successor if its time has come, or end it. Lock held."""
         successor, running = self._next, self._running
         if successor is None or running is None:
             return

@@ -1,4 +1,4 @@
-"""From a requested trajectory to its execution: plan, claim the axes, hand over to the cycle."""
+"""Plans requested trajectories, claims the axes, and submits executions to the mixer."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from robotd.motion import (
 OWNER = "follow_joint_trajectory"
 REPLAN_S = 0.5  # age of the joint positions that a client may have planned from
 MAX_RECENT = 50  # trajectories within that time
-LEAD_S = 0.03  # planning time granted to a goal that takes over from a running one
-STOP_TIMEOUT_S = 10.0  # the longest controlled stop that is waited for
-MOVED_RAD = 1e-6  # a command that differs by more has moved
+LEAD_S = 0.03  # planning time of a goal that takes over from a running one
+STOP_TIMEOUT_S = 10.0  # of a controlled stop
+MOVED_RAD = 1e-6  # change of a command that counts as motion
 PLANNINGS = 8  # of one goal, each with twice the lead of the one before
 
 
@@ -47,7 +47,7 @@ Planner = Callable[[MotionState], Trajectory]
 
 @dataclass(frozen=True)
 class _Planned:
-    """A trajectory, and the monotonic time of its time 0."""
+    """Planned trajectory and the monotonic time of its time 0."""
 
     trajectory: Trajectory
     start_ns: int
@@ -59,8 +59,8 @@ class TrajectoryFollower:
     Any worker thread may call; concurrent goals are planned one after the other.
 
     Args:
-        on_device: gets trajectories whole, where ``axes.trajectories_on_device``; None streams
-            them.
+        on_device: driver that interpolates trajectories itself, where
+            ``axes.trajectories_on_device``; None: they are streamed.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class TrajectoryFollower:
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
     ) -> Tolerances:
-        """The descriptor's tolerances with those of a goal message laid over them.
+        """Return the descriptor's tolerances, overridden by those of a goal message.
 
         In each value 0 means the descriptor's, -1 no limit. Raises TrajectoryRejected.
         """
@@ -114,7 +114,7 @@ class TrajectoryFollower:
         tolerances: Tolerances | None = None,
         start_ns: int | None = None,
     ) -> Iterator[TrajectoryExecution]:
-        """Start a trajectory; the block watches it. Leaving the block cancels what still runs.
+        """Start a trajectory as a context; leaving it cancels the execution.
 
         Args:
             request: points in any order of joints.
@@ -122,8 +122,7 @@ class TrajectoryFollower:
             start_ns: monotonic time at which the trajectory's time 0 is; None: now.
 
         Raises:
-            TrajectoryRejected: the request is not acceptable; nothing moved, and what ran
-                before runs on.
+            TrajectoryRejected: the request is not acceptable; a running trajectory continues.
             NotReady: a joint cannot be commanded now.
         """
         execution = self._start(request, tolerances or self.tolerances(), start_ns)
@@ -135,9 +134,9 @@ class TrajectoryFollower:
             self._release()
 
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
-        """Stop what runs in a controlled way and wait for standstill. Nothing runs: no effect.
+        """Stop the active executions along their paths and wait for standstill.
 
-        What takes longer than ``timeout_s`` is left to others.
+        After ``timeout_s`` it returns while the joints may still move.
         """
         active = self._mixer.active
         for execution in active:
@@ -148,7 +147,7 @@ class TrajectoryFollower:
     def _start(
         self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int | None
     ) -> TrajectoryExecution:
-        with self._lock, held(self._clock):  # a cycle that does not wait would outrun planning
+        with self._lock, held(self._clock):  # simulated time must not outrun planning
             try:
                 execution = self._submit(request, tolerances, start_ns or 0)
             except BaseException:
@@ -161,7 +160,7 @@ class TrajectoryFollower:
     def _submit(
         self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int
     ) -> TrajectoryExecution:
-        """Plan and hand over, again until it fits what runs by then."""
+        """Plan and submit; repeat while the running trajectory has changed meanwhile."""
         lead_s, recent_path = LEAD_S, self._recent_path(start_ns)
 
         def planner(state: MotionState) -> Trajectory:
@@ -193,13 +192,13 @@ class TrajectoryFollower:
     def _plan_splice(
         self, planner: Planner, running: TrajectoryExecution, start_ns: int, lead_s: float
     ) -> _Planned | None:
-        """Plan from the path of ``running``; None when that is left, after the standstill."""
+        """Plan from the path of ``running``; None after its standstill when it left the path."""
         splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns)
         state = running.splice_state(splice_ns)
         if state is not None:
             return _Planned(planner(state), splice_ns)
         if isinstance(running, DeviceExecution) and self._on_device is not None:
-            # It has to stop first; a request that would be rejected anyway leaves it alone.
+            # It has to stop first, but not for a request that would be rejected anyway.
             trajectory = planner(MotionState.at_rest(self._command()))
             spline_points(trajectory, self._on_device.max_trajectory_points)
             running.preempt()
@@ -210,12 +209,12 @@ class TrajectoryFollower:
     def _plan_from_rest(
         self, planner: Planner, running: TrajectoryExecution | None, start_ns: int
     ) -> _Planned | None:
-        """Plan from standstill, on axes claimed anew; None when they have moved meanwhile."""
+        """Plan from standstill and claim the axes; None when they have moved meanwhile."""
         state = self._rest_state()
         trajectory = planner(state)
         if not self._mixer.release_after(running):
             return None
-        # The old claim is no use: after a fault the device has taken axes out of the stream.
+        # Claim again: after a fault the device has taken axes out of the stream.
         self._claim.close()
         self._claim.enter_context(self._axes.claimed(OWNER, self._joint_axes.tolist()))
         if (np.abs(self._command() - state.position) > MOVED_RAD).any():
@@ -224,10 +223,10 @@ class TrajectoryFollower:
         return _Planned(trajectory, max(earliest_ns, start_ns))
 
     def _recent_path(self, start_ns: int) -> FloatArray:
-        """Return (w, m) commanded positions of the last ``REPLAN_S``, and of as long to come.
+        """Return (w, m) commanded positions of the last and the next ``REPLAN_S``.
 
-        A client that replans in motion does not know where the joints will be when its goal
-        takes over. It may start from any of these positions.
+        A client that replans in motion does not know the joint positions at the time when its
+        goal takes over. It may start from any of these positions.
         """
         now_ns = max(self._clock.now_ns(), start_ns)
         first_ns = now_ns - round(REPLAN_S * NANOSECONDS)
@@ -248,7 +247,7 @@ class TrajectoryFollower:
         return path
 
     def _rest_state(self) -> MotionState:
-        """Return the command's position; planning from the measured one would be a jump."""
+        """Return the commanded position; a plan from the measured one would jump."""
         for axis in self._joint_axes.tolist():
             if error := self._axes.rejection(axis, CommandMode.POSITION, OWNER):
                 raise error

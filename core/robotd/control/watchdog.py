@@ -1,4 +1,4 @@
-"""Looks after threads that call drivers: one that never returns must not look alive."""
+"""Watchdog: detects a thread stuck in a driver call."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from robotd.log import get_logger
 log = get_logger("watchdog")
 
 HANG_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
-SIMULATED_HANG_S = 5.0  # nothing real moves: rather late than a run that depends on the computer
-CHECKS = 4  # looks within the time that a piece of work may take
-OURS = {"robotd", "rclpy", *sys.stdlib_module_names}  # packages that are no plugin's
+SIMULATED_HANG_S = 5.0  # nothing real moves: late detection, but no dependence on the computer
+CHECKS = 4  # per time limit of a piece of work
+OURS = {"robotd", "rclpy", *sys.stdlib_module_names}  # not packages of plugins
 
 
 def place_of(thread: threading.Thread | None) -> str:
-    """Where ``thread`` is: the outermost call of a plugin or else of robotd; "" if in none."""
+    """Return the outermost call of a plugin, else of robotd, in ``thread``; "" if none."""
     frame = sys._current_frames().get(thread.ident or 0) if thread else None  # noqa: SLF001
     calls = []
     while frame is not None:
@@ -31,15 +31,15 @@ def place_of(thread: threading.Thread | None) -> str:
 
 
 class Watchdog:
-    """A thread of its own, ``robotd-watchdog``, that the one it watches cannot hold up.
+    """Thread ``robotd-watchdog``, which reports when the watched thread exceeds its time limit.
 
     Args:
-        age_ns: for how long the present piece of work has been under way, in real time whatever
-            the clock of the work is; 0: none is.
-        place: where the work is now, for people.
-        limit_s: the longest that it may take; it is granted ``HANG_S`` in any case.
-        hang: called when it takes longer, with the reason; once for each piece.
-        who, piece: what works, and what its pieces are called.
+        age_ns: returns the age of the current piece of work, in real time whatever the clock of
+            the work is; 0: none.
+        place: returns the current call of the watched thread, for messages.
+        limit_s: time limit of a piece of work; at least ``HANG_S`` is used.
+        hang: called with the reason when the limit is exceeded; once for each piece.
+        who, piece: names of the watched thread and of a piece of work, for messages.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Watchdog:
         limit_s: float,
         hang: Callable[[str], None],
         *,
-        who: str = "the cycle",
+        who: str = "the control loop",
         piece: str = "a period",
     ) -> None:
         self._age_ns, self._place = age_ns, place
@@ -61,17 +61,18 @@ class Watchdog:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
+        """Start the thread."""
         self._thread = threading.Thread(target=self._run, name="robotd-watchdog", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread. It is not waited for longer than a look takes."""
+        """End the thread; wait for it no longer than ``limit_s``."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join(self._limit_s)
 
-    def look(self) -> None:
-        """Judge the piece that is under way."""
+    def check(self) -> None:
+        """Check the age of the current piece of work."""
         age_s = self._age_ns() / NANOSECONDS
         if age_s <= self._limit_s:
             self._hanging = False
@@ -85,6 +86,6 @@ class Watchdog:
     def _run(self) -> None:
         while not self._stop.wait(self._limit_s / CHECKS):
             try:
-                self.look()
+                self.check()
             except Exception:
-                log.exception("what a hang calls for failed")
+                log.exception("hang handler failed")

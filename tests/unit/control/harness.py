@@ -1,4 +1,4 @@
-"""A simulated arm whose cycle runs while a test waits, and everything that was streamed to it."""
+"""Test harness: a simulated arm on a stepped clock, with a record of its setpoints."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def arm(joints: int = 3, **keys: Any) -> RobotDescriptor:
 
 
 class Setpoints:
-    """What was streamed: one row per period. ``due_s`` is the monotonic time of the setpoint."""
+    """Recorded setpoints, one row per period; ``due_s`` is the monotonic time of each."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, FloatArray, FloatArray]] = []
@@ -62,11 +62,11 @@ class Setpoints:
 
     @property
     def acceleration(self) -> FloatArray:
-        """Mean of each period."""
+        """Mean acceleration of each period."""
         return np.diff(self.velocity, axis=0) / PERIOD_S
 
     def assert_smooth(self, acceleration: float) -> None:
-        """No period is missing, positions agree with velocities, and those with the limit."""
+        """Assert no missing period, consistent positions, and bounded acceleration."""
         assert np.diff(self.due_s) == pytest.approx(PERIOD_S, abs=1e-9)
         assert np.abs(self.acceleration).max() <= acceleration * 1.001 + 1e-6
         mean = (self.velocity[1:] + self.velocity[:-1]) / 2
@@ -74,7 +74,7 @@ class Setpoints:
         assert np.abs(np.diff(self.position, axis=0) - mean * PERIOD_S).max() <= slack
 
     def assert_smooth_streams(self, acceleration: float) -> None:
-        """The same for each stream of its own: goals from rest may be some periods apart."""
+        """Assert smoothness of each stream; goals from rest may be some periods apart."""
         gaps = np.flatnonzero(np.diff(self.due_s) > 1.5 * PERIOD_S) + 1
         for begin, end in pairwise([0, *gaps.tolist(), len(self.rows)]):
             stream = Setpoints()
@@ -88,7 +88,7 @@ class Setpoints:
 
 
 class Harness:
-    """A robot on the simulation; time passes in ``run``, and in whatever waits by the clock."""
+    """Robot on the simulation; time advances in ``run`` and in waits on its clock."""
 
     def __init__(self, descriptor: RobotDescriptor | None = None) -> None:
         descriptor = descriptor or arm()
@@ -111,7 +111,7 @@ class Harness:
         self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
     def stall(self, seconds: float) -> None:
-        """The cycle stands, as on an overloaded computer; the device does not."""
+        """Suspend the control loop, as on an overloaded computer; the device goes on."""
         self.clock.detach()
         self.run(seconds)
         self.clock.attach(self.robot.control_loop.period_ns, self.robot.control_loop.period)
@@ -146,7 +146,7 @@ class Harness:
         tolerances: Tolerances | None = None,
         start_in_s: float | None = None,
     ) -> Iterator[TrajectoryExecution]:
-        """Follow points ``seconds`` apart; leaving the block stops what still runs."""
+        """Follow points ``seconds`` apart; leaving the block stops the goal."""
         start_ns = start_in_s and self.clock.now_ns() + round(start_in_s * NANOSECONDS)
         times_s = [seconds * (index + 1) for index in range(len(targets))]
         request = TrajectoryRequest.from_rows(self.robot.joint_names, times_s, targets)

@@ -1,4 +1,4 @@
-"""Four clients that do not know of each other, on the real clock and the real cycle thread."""
+"""Four independent clients on the real clock and the real control-loop thread."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_every_goal_of_every_client_ends_with_an_outcome(robot: Robot) -> None:
     outcomes = {execution.outcome for execution in executions}
     assert {Outcome.CANCELED, Outcome.PREEMPTED} <= outcomes
     assert robot.follower._active == 0
-    # A cycle that missed deadlines makes one step of several: that of the longest pause.
+    # A loop that missed deadlines makes one step of several: that of the longest pause.
     missed = 1 + robot.control_loop.stats.missed
     assert np.max(steps) < 3.0 * 1.1 * robot.control_loop.period_ns * 1e-9 * missed
     _assert_works(robot)

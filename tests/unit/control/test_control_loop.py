@@ -1,4 +1,4 @@
-"""The cycle itself: its tasks, its deadlines, and that nothing ends it but ``stop``."""
+"""Control loop: tasks, deadlines, and survival of every exception."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TIMEOUT_S = 10.0
 
 
 class Harness:
-    """A cycle over fakes. ``run`` steps it; ``thread`` lets it run by the fake clock."""
+    """Control loop over fakes; ``run`` steps it."""
 
     def __init__(self) -> None:
         self.clock = FakeClock()
@@ -64,7 +64,7 @@ def test_a_task_is_called_at_its_rate(harness: Harness, rate_hz: float) -> None:
     assert all(abs(gap_ns - 1e9 / rate_hz) <= PERIOD_NS for gap_ns in gaps_ns)
 
 
-def test_a_task_faster_than_the_cycle_is_called_once_a_period(harness: Harness) -> None:
+def test_a_task_faster_than_the_loop_is_called_once_a_period(harness: Harness) -> None:
     calls: list[ProcessImage] = []
     harness.control_loop.every(5000.0, "task", calls.append)
     harness.run(10)
@@ -80,7 +80,7 @@ def test_a_task_is_not_called_more_often_after_a_pause(harness: Harness) -> None
     assert len(calls) == 1 + 10
 
 
-def test_a_task_may_come_while_the_cycle_runs(harness: Harness) -> None:
+def test_a_task_can_be_added_while_the_loop_runs(harness: Harness) -> None:
     calls: list[str] = []
 
     def first(image: ProcessImage) -> None:
@@ -94,7 +94,7 @@ def test_a_task_may_come_while_the_cycle_runs(harness: Harness) -> None:
     assert "second" in calls
 
 
-def test_a_task_that_raises_is_logged_once_and_stops_nobody(harness: Harness) -> None:
+def test_a_task_that_raises_is_logged_once_and_others_continue(harness: Harness) -> None:
     calls: list[ProcessImage] = []
 
     def broken(image: ProcessImage) -> None:
@@ -106,11 +106,11 @@ def test_a_task_that_raises_is_logged_once_and_stops_nobody(harness: Harness) ->
         harness.run(20)
     assert len(calls) == 20
     assert [(line["event"], line["task"]) for line in logs] == [
-        ("a task of the cycle failed", "broken")
+        ("a control-loop task failed", "broken")
     ]
 
 
-def test_tasks_rest_while_nothing_communicates(harness: Harness) -> None:
+def test_tasks_are_not_called_without_communication(harness: Harness) -> None:
     calls: list[ProcessImage] = []
     harness.control_loop.every(500.0, "task", calls.append)
     harness.device.current = ConnectionState.RUNNING
@@ -127,7 +127,7 @@ def test_the_image_carries_the_nominal_time(harness: Harness) -> None:
     assert harness.image.stamp_ns == 5_000_000_000
 
 
-def test_the_image_is_forgotten_with_the_communication(harness: Harness) -> None:
+def test_the_image_is_cleared_when_communication_ends(harness: Harness) -> None:
     harness.driver.image.servo_on[:] = True
     harness.run(1)
     assert harness.image.servo_on.all()
@@ -139,7 +139,7 @@ def test_the_image_is_forgotten_with_the_communication(harness: Harness) -> None
     assert harness.image.stamp_ns == 0
 
 
-def test_values_that_never_come_are_stale_from_the_start(harness: Harness) -> None:
+def test_values_that_never_arrive_are_stale_from_the_start(harness: Harness) -> None:
     harness.driver.image.fresh_ns = 0
     start_ns = harness.clock.now_ns()
     harness.control_loop.step(start_ns)
@@ -150,7 +150,7 @@ def test_values_that_never_come_are_stale_from_the_start(harness: Harness) -> No
     assert harness.connection.state is ConnectionState.UNKNOWN
 
 
-def test_a_new_communication_is_not_judged_by_the_last_ones_age(harness: Harness) -> None:
+def test_staleness_is_measured_from_the_new_communication(harness: Harness) -> None:
     harness.run(1)
     harness.device.current = ConnectionState.RUNNING
     harness.run(1)
@@ -161,18 +161,18 @@ def test_a_new_communication_is_not_judged_by_the_last_ones_age(harness: Harness
     assert harness.connection.ready
 
 
-def test_a_device_that_cannot_tell_its_state_is_logged_once_and_survived(harness: Harness) -> None:
+def test_an_exception_of_state_is_logged_once_and_survived(harness: Harness) -> None:
     state = harness.device.state
     harness.device.state = _broken  # type: ignore[method-assign]
     with capture_logs() as logs:
         harness.run(20)
-    assert [line["event"] for line in logs] == ["a period of the cycle failed"]
+    assert [line["event"] for line in logs] == ["a control period failed"]
     harness.device.state = state  # type: ignore[method-assign]
     harness.run(1)
     assert harness.connection.ready
 
 
-def test_a_listener_that_raises_stops_neither_the_others_nor_the_cycle(harness: Harness) -> None:
+def test_a_listener_that_raises_stops_neither_the_others_nor_the_loop(harness: Harness) -> None:
     heard: list[bool] = []
 
     def broken(ready: bool) -> None:
@@ -188,7 +188,7 @@ def test_a_listener_that_raises_stops_neither_the_others_nor_the_cycle(harness: 
     assert [line["event"] for line in logs] == ["a listener of the engine failed", "device lost"]
 
 
-def test_who_gives_way_waits_for_a_period_that_is_due(
+def test_yield_waits_for_a_period_that_is_due(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     waits: list[float] = []
@@ -200,7 +200,7 @@ def test_who_gives_way_waits_for_a_period_that_is_due(
     assert not waits, "a period away"
     harness.clock.advance(PERIOD_NS * 1e-9)
     harness.control_loop.yield_to_control_loop()
-    assert 0.0 < sum(waits) < 1e-3, "it waits, but not for a cycle that hangs"
+    assert 0.0 < sum(waits) < 1e-3, "it waits, but not for a loop that hangs"
 
     def another_period(_: float) -> None:
         assert harness.control_loop.period(due_ns) == due_ns + PERIOD_NS
@@ -246,7 +246,7 @@ def test_missed_deadlines_are_skipped_and_counted(threaded: Harness) -> None:
     assert report.lateness_p50_us == 0.0
 
 
-def test_starting_twice_makes_one_thread_and_stopping_twice_is_fine(threaded: Harness) -> None:
+def test_a_second_start_or_stop_has_no_effect(threaded: Harness) -> None:
     control_loop = threaded.control_loop
     control_loop.start()
     thread = control_loop._thread
@@ -259,7 +259,7 @@ def test_starting_twice_makes_one_thread_and_stopping_twice_is_fine(threaded: Ha
     assert not thread.is_alive()
 
 
-def test_stopping_what_never_started_is_fine(harness: Harness) -> None:
+def test_stop_without_start_has_no_effect(harness: Harness) -> None:
     harness.control_loop.stop()
 
 
@@ -294,7 +294,7 @@ def test_a_device_whose_values_cannot_be_read_is_lost_without_a_traceback(
     assert "the feedback port is closed" in harness.connection.rejection
 
 
-def test_a_stop_on_purpose_is_no_loss(harness: Harness) -> None:
+def test_a_requested_stop_is_not_logged_as_a_loss(harness: Harness) -> None:
     harness.run(2)
     with capture_logs() as logs:
         harness.connection.stop_communication()
@@ -304,7 +304,7 @@ def test_a_stop_on_purpose_is_no_loss(harness: Harness) -> None:
     assert not [line for line in logs if line["event"] in ("device lost", "device is back")]
 
 
-def test_a_period_that_would_begin_in_its_second_half_is_left_out(harness: Harness) -> None:
+def test_a_period_that_would_begin_in_its_second_half_is_skipped(harness: Harness) -> None:
     """Drives count two SYNCs close to each other as one."""
     times_ns: list[int] = []
     harness.control_loop.every(500.0, "task", lambda image: times_ns.append(image.stamp_ns))

@@ -1,4 +1,4 @@
-"""Trajectories that the device interpolates: handed over, watched, stopped, judged."""
+"""Trajectories that the device interpolates: start, supervision, stop, outcome."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SETTINGS = TrajectorySettings()
 
 
 class Harness:
-    """Two fake axes, a streamer, and a cycle that the test steps."""
+    """Two fake axes and a mixer that the test steps."""
 
     def __init__(self, *, velocities: bool = False, target: float = 0.5) -> None:
         self.axes = FakeAxes(2)
@@ -76,7 +76,7 @@ class Harness:
         return any(call[0] == name for call in self.axes.calls)
 
     def run(self, limits: JointLimits = LIMITS) -> DeviceExecution:
-        """Started, seen to move."""
+        """Start an execution and let the device move."""
         execution = self.start(limits)
         self.until(lambda: self.called("follow"))
         self.step(0.1)
@@ -88,7 +88,7 @@ class Harness:
         self.axes.image.motion_complete[:] = complete
 
 
-def test_hands_over_the_points_and_succeeds_when_the_device_has_arrived() -> None:
+def test_sends_the_points_and_succeeds_when_the_device_has_arrived() -> None:
     harness = Harness()
     execution = harness.run()
     harness.step(1.0)
@@ -124,7 +124,7 @@ def test_cancel_stops_the_device_and_ends_at_standstill() -> None:
     assert execution.outcome is Outcome.CANCELED
 
 
-def test_cancel_before_the_cycle_watches_moves_nothing() -> None:
+def test_cancel_before_the_first_period_moves_nothing() -> None:
     harness = Harness()
     execution = harness.start()
     execution.cancel()
@@ -133,7 +133,7 @@ def test_cancel_before_the_cycle_watches_moves_nothing() -> None:
     assert not harness.called("follow")
 
 
-def test_a_refusal_of_the_device_is_the_result() -> None:
+def test_a_rejection_by_the_device_is_the_result() -> None:
     harness = Harness()
     harness.axes.failures["follow"] = OperationError("too many points")
     execution = harness.start()
@@ -184,7 +184,7 @@ def test_completion_may_come_some_periods_after_the_end() -> None:
     assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
 
-def test_the_measured_position_has_to_arrive_too() -> None:
+def test_the_measured_position_has_to_arrive_as_well() -> None:
     harness = Harness()
     execution = harness.run()
     harness.step(0.9)
@@ -260,7 +260,7 @@ def test_a_device_that_never_arrives_is_a_fault() -> None:
     assert "still moving" in execution.message
 
 
-def test_a_path_that_leads_nowhere_is_not_handed_over() -> None:
+def test_a_path_of_length_zero_is_not_sent_to_the_device() -> None:
     harness = Harness(target=0.0)
     execution = harness.start()
     harness.until(lambda: execution.done)

@@ -1,4 +1,4 @@
-"""What goes wrong while a trajectory runs, how it ends, and that all works again afterwards."""
+"""Faults during a trajectory: outcome, and recovery afterwards."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def assert_fault(execution: TrajectoryExecution, reason: str) -> None:
 
 
 def assert_works(harness: Harness) -> None:
-    """Recover as an operator does, and go home."""
+    """Recover as an operator does, and move to the start position."""
     harness.robot.enable_joints()
     before = len(harness.setpoints.rows)
     with harness.goal(HOME, seconds=1.5) as execution:
@@ -97,7 +97,7 @@ def test_a_drive_that_is_lost_is_a_fault_until_it_is_back(harness: Harness) -> N
 
 
 @pytest.mark.parametrize("how", ["stop", "quick_stop"])
-def test_a_stop_from_elsewhere_ends_the_goal_and_all_joints(harness: Harness, how: str) -> None:
+def test_a_stop_by_another_command_ends_the_goal_and_all_joints(harness: Harness, how: str) -> None:
     with harness.goal(FAR) as execution:
         harness.run(0.41)
         getattr(harness.robot.axes, how)([0])
@@ -111,7 +111,7 @@ def test_a_stop_from_elsewhere_ends_the_goal_and_all_joints(harness: Harness, ho
     assert execution.outcome is Outcome.SUCCEEDED, "no recovery is needed: the servos are on"
 
 
-def test_a_cycle_that_stood_too_long_is_named_as_the_reason(harness: Harness) -> None:
+def test_a_control_loop_stall_is_named_as_the_reason(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
         harness.run(0.4)
         harness.stall(0.3)
@@ -135,7 +135,7 @@ def test_a_cycle_that_stood_too_long_is_named_as_the_reason(harness: Harness) ->
 def test_each_sign_of_a_fault_is_enough(
     harness: Harness, array: str, value: Any, reason: str
 ) -> None:
-    """Also on a device that shows nothing else of it."""
+    """Each sign alone, without the others that a real device would show."""
     driver = harness.robot.control_loop._driver
     read, broken = driver.read, False
 
@@ -156,7 +156,7 @@ def test_each_sign_of_a_fault_is_enough(
     harness.setpoints.assert_smooth(ACCELERATION)
 
 
-def test_a_goal_that_waits_for_a_stopped_one_claims_the_axes_anew(harness: Harness) -> None:
+def test_a_goal_after_a_stopped_one_claims_the_axes_again(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.4)
         harness.robot.axes.stop([0, 1, 2])
@@ -167,7 +167,7 @@ def test_a_goal_that_waits_for_a_stopped_one_claims_the_axes_anew(harness: Harne
     assert second.outcome is Outcome.SUCCEEDED, second.message
 
 
-def test_a_fault_during_a_cancel_is_told(harness: Harness) -> None:
+def test_a_fault_during_a_cancel_is_reported(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
         harness.run(0.5)
         execution.cancel()
@@ -188,7 +188,7 @@ def test_a_fault_at_the_end_of_the_path_is_no_success(harness: Harness) -> None:
     assert_fault(execution, "joint3 at 1.000 s: amplifier alarm 5")
 
 
-def test_a_goal_that_waits_for_its_time_watches_its_drives(harness: Harness) -> None:
+def test_a_goal_with_a_future_start_monitors_its_drives(harness: Harness) -> None:
     with harness.goal(FAR, start_in_s=5.0) as execution:
         harness.run(0.1)
         harness.faults.trip(0, 7)
@@ -196,7 +196,7 @@ def test_a_goal_that_waits_for_its_time_watches_its_drives(harness: Harness) -> 
         assert_fault(execution, "amplifier alarm 7")
 
 
-def test_a_lost_communication_ends_what_runs_and_what_waits(harness: Harness) -> None:
+def test_a_lost_communication_ends_the_running_and_the_waiting_goal(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.4)
         with harness.goal(HOME, start_in_s=0.5) as waiting:
@@ -218,7 +218,7 @@ def test_a_lost_communication_ends_what_runs_and_what_waits(harness: Harness) ->
     assert_works(harness)
 
 
-def test_the_device_adds_why_it_communicates_no_more(harness: Harness) -> None:
+def test_the_device_adds_the_reason_of_the_lost_communication(harness: Harness) -> None:
     asked: list[int] = []
     harness.connection._driver.fault = lambda: asked.append(0) or "somebody pulled the plug"  # type: ignore[method-assign]
     with harness.goal(FAR) as execution:
@@ -262,7 +262,7 @@ def test_the_engine_is_stopped_and_started_under_a_goal(harness: Harness, restar
 
 @pytest.fixture
 def frozen(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Harness:
-    """0.4 s into a trajectory the values stop coming, without the device saying so."""
+    """0.4 s into a trajectory the values stop changing, without a change of state."""
     read = harness.robot.control_loop._driver.read
 
     def stale(image: object) -> None:
@@ -298,7 +298,7 @@ def test_old_values_end_the_goal_and_readiness(frozen: Harness) -> None:
     assert_works(harness)
 
 
-def test_a_read_that_fails_is_survived_for_a_while(harness: Harness) -> None:
+def test_a_failing_read_is_tolerated_until_the_values_are_stale(harness: Harness) -> None:
     driver = harness.robot.control_loop._driver
     read = driver.read
 
@@ -323,7 +323,7 @@ def test_a_read_that_fails_is_survived_for_a_while(harness: Harness) -> None:
     assert_works(harness)
 
 
-def test_a_driver_that_cannot_stream_ends_the_goal_not_the_cycle(harness: Harness) -> None:
+def test_a_driver_that_cannot_stream_ends_the_goal_not_the_control_loop(harness: Harness) -> None:
     driver = harness.mixer._driver
     stream = driver.stream
 
@@ -340,7 +340,7 @@ def test_a_driver_that_cannot_stream_ends_the_goal_not_the_cycle(harness: Harnes
     assert_works(harness)
 
 
-def test_recovery_names_every_joint_that_does_not_come_up(harness: Harness) -> None:
+def test_recovery_names_every_joint_whose_servo_stays_off(harness: Harness) -> None:
     for axis in (0, 2):
         harness.faults.disconnect(axis)
     harness.run(PERIOD_S)
@@ -351,8 +351,8 @@ def test_recovery_names_every_joint_that_does_not_come_up(harness: Harness) -> N
     assert harness.image.servo_on.tolist() == [False, True, False]
 
 
-def test_recovery_right_after_an_alarm_needs_no_patience() -> None:
-    """Also where the image is slower than the drives: the alarm is gone, but not yet from it."""
+def test_recovery_works_right_after_an_alarm() -> None:
+    """Also where the image lags behind the drives and still shows the alarm."""
     harness = Harness(arm(cycle={"rate_hz": 50.0, "realtime_priority": 0})).up()
     for axis in range(3):
         harness.faults.trip(axis, 9)

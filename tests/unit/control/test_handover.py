@@ -1,4 +1,4 @@
-"""What happens while a goal is being planned: it must fit what runs when it is handed over."""
+"""Changes while a goal is being planned: it must fit the running one when submitted."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def harness() -> Harness:
 
 @pytest.fixture
 def while_planning(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[float]]:
-    """``while_planning(first, second, ...)``: what happens during the next plannings."""
+    """``while_planning(first, second, ...)``: events during the next plannings."""
     plan = trajectory_follower.plan
 
     def install(*events: Meanwhile) -> list[float]:
@@ -65,7 +65,7 @@ def test_planning_that_takes_longer_than_its_lead_is_done_again(
     harness.setpoints.assert_smooth(peak(first, second))
 
 
-def test_a_cancel_of_what_runs_makes_the_next_one_start_from_rest(
+def test_a_cancel_of_the_running_goal_makes_the_next_start_from_rest(
     harness: Harness, while_planning: Callable[..., list[float]]
 ) -> None:
     with harness.goal(FAR) as first:
@@ -79,7 +79,7 @@ def test_a_cancel_of_what_runs_makes_the_next_one_start_from_rest(
     harness.setpoints.assert_smooth_streams(max(ACCELERATION, peak(second)))
 
 
-def test_one_that_took_over_meanwhile_is_the_one_to_follow(
+def test_a_goal_that_took_over_meanwhile_is_the_predecessor(
     harness: Harness, while_planning: Callable[..., list[float]]
 ) -> None:
     with harness.goal(FAR) as first:
@@ -97,7 +97,7 @@ def test_one_that_took_over_meanwhile_is_the_one_to_follow(
     harness.setpoints.assert_smooth(peak(first, second, third))
 
 
-def test_what_runs_may_reach_its_end_meanwhile(
+def test_the_running_goal_may_end_meanwhile(
     harness: Harness, while_planning: Callable[..., list[float]]
 ) -> None:
     with harness.goal(FAR) as first:
@@ -109,7 +109,7 @@ def test_what_runs_may_reach_its_end_meanwhile(
     harness.setpoints.assert_smooth_streams(peak(first, second))
 
 
-def test_one_that_waits_and_gets_its_turn_meanwhile_is_not_jumped_over(
+def test_a_waiting_goal_that_starts_meanwhile_is_not_skipped(
     harness: Harness, while_planning: Callable[..., list[float]]
 ) -> None:
     with harness.goal(FAR) as first:
@@ -126,7 +126,7 @@ def test_one_that_waits_and_gets_its_turn_meanwhile_is_not_jumped_over(
     harness.setpoints.assert_smooth_streams(peak(first, second, third))
 
 
-def test_axes_that_moved_meanwhile_are_planned_for_again(
+def test_axes_that_moved_meanwhile_cause_a_new_plan(
     harness: Harness, while_planning: Callable[..., list[float]]
 ) -> None:
     def move() -> None:
@@ -142,7 +142,7 @@ def test_axes_that_moved_meanwhile_are_planned_for_again(
     harness.setpoints.assert_smooth(peak(execution))
 
 
-def test_planning_that_is_always_too_late_is_given_up(
+def test_planning_that_is_always_too_late_is_rejected(
     harness: Harness, while_planning: Callable[..., list[float]]
 ) -> None:
     with harness.goal(FAR, seconds=30.0) as first:
@@ -175,7 +175,7 @@ def test_a_stop_that_takes_too_long_is_not_waited_for(
         pass
 
 
-def test_a_goal_that_comes_after_the_cycle_ended_is_over_at_once(
+def test_a_goal_after_the_end_of_the_control_loop_fails_at_once(
     harness: Harness, while_planning: Callable[..., list[float]]
 ) -> None:
     while_planning(harness.robot.control_loop.stop)
@@ -183,7 +183,7 @@ def test_a_goal_that_comes_after_the_cycle_ended_is_over_at_once(
         assert (execution.outcome, execution.message) == (Outcome.FAULT, NOT_RUNNING)
 
 
-def test_the_end_of_the_cycle_is_the_end_of_what_runs(harness: Harness) -> None:
+def test_the_end_of_the_control_loop_ends_the_running_goal(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.1)
         with harness.goal(HOME, start_in_s=1.0) as second:

@@ -1,4 +1,4 @@
-"""The figures of the cycle."""
+"""Timing statistics of the control loop."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_percentiles_and_rate_of_known_periods() -> None:
     assert report.execution_p99_us == pytest.approx(198.0)
 
 
-def test_only_the_window_counts_but_every_cycle_is_counted() -> None:
+def test_figures_cover_the_window_and_the_count_every_period() -> None:
     stats = LoopStatistics()
     stats.record(10**9, 0, 10**9)
     for index in range(1, WINDOW + 11):

@@ -1,4 +1,4 @@
-"""The base on the simulation, on a clock that tests advance: what it does, and what stops it."""
+"""Mobile base on the simulation, on a clock that the tests advance."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TICK_S = 0.001
 
 
 class SteppingClock(FakeClock):
-    """Whoever sleeps lives through the cycle's periods, but the base's thread: it looks again."""
+    """Clock that runs control periods in sleeps, except in those of the base's thread."""
 
     def __init__(self, period_s: float) -> None:
         super().__init__()
@@ -46,7 +46,7 @@ class SteppingClock(FakeClock):
 
 
 class Harness:
-    """Baymax, enabled; time passes where the test says so, and the base's thread is waited for."""
+    """Baymax, enabled, on a clock that the test advances."""
 
     def __init__(self, descriptor: RobotDescriptor) -> None:
         self.period_s = 1.0 / descriptor.cycle.rate_hz
@@ -82,19 +82,19 @@ class Harness:
             self.step()
 
     def drive(self, linear: float, angular: float, seconds: float) -> None:
-        """Command for so long, then let the commands cease."""
+        """Send commands for ``seconds``, then none."""
         for _ in range(round(seconds / COMMAND_S)):
             self.base.command(linear, angular)
             self.settle()
             self.run(COMMAND_S)
 
     def settle(self) -> None:
-        """Until the base's thread has claimed the wheels, or given them back."""
+        """Wait until the base's thread has claimed or released the wheels."""
         base = self.base
-        self.wait(lambda: base.streaming or (base._free.is_set() and not base._wake.is_set()))
+        self.wait(lambda: base._streaming or (base._free.is_set() and not base._wake.is_set()))
 
     def wait(self, condition: Callable[[], bool]) -> None:
-        """For another thread; the cycle runs meanwhile, in case that it waits for the image."""
+        """Wait for another thread; periods run meanwhile, as it may wait for the image."""
         deadline = time.monotonic() + 5.0
         time.sleep(1e-4)
         while not condition():
@@ -113,7 +113,7 @@ class Harness:
         return self.base.twist(self.robot.image)
 
     def wheel(self, axis: int) -> float:
-        """The true position of a wheel, ahead of encoder and process image."""
+        """Return the true position of a wheel, ahead of encoder and process image."""
         return float(self.simulation.servo.position[axis])
 
 
@@ -134,7 +134,7 @@ def running(descriptor: RobotDescriptor) -> Iterator[Harness]:
 
 
 class Truth:
-    """The pose by the simulation's own wheels, tick by tick, in the crudest of ways."""
+    """Reference pose: Euler integration of the simulated wheels, tick by tick."""
 
     def __init__(self, harness: Harness) -> None:
         self.harness = harness
@@ -178,14 +178,14 @@ def test_a_square_of_ten_metres_closes_and_odometry_is_the_truth(harness: Harnes
     assert math.remainder(truth.heading, 2 * math.pi) == pytest.approx(0, abs=math.radians(0.1))
 
 
-def test_when_commands_cease_it_stops_on_its_arc_in_time(harness: Harness) -> None:
+def test_without_commands_it_stops_on_its_arc_in_time(harness: Harness) -> None:
     with capture_logs() as logs:
         harness.drive(0.8, 0.4, 2.0)
         limits = twist_limits(harness.base.settings)
         braking_s = 0.8 / limits.linear.deceleration + limits.smoothing()
         start_s = harness.clock.now_ns() / 1e9 - COMMAND_S
         previous = harness.twist.linear
-        while harness.base.streaming:
+        while harness.base._streaming:
             harness.step()
             assert harness.twist.linear <= previous + 1e-6
             assert harness.twist.angular == pytest.approx(harness.twist.linear / 2, abs=1e-6)
@@ -205,18 +205,18 @@ def test_the_wheels_ramp_in_the_time_of_the_parameters_not_at_once(harness: Harn
     assert 0.0 < harness.twist.linear < 0.5
 
 
-def test_standing_commands_claim_nothing_and_say_nothing(harness: Harness) -> None:
+def test_zero_commands_claim_and_log_nothing(harness: Harness) -> None:
     with capture_logs() as logs:
         for _ in range(40):
             harness.base.command(0.0, 0.0)
             harness.settle()
             harness.run(COMMAND_S)
-    assert not harness.base.streaming
+    assert not harness.base._streaming
     assert logs == []
     harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
 
 
-def test_moving_wheels_are_nobody_elses(harness: Harness) -> None:
+def test_moving_wheels_are_claimed(harness: Harness) -> None:
     harness.drive(0.5, 0.0, 0.5)
     with pytest.raises(NotReady, match="left wheel: in use by mobile base"):
         harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
@@ -228,14 +228,16 @@ def test_a_free_wheel_is_limited_to_what_the_base_may_do(harness: Harness) -> No
 
 
 @pytest.mark.parametrize("twist", [(math.nan, 0.0), (0.0, math.inf), (-math.inf, math.nan)])
-def test_what_is_not_finite_is_refused(harness: Harness, twist: tuple[float, float]) -> None:
+def test_a_twist_that_is_not_finite_is_rejected(
+    harness: Harness, twist: tuple[float, float]
+) -> None:
     with pytest.raises(InvalidArgument, match="is not finite"):
         harness.base.command(*twist)
     harness.run(0.1)
     assert harness.base.pose == ORIGIN
 
 
-def test_a_servo_that_goes_off_stops_both_wheels_and_is_said_once(harness: Harness) -> None:
+def test_a_servo_that_goes_off_stops_both_wheels_and_is_logged_once(harness: Harness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     with capture_logs() as logs:
         harness.robot.axes.servo(0, False)
@@ -267,7 +269,7 @@ def test_an_alarm_stops_the_other_wheel_by_its_own_ramp(harness: Harness) -> Non
     assert abs(harness.robot.image.velocity[0]) < 1e-6
 
 
-def test_wheels_stopped_by_something_else_are_claimed_anew(harness: Harness) -> None:
+def test_wheels_stopped_by_another_command_are_claimed_again(harness: Harness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     harness.robot.axes.stop([1])
     with capture_logs() as logs:
@@ -279,7 +281,7 @@ def test_wheels_stopped_by_something_else_are_claimed_anew(harness: Harness) -> 
     assert harness.twist.linear == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_lost_device_ends_it_and_the_odometry_goes_on_from_where_it_was(harness: Harness) -> None:
+def test_a_lost_device_ends_motion_and_the_odometry_continues(harness: Harness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     pose = harness.base.pose
     with harness.simulation.world.lock:
@@ -295,7 +297,7 @@ def test_a_lost_device_ends_it_and_the_odometry_goes_on_from_where_it_was(harnes
     assert harness.base.pose.x > pose.x + 0.01
 
 
-def test_a_stop_for_good_refuses_commands_until_the_engine_starts_anew(harness: Harness) -> None:
+def test_after_stop_commands_are_rejected_until_the_engine_restarts(harness: Harness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     clock = MonotonicClock()
     harness.base._clock = clock  # the stop waits while this thread makes time pass
@@ -313,7 +315,7 @@ def test_a_stop_for_good_refuses_commands_until_the_engine_starts_anew(harness: 
     assert harness.twist.linear > 0.1
 
 
-def test_the_pose_starts_at_zero_whatever_the_encoders_say(descriptor: RobotDescriptor) -> None:
+def test_the_pose_starts_at_zero_for_any_encoder_position(descriptor: RobotDescriptor) -> None:
     options = {"sim": {"initial_position_rad": [123.4, -56.7]}}
     for harness in running(descriptor.model_copy(update={"backends": options})):
         harness.run(0.1)
@@ -336,7 +338,7 @@ def test_homing_a_wheel_is_no_motion(harness: Harness) -> None:
     ]
 
 
-def test_reset_makes_the_present_pose_the_origin(harness: Harness) -> None:
+def test_reset_makes_the_current_pose_the_origin(harness: Harness) -> None:
     harness.drive(0.5, 0.5, 1.0)
     assert harness.base.pose.heading > 0.1
     harness.base.reset_odometry()

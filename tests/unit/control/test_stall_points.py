@@ -1,4 +1,4 @@
-"""A stall at every point of the control period, on the clock that the device lives by."""
+"""Stalls at every point of the control period, on the clock of the device."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Delay = Callable[[], None]
 
 
 class CommandRecorder:
-    """Commanded positions of the simulated drives, tick by tick, whoever lets time pass."""
+    """Commanded positions of the simulated drives, tick by tick."""
 
     def __init__(self, harness: Harness) -> None:
         self.rows: list[FloatArray] = []
@@ -106,7 +106,7 @@ def harness() -> Iterator[Harness]:
 
 @pytest.mark.parametrize("stall_s", [0.0012, 0.0037, 0.08, 0.2])
 @pytest.mark.parametrize("point", POINTS)
-def test_no_joint_leaps_wherever_the_period_is_stalled(
+def test_no_joint_jumps_for_a_stall_at_any_point(
     harness: Harness, point: Callable[[Harness, Delay], None], stall_s: float
 ) -> None:
     calls = 0
@@ -144,7 +144,7 @@ def test_a_setpoint_that_is_late_is_not_sent(
     assert not harness.setpoints.rows
 
 
-def test_a_goal_whose_first_periods_are_missed_begins_gently(harness: Harness) -> None:
+def test_a_goal_whose_first_periods_are_missed_starts_smoothly(harness: Harness) -> None:
     recorder = CommandRecorder(harness)
     with harness.goal(TARGET, seconds=SECONDS) as execution:
         harness.stall(0.08)

@@ -1,4 +1,4 @@
-"""A cycle that stands still for a while, once and again: no joint leaps, and all end well."""
+"""Recovery from single and repeated control-loop stalls without jumps of a joint."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ class Drives:
     """Commands of the simulated drives, tick by tick."""
 
     def __init__(self, harness: Harness) -> None:
-        self._rig, self.commands = harness, list[FloatArray]()
+        self._harness, self.commands = harness, list[FloatArray]()
 
-    def live(self, seconds: float) -> None:
-        world = self._rig.simulation.world
+    def run(self, seconds: float) -> None:
+        world = self._harness.simulation.world
         for _ in range(round(seconds / TICK_S)):
-            self._rig.run(TICK_S)
+            self._harness.run(TICK_S)
             with world.lock:
                 world.advance()
-            self.commands.append(self._rig.simulation.servo.command.copy())
+            self.commands.append(self._harness.simulation.servo.command.copy())
 
-    def stand(self, seconds: float) -> None:
-        """As ``live``, but for the cycle."""
-        control_loop = self._rig.robot.control_loop
-        self._rig.clock.detach()
-        self.live(seconds)
-        self._rig.clock.attach(control_loop.period_ns, control_loop.period)
+    def stall(self, seconds: float) -> None:
+        """As ``run``, with the control loop suspended."""
+        control_loop = self._harness.robot.control_loop
+        self._harness.clock.detach()
+        self.run(seconds)
+        self._harness.clock.attach(control_loop.period_ns, control_loop.period)
 
     def finish(self, execution: TrajectoryExecution) -> None:
         while not execution.done:
-            self.live(PERIOD_S)
+            self.run(PERIOD_S)
 
     @property
     def velocity(self) -> FloatArray:
@@ -67,8 +67,8 @@ def peak_of(execution: TrajectoryExecution) -> float:
 def test_a_short_stall_costs_setpoints_and_a_small_deviation(harness: Harness) -> None:
     drives = Drives(harness)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
-        drives.live(0.3)
-        drives.stand(0.03)
+        drives.run(0.3)
+        drives.stall(0.03)
         drives.finish(execution)
     assert execution.outcome is Outcome.SUCCEEDED
     times_s = harness.setpoints.due_s - execution.start_ns * 1e-9
@@ -82,11 +82,11 @@ def test_a_short_stall_costs_setpoints_and_a_small_deviation(harness: Harness) -
 
 @pytest.mark.parametrize("stall_s", [0.004, 0.01, 0.05, 0.1, 0.2])
 @pytest.mark.parametrize("after_s", [0.05, 0.4, 0.75, 2.3, 3.15])
-def test_no_joint_leaps_after_a_stall(harness: Harness, stall_s: float, after_s: float) -> None:
+def test_no_joint_jumps_after_a_stall(harness: Harness, stall_s: float, after_s: float) -> None:
     drives = Drives(harness)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
-        drives.live(after_s)
-        drives.stand(stall_s)
+        drives.run(after_s)
+        drives.stall(stall_s)
         drives.finish(execution)
     assert np.abs(drives.velocity).max() <= peak_of(execution) + BACK + 0.05
     assert_ended_well(harness, execution)
@@ -94,21 +94,21 @@ def test_no_joint_leaps_after_a_stall(harness: Harness, stall_s: float, after_s:
 
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.tuples(st.integers(2, 100), st.integers(2, 120)), min_size=1, max_size=12))
-def test_stall_upon_stall_does_not_feed_on_itself(stalls: list[tuple[int, int]]) -> None:
+def test_repeated_stalls_do_not_accumulate(stalls: list[tuple[int, int]]) -> None:
     harness = Harness().up()
     drives = Drives(harness)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         for live_ms, stand_ms in stalls:
             if not execution.done:
-                drives.live(live_ms * 1e-3)
-                drives.stand(stand_ms // 2 * 2e-3)
+                drives.run(live_ms * 1e-3)
+                drives.stall(stand_ms // 2 * 2e-3)
         drives.finish(execution)
     assert np.abs(drives.velocity).max() <= peak_of(execution) + BACK + 0.05
     assert_ended_well(harness, execution)
     harness.robot.shutdown()
 
 
-def test_a_drive_that_stands_starts_where_it_stands(harness: Harness) -> None:
+def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> None:
     harness.follower._execution = partial(TrajectoryExecution, underrun=Underrun.HOLD)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         harness.run(0.3)
@@ -123,12 +123,12 @@ def test_a_drive_that_stands_starts_where_it_stands(harness: Harness) -> None:
     assert_ended_well(harness, execution)
 
 
-def test_a_goal_that_takes_over_leaps_no_more_than_the_one_before(harness: Harness) -> None:
+def test_a_goal_that_takes_over_recovers_like_the_one_before(harness: Harness) -> None:
     drives = Drives(harness)
     with harness.goal(*SWING, seconds=SWING_S) as first:
-        drives.live(0.3)
-        drives.stand(0.08)
-        drives.live(0.01)
+        drives.run(0.3)
+        drives.stall(0.08)
+        drives.run(0.01)
         with harness.goal(*SWING[1:], seconds=1.2) as second:
             drives.finish(second)
     assert first.outcome is Outcome.PREEMPTED
@@ -137,7 +137,7 @@ def test_a_goal_that_takes_over_leaps_no_more_than_the_one_before(harness: Harne
 
 
 def assert_ended_well(harness: Harness, execution: TrajectoryExecution) -> None:
-    """At the goal, or stopped for a reason that says how far off a joint was."""
+    """Assert success, or a fault that states the deviation of a joint."""
     if execution.outcome is not Outcome.SUCCEEDED:
         assert execution.outcome is Outcome.FAULT
         assert "off its path after the cycle had stood for" in execution.message

@@ -1,4 +1,4 @@
-"""Goals from their start to their end: what reaches the drives, and what the client is told."""
+"""Goals from start to end: setpoints at the drives and outcomes for the client."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def harness() -> Harness:
 
 
 def peak(*executions: TrajectoryExecution) -> float:
-    """The highest acceleration that was planned."""
+    """Return the highest planned acceleration."""
     return max(float(peaks_of(each.trajectory).acceleration.value.max()) for each in executions)
 
 
 def at(harness: Harness, seconds: float) -> int:
-    """Index of the setpoint that is due at the monotonic time ``seconds``."""
+    """Return the index of the setpoint that is due at the monotonic time ``seconds``."""
     return int(np.argmin(np.abs(harness.setpoints.due_s - seconds)))
 
 
@@ -150,7 +150,7 @@ def test_a_goal_whose_time_has_not_come_can_be_canceled(harness: Harness) -> Non
     assert harness.image.position == pytest.approx(HOME, abs=1e-4)
 
 
-def test_one_that_waits_to_take_over_can_be_canceled_and_the_other_goes_on(
+def test_a_waiting_goal_can_be_canceled_and_the_running_one_continues(
     harness: Harness,
 ) -> None:
     with harness.goal(FAR) as first:
@@ -165,7 +165,7 @@ def test_one_that_waits_to_take_over_can_be_canceled_and_the_other_goes_on(
     harness.setpoints.assert_smooth(peak(first))
 
 
-def test_one_that_waits_falls_with_the_path_it_was_planned_on(harness: Harness) -> None:
+def test_a_waiting_goal_fails_with_the_path_it_was_planned_on(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.4)
         with harness.goal(HOME, start_in_s=3.0) as waiting:
@@ -177,7 +177,7 @@ def test_one_that_waits_falls_with_the_path_it_was_planned_on(harness: Harness) 
     harness.setpoints.assert_smooth(ACCELERATION)
 
 
-def test_one_that_waits_begins_in_time_after_the_other_has_succeeded(harness: Harness) -> None:
+def test_a_waiting_goal_begins_in_time_after_the_other_has_succeeded(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.5)
         with harness.goal(HOME, start_in_s=2.0) as waiting:
@@ -239,7 +239,7 @@ def test_a_goal_during_a_stop_waits_for_standstill(harness: Harness) -> None:
     assert harness.image.position == pytest.approx(HOME, abs=1e-3)
 
 
-def test_a_refused_goal_leaves_what_runs_alone(harness: Harness) -> None:
+def test_a_rejected_goal_leaves_the_running_one_alone(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.3)
         with pytest.raises(TrajectoryRejected, match="joint1"), harness.goal((9.0, 0, 0)):
@@ -249,21 +249,21 @@ def test_a_refused_goal_leaves_what_runs_alone(harness: Harness) -> None:
     harness.setpoints.assert_smooth(peak(first))
 
 
-def test_a_refused_goal_at_rest_touches_no_axis(harness: Harness) -> None:
+def test_a_rejected_goal_at_rest_claims_no_axis(harness: Harness) -> None:
     with pytest.raises(TrajectoryRejected), harness.goal((9.0, 0, 0)):
         pass
     assert not harness.axes_in(Operation.STREAM)
     assert harness.setpoints.rows == []
 
 
-def test_a_goal_is_refused_while_somebody_else_has_the_axes(harness: Harness) -> None:
+def test_a_goal_is_rejected_while_the_axes_are_claimed(harness: Harness) -> None:
     text = "joint1: in use by somebody else"
     claim = harness.robot.axes.claimed("somebody else", [0, 1, 2])
     with claim, pytest.raises(NotReady, match=text), harness.goal(FAR):
         pass
 
 
-def test_a_goal_is_refused_while_the_axis_moves_otherwise(harness: Harness) -> None:
+def test_a_goal_is_rejected_while_an_axis_moves(harness: Harness) -> None:
     harness.move(1, 0.5)
     text = "joint2: follow_joint_trajectory needs an idle axis, this one is in position"
     with pytest.raises(NotReady, match=text), harness.goal(FAR):
@@ -280,14 +280,14 @@ def test_the_axes_are_free_again_after_the_block(harness: Harness) -> None:
     harness.move(0, 0.0)
 
 
-def test_leaving_the_block_stops_what_runs(harness: Harness) -> None:
+def test_leaving_the_block_stops_the_goal(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
         harness.run(0.3)
     assert execution.outcome is Outcome.CANCELED
     harness.setpoints.assert_smooth(ACCELERATION)
 
 
-def test_stop_ends_what_runs_and_what_waits(harness: Harness) -> None:
+def test_stop_ends_the_running_and_the_waiting_goal(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.3)
         with harness.goal(HOME, start_in_s=1.0) as waiting:
@@ -318,7 +318,7 @@ def test_a_goal_tolerance_is_waited_for_no_longer_than_asked(harness: Harness) -
     assert execution.message.endswith("exceeds goal tolerance 1e-09 rad")
 
 
-def test_progress_tells_where_it_is(harness: Harness) -> None:
+def test_progress_has_time_and_positions(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
         harness.run(0.5)
         progress = execution.progress()
@@ -328,7 +328,7 @@ def test_progress_tells_where_it_is(harness: Harness) -> None:
 
 
 def replan(harness: Harness, execution: TrajectoryExecution, age_s: float) -> TrajectoryRequest:
-    """Points from where the joints were ``age_s`` ago, at rest in the client's model."""
+    """Return points that start at the joint positions of ``age_s`` ago, at rest."""
     progress = execution.progress()
     was = execution.trajectory.state_at(progress.time_s - age_s).position
     times_s = np.arange(0.0, 2.01, 0.02)
@@ -401,7 +401,7 @@ def test_a_goal_of_some_joints_needs_the_others_at_rest(harness: Harness) -> Non
     assert execution.outcome is Outcome.SUCCEEDED
 
 
-def test_the_joints_stand_until_a_first_point_at_their_position(harness: Harness) -> None:
+def test_the_joints_hold_until_a_first_point_at_their_position(harness: Harness) -> None:
     request = TrajectoryRequest.from_rows(harness.robot.joint_names, [0.5, 1.0], [HOME, FAR])
     with harness.follower.follow(request) as execution:
         harness.run(0.49)
@@ -412,7 +412,7 @@ def test_the_joints_stand_until_a_first_point_at_their_position(harness: Harness
 
 
 def test_replanning_soon_after_a_takeover(harness: Harness) -> None:
-    """The joint positions of the third goal are from before the second one took over."""
+    """Joint positions of the third goal are from before the second one took over."""
     with harness.goal(FAR, seconds=1.5) as first:
         harness.run(0.6)
         with harness.follower.follow(replan(harness, first, 0.0)) as second:
@@ -425,8 +425,8 @@ def test_replanning_soon_after_a_takeover(harness: Harness) -> None:
     harness.setpoints.assert_smooth(max(ACCELERATION, peak(first, second, third)))
 
 
-def test_the_place_where_an_earlier_goal_ended_is_no_start(harness: Harness) -> None:
-    """The joints were moved by other commands since."""
+def test_the_end_of_an_earlier_goal_is_not_accepted_as_start(harness: Harness) -> None:
+    """Other commands have moved the joints since."""
     with harness.goal(FAR) as execution:
         harness.end(execution)
     harness.move(0, 0.2)

@@ -1,4 +1,4 @@
-"""A driver that hangs in ``read``: the robot is not ready, motion has failed, it can be ended."""
+"""Driver that hangs in ``read``: not ready, motion fails, shutdown still works."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LIMIT_S = 0.05
 
 
 class HangingAxes(FakeAxes):
-    """Live values, until ``hang`` is set; ``go_on`` ends the read that hangs."""
+    """Fresh values until ``hang`` is set; ``go_on`` ends the read that hangs."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__(2)
@@ -37,7 +37,7 @@ class HangingAxes(FakeAxes):
         image.fresh_ns = self._clock.now_ns()
 
 
-class FaultInjector:
+class Harness:
     def __init__(self, clock: Clock) -> None:
         settings = EngineSettings(stale_after_s=LIMIT_S)
         self.axes, self.image = HangingAxes(clock), ProcessImage(2)
@@ -46,8 +46,8 @@ class FaultInjector:
         self.control_loop = ControlLoop(
             self.axes, self.connection, self.image, mixer, 500.0, clock=clock
         )
-        self.heard: list[bool] = []
-        self.connection.on_ready(self.heard.append)
+        self.reported: list[bool] = []
+        self.connection.on_ready(self.reported.append)
 
     def ready(self) -> bool:
         return wait_until(lambda: self.connection.ready, 5.0, MonotonicClock())
@@ -57,83 +57,81 @@ class FaultInjector:
 
 
 @pytest.fixture(params=[MonotonicClock, PacedClock])
-def injector(
-    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[FaultInjector]:
+def harness(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
     monkeypatch.setattr("robotd.control.control_loop.STOP_S", 0.1)
     monkeypatch.setattr("robotd.control.control_loop.SIMULATED_HANG_S", LIMIT_S)
     monkeypatch.setattr(watchdog, "HANG_S", LIMIT_S)
-    injector = FaultInjector(request.param())
-    injector.control_loop.start()
-    injector.connection.start()
-    assert injector.ready()
-    yield injector
-    injector.axes.go_on.set()
-    injector.control_loop.stop()
+    harness = Harness(request.param())
+    harness.control_loop.start()
+    harness.connection.start()
+    assert harness.ready()
+    yield harness
+    harness.axes.go_on.set()
+    harness.control_loop.stop()
 
 
-def test_a_read_that_hangs_makes_the_engine_not_ready(injector: FaultInjector) -> None:
-    injector.axes.hang.set()
-    assert injector.lost()
-    assert injector.connection.state is ConnectionState.UNKNOWN
-    assert injector.heard[-1] is False
-    assert "state Unknown): the cycle hangs" in injector.connection.rejection
-    assert wait_until(lambda: ("stop", [0, 1]) in injector.axes.calls, 5.0, MonotonicClock())
+def test_a_read_that_hangs_makes_the_engine_not_ready(harness: Harness) -> None:
+    harness.axes.hang.set()
+    assert harness.lost()
+    assert harness.connection.state is ConnectionState.UNKNOWN
+    assert harness.reported[-1] is False
+    assert "state Unknown): the control loop hangs" in harness.connection.rejection
+    assert wait_until(lambda: ("stop", [0, 1]) in harness.axes.calls, 5.0, MonotonicClock())
 
 
-def test_the_place_where_it_hangs_is_found(injector: FaultInjector) -> None:
-    injector.axes.hang.set()
-    assert injector.lost()
-    assert f"{__name__}: HangingAxes.read, line " in place_of(injector.control_loop._thread)
+def test_the_hanging_call_is_found(harness: Harness) -> None:
+    harness.axes.hang.set()
+    assert harness.lost()
+    assert f"{__name__}: HangingAxes.read, line " in place_of(harness.control_loop._thread)
 
 
-def test_a_cycle_that_goes_on_is_ready_again(injector: FaultInjector) -> None:
-    injector.axes.hang.set()
-    assert injector.lost()
-    injector.axes.hang.clear()
-    injector.axes.go_on.set()
-    assert injector.ready()
-    assert injector.connection.fault == ""
+def test_a_control_loop_that_continues_is_ready_again(harness: Harness) -> None:
+    harness.axes.hang.set()
+    assert harness.lost()
+    harness.axes.hang.clear()
+    harness.axes.go_on.set()
+    assert harness.ready()
+    assert harness.connection.fault == ""
 
 
-def test_the_image_can_be_copied_while_the_driver_hangs(injector: FaultInjector) -> None:
-    injector.axes.hang.set()
-    assert injector.lost()
-    assert injector.image.copy().axes == 2
+def test_the_image_can_be_copied_while_the_driver_hangs(harness: Harness) -> None:
+    harness.axes.hang.set()
+    assert harness.lost()
+    assert harness.image.copy().axes == 2
 
 
-def test_shutting_down_does_not_wait_for_ever(injector: FaultInjector) -> None:
-    injector.axes.hang.set()
-    assert injector.lost()
-    injector.connection.shutdown()
-    injector.control_loop.stop()
-    assert injector.connection.state is ConnectionState.SHUTDOWN
+def test_shutting_down_does_not_wait_for_ever(harness: Harness) -> None:
+    harness.axes.hang.set()
+    assert harness.lost()
+    harness.connection.shutdown()
+    harness.control_loop.stop()
+    assert harness.connection.state is ConnectionState.SHUTDOWN
 
 
 def test_a_delay_of_simulated_time_is_no_hang() -> None:
-    """Time may stand meanwhile for as long as it likes."""
+    """Simulated time may stop meanwhile for any time."""
     clock, delayed = PacedClock(), threading.Event()
-    injector = FaultInjector(clock)
+    harness = Harness(clock)
 
     def delay(_: ProcessImage) -> None:
         clock.pause()
         delayed.set()
-        injector.control_loop.delay(1.0)
+        harness.control_loop.delay(1.0)
 
-    injector.control_loop.every(500.0, "delay", delay, first=True)
-    injector.control_loop.start()
+    harness.control_loop.every(500.0, "delay", delay, first=True)
+    harness.control_loop.start()
     assert delayed.wait(5.0)
-    assert wait_until(lambda: injector.control_loop._age_ns() == 0, 5.0, MonotonicClock())
+    assert wait_until(lambda: harness.control_loop._age_ns() == 0, 5.0, MonotonicClock())
     clock.end()
-    injector.control_loop.stop()
+    harness.control_loop.stop()
 
 
-def test_a_hang_is_told_once_for_each_period() -> None:
+def test_a_hang_is_reported_once_for_each_period() -> None:
     age_ns, told = [0], list[str]()
     dog = Watchdog(lambda: age_ns[0], lambda: "acme: read", 2.0, told.append)
     for age_s in (0.0, 1.99, 2.01, 5.0, 0.0, 3.0):
         age_ns[0] = round(age_s * 1e9)
-        dog.look()
+        dog.check()
     assert len(told) == 2
     assert told[0].endswith("longer than 2 s (acme: read)")
 
@@ -141,5 +139,5 @@ def test_a_hang_is_told_once_for_each_period() -> None:
 def test_a_busy_computer_is_no_hang() -> None:
     told: list[str] = []
     dog = Watchdog(lambda: 400_000_000, str, 0.1, told.append)
-    dog.look()
+    dog.check()
     assert not told
