@@ -294,7 +294,7 @@ def test_stamped_commands_and_a_client_of_the_other_type() -> None:
 @pytest.mark.parametrize(
     ("parameter", "reason"),
     [
-        ("left_axis:=1", "left_axis: 1, but drive.left_axis of the robot is 0"),
+        ("left_axis:=1", "left_axis: 1 contradicts drive.left_axis: 0 ("),
         ("wheel_radius:=0.0", "wheel_radius: 0.0 is not above 0"),
         ("pose_covariance_diagonal:=[1.0]", "pose_covariance_diagonal: 1 numbers instead of 6"),
         ("rate:=100000", "rate: 100000 is outside 1 to 200"),
