@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from robotd.testing.conformance.recording import Recording
 SPAN_S = 0.02  # over which ramps are measured
 MORE, LESS = 1.15, 0.6  # share of the asked-for ramp that the steepest part may have
 GENTLE = 0.4
+JOG_SHARE = 0.5  # of the speed of a move
 RETURNS_S = 0.05
 
 Stop = Callable[[AxisDriver, Sequence[int]], None]
@@ -99,13 +101,24 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(
     harness.up()
     for axis in harness.all:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
-    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
+    profiles = [
+        replace(profile, velocity=JOG_SHARE * profile.velocity)
+        for profile in (uneven(harness, axis, gentle) for axis in harness.all)
+    ]
+
+    def jogs() -> list[Jog]:
+        """Velocity commands towards zero, away from the position limits."""
+        signs = np.where(harness.image.position > 0.0, -1.0, 1.0)
+        return [
+            Jog(axis, replace(profile, velocity=float(signs[axis]) * profile.velocity))
+            for axis, profile in enumerate(profiles)
+        ]
 
     def motion(stop: Callable[[], None]) -> Callable[[], Recording]:
         def run() -> Recording:
             with harness.recording() as recording:
-                harness.robot.axes.jog([Jog(axis, profiles[axis]) for axis in harness.all])
-                harness.let(0.7)
+                harness.robot.axes.jog(jogs())
+                harness.let(0.45)
                 stop()
                 harness.rest()
             return recording
