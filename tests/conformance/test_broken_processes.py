@@ -40,7 +40,7 @@ def robotd_backend():
         (IMPORTS + "@hookimpl\ndef robotd_backend(): 1 / 0", "robotd_backend failed: ZeroDivision"),
         (
             IMPORTS
-            + INFO % ""
+            + INFO % "api_version=1"
             + "@hookimpl\ndef robotd_open_device(): raise OSError('no licence')",
             "robotd_open_device failed: OSError: no licence",
         ),
