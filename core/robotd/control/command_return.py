@@ -1,4 +1,4 @@
-"""Return of the command to joints that did not follow it, so that none leaps once it is free."""
+"""Return of the command to joints that did not follow it, against jumps when freed."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.motion import JointLimits
 
-MIN_ERROR = 0.005  # rad or m; less is lag and sag of a sound drive, and stays
+MIN_ERROR = 0.005  # rad or m; less is lag and sag of a healthy drive, and stays
 PEAK_VELOCITY, PEAK_ACCELERATION = 1.875, 5.7735  # of 10u³ - 15u⁴ + 6u⁵, for 1 in 1 s
 
 
 class CommandReturn:
     """Move of the command alone, from standstill to standstill, within the joints' limits.
 
-    The joint stands where it was measured; its command comes to it along a quintic polynomial.
+    The joint rests at its measured position; the command moves there along a quintic polynomial.
 
     Args:
         command: (m,) position command, rad or m.
-        measured: (m,) where the joints stand.
-        limits: velocity and acceleration that the command keeps.
+        measured: (m,) positions of the joints at rest, rad or m.
+        limits: of velocity and acceleration of the command.
     """
 
     def __init__(self, command: FloatArray, measured: FloatArray, limits: JointLimits) -> None:

@@ -9,13 +9,12 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.trajectory_execution import PREEMPTED, Outcome, TrajectoryExecution
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Underrun
 from robotd.errors import LateSetpoint
 
-PREEMPTED = "preempted by a new goal"
 ABANDONED = "the joints did not come to rest in time"
 NOT_RUNNING = "the control loop is not running"
 SPLICE_LOST = "the running trajectory was stopped before this one could take over"

@@ -14,7 +14,6 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.clock.simulated import held
-from robotd.control.device_execution import DeviceExecution
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
@@ -85,9 +84,9 @@ class TrajectoryFollower:
         self._clock = clock
         self._on_device = on_device
         self._execution = (
-            partial(DeviceExecution, on_device)
+            partial(TrajectoryExecution.on_device, on_device)
             if on_device
-            else partial(TrajectoryExecution, underrun=axes.underrun)
+            else partial(TrajectoryExecution.streamed, underrun=axes.underrun)
         )
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._claim = ExitStack()
@@ -197,7 +196,7 @@ class TrajectoryFollower:
         state = running.splice_state(splice_ns)
         if state is not None:
             return _Planned(planner(state), splice_ns)
-        if isinstance(running, DeviceExecution) and self._on_device is not None:
+        if self._on_device is not None:
             # It has to stop first, but not for a request that would be rejected anyway.
             trajectory = planner(MotionState.at_rest(self._command()))
             spline_points(trajectory, self._on_device.max_trajectory_points)

@@ -109,7 +109,7 @@ def test_repeated_stalls_do_not_accumulate(stalls: list[tuple[int, int]]) -> Non
 
 
 def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> None:
-    harness.follower._execution = partial(TrajectoryExecution, underrun=Underrun.HOLD)
+    harness.follower._execution = partial(TrajectoryExecution.streamed, underrun=Underrun.HOLD)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         harness.run(0.3)
         harness.stall(0.03)

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.device_execution import STOP_STEP, DeviceExecution, stop_time
+from robotd.control.device_trajectory import STOP_STEP, stop_time
 from robotd.control.setpoint_mixer import SetpointMixer
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
@@ -48,8 +48,8 @@ class Harness:
         )
         self.trajectory = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(2)))
 
-    def start(self, limits: JointLimits = LIMITS) -> DeviceExecution:
-        execution = DeviceExecution(
+    def start(self, limits: JointLimits = LIMITS) -> TrajectoryExecution:
+        execution = TrajectoryExecution.on_device(
             self.axes,
             self.trajectory,
             np.array([0, 1]),
@@ -75,7 +75,7 @@ class Harness:
     def called(self, name: str) -> bool:
         return any(call[0] == name for call in self.axes.calls)
 
-    def run(self, limits: JointLimits = LIMITS) -> DeviceExecution:
+    def run(self, limits: JointLimits = LIMITS) -> TrajectoryExecution:
         """Start an execution and let the device move."""
         execution = self.start(limits)
         self.until(lambda: self.called("follow"))

@@ -1,0 +1,63 @@
+"""Completion of an execution: requested end, outcome, and the event that waiters block on."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from enum import Enum, auto
+
+
+class Outcome(Enum):
+    """Result of a trajectory."""
+
+    SUCCEEDED = auto()
+    CANCELED = auto()
+    PREEMPTED = auto()
+    PATH_TOLERANCE = auto()
+    GOAL_TOLERANCE = auto()
+    FAULT = auto()
+
+
+class Completion:
+    """Requested end and final outcome of one execution.
+
+    Any thread may call ``request`` and wait for ``event``; the rest belongs to the control loop.
+
+    Attributes:
+        requested: outcome and message to end with, None: it runs on. Set before ``outcome``.
+        outcome, message: None and "" until it has ended; never change afterwards.
+        event: set with ``outcome``.
+        on_end: called after an end was requested and after it has ended, in the same thread.
+    """
+
+    def __init__(self) -> None:
+        self.requested: tuple[Outcome, str] | None = None
+        self.outcome: Outcome | None = None
+        self.message = ""
+        self.event = threading.Event()
+        self.on_end: Callable[[], None] = lambda: None
+
+    @property
+    def is_fault(self) -> bool:
+        """An end with a fault was requested."""
+        return self.requested is not None and self.requested[0] is Outcome.FAULT
+
+    def request(self, outcome: Outcome, message: str) -> None:
+        """Request the end; no effect after the first request or after the end."""
+        if self.requested is None and self.outcome is None:
+            self.requested = (outcome, message)
+        self.on_end()
+
+    def escalate(self, message: str) -> None:
+        """Request the end with a fault, also while it stops for another reason."""
+        if self.requested is not None:
+            message = f"{message} (while stopping: {self.requested[1]})"
+        self.requested = (Outcome.FAULT, message)
+        self.on_end()
+
+    def finish(self, outcome: Outcome, message: str) -> None:
+        """Set the outcome; no effect when there is one."""
+        if self.outcome is None:
+            self.outcome, self.message = outcome, message
+            self.event.set()
+        self.on_end()

@@ -1,0 +1,234 @@
+"""Trajectory that the device interpolates: sent whole, and monitored each control period.
+
+The core decides on the outcome (tolerances, faults, standstill) and the device computes the
+setpoints, so the desired motion is the command that the device reports.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
+from robotd.control.completion import Completion, Outcome
+from robotd.control.execution_phase import Phase
+from robotd.control.trajectory_source import TrajectorySource
+from robotd.device.drivers import AxisDriver
+from robotd.device.process_image import ProcessImage, columns
+from robotd.device.state import Operation
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+from robotd.motion import JointLimits, MotionState, Trajectory, spline_points
+
+log = get_logger("trajectory")
+
+MIN_PATH = 1e-6  # rad or m; a shorter path is not sent to the device
+OVERTIME_S = 2.0  # time after the planned end in which the device may still move
+END_TOLERANCE = 1e-3  # rad or m, between the device's last command and the last point
+EARLY_S, EARLY_SHARE = 0.05, 0.02  # of the duration: an arrival before that is a fault
+IDLE_PERIODS = 5  # in which an idle device has to show its last command and completion
+STOP_SAMPLES = 64  # of the path during a stop
+STOP_STEP = 1.1  # ratio of the stop times that are tried
+MIN_STOP_S, MAX_STOP_S = 1e-3, 30.0
+
+
+class DeviceTrajectory:
+    """Motion by a device with the capability TRAJECTORIES_ON_DEVICE.
+
+    A ``TrajectorySource``. Its thread makes the two calls that may block, ``follow`` and
+    ``stop_trajectory``: the first when the control loop begins to monitor, the second when the
+    execution ends without success. An arrival needs the device's command at the last point, not
+    before its time.
+
+    Args:
+        driver: of the axes.
+        trajectory: planned and checked.
+        axes: (m,) index of each joint's axis.
+        limits: of the same joints.
+        start_ns: monotonic time before which nothing moves.
+        completion: gets a fault when the device does not follow; wakes the thread.
+    """
+
+    streams = False
+    on_path = True
+
+    def __init__(
+        self,
+        driver: AxisDriver,
+        trajectory: Trajectory,
+        axes: IntArray,
+        limits: JointLimits,
+        start_ns: int,
+        completion: Completion,
+    ) -> None:
+        self.start_ns = start_ns
+        self.time_s = 0.0
+        position, velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
+        self.setpoint: FloatArray = np.array([position, velocity])  # as the device reports it
+        self._driver, self._trajectory, self._limits = driver, trajectory, limits
+        self._axes, self._columns = axes, columns(axes)
+        self._completion = completion
+        completion.on_end = self._wake
+        self._times_s, self._points = spline_points(trajectory, driver.max_trajectory_points)
+        self._has_path = bool(np.ptp(self._points, axis=0).max() >= MIN_PATH)
+        self._end_point = trajectory.state_at(trajectory.duration_s).position
+        self._monitored = threading.Event()
+        self._ended = threading.Event()
+        self._monitor_from_ns = start_ns
+        self._started = self._seen_moving = self._stop_sent = False
+        self._idle_periods = 0
+        self._not_moving_ns = start_ns  # the last time at which the device had not begun
+        self._stop_ns = start_ns
+        self._stop_s = 0.0
+
+    def begin(self) -> None:
+        """Start the thread."""
+        threading.Thread(target=self._run, name="robotd-trajectory", daemon=True).start()
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """Return None: the device takes no other trajectory before this one has ended."""
+        return None
+
+    def take_over(self, running: TrajectorySource) -> None:
+        """Do nothing: it starts at rest."""
+
+    def sent(self, due_ns: int) -> None:
+        """Do nothing: no setpoint is sent."""
+
+    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> None:
+        """Write the device's command, or the last point after the arrival, into ``out``."""
+        if time_ns >= self._monitor_from_ns:
+            self._monitored.set()
+        if phase is Phase.ARRIVING:
+            self.setpoint[0], self.setpoint[1] = self._end_point, 0.0
+        else:
+            self.setpoint[:] = image.commands[:, self._columns]
+        out[:] = self.setpoint
+
+    def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
+        """Monitor the device; return ARRIVING when it has arrived."""
+        moving = bool((image.operation[self._axes] == Operation.STREAM).any())
+        if moving and not self._seen_moving:
+            self._seen_moving, self._not_moving_ns = True, time_ns - pause_ns
+        if not (self._started or self._seen_moving):
+            self.start_ns = time_ns
+        self.time_s = (time_ns - self.start_ns) / NANOSECONDS
+        over_s = self.time_s - self._trajectory.duration_s
+        if moving and over_s > OVERTIME_S:
+            self._fault(f"the device is still moving {over_s:.1f} s after its time")
+        elif not moving and (self._seen_moving or over_s > 0.0):
+            return self._judge_end(time_ns, image)
+        return None
+
+    def hold(self, due_ns: int, period_ns: int) -> None:
+        """Do nothing: the device holds by itself."""
+
+    def stop(self, time_ns: int) -> Phase:
+        """Let the thread stop the device."""
+        self._wake()
+        return Phase.RESTING
+
+    def is_stopping(self, time_ns: int, image: ProcessImage) -> bool:
+        """Return True until the stop was sent, and while it may still take its time."""
+        if not self._stop_sent:  # a standstill before the stop proves nothing
+            self._stop_ns = time_ns
+            return True
+        return self.is_active(image) and (time_ns - self._stop_ns) / NANOSECONDS < self._stop_s
+
+    def is_active(self, image: ProcessImage) -> bool:
+        """Return True while an axis is not idle, even if it is slow."""
+        return bool((image.operation[self._axes] != Operation.IDLE).any())
+
+    def return_command(self, time_ns: int, measured: FloatArray) -> bool:
+        """Return False: the command belongs to the device."""
+        return False
+
+    def _wake(self) -> None:
+        self._monitored.set()
+        self._ended.set()
+
+    def _fault(self, message: str) -> None:
+        self._completion.request(Outcome.FAULT, message)
+
+    def _judge_end(self, time_ns: int, image: ProcessImage) -> Phase | None:
+        """Distinguish an arrival from a stop and from another path."""
+        stopped = self.is_active(image)
+        off = np.abs(self.setpoint[0] - self._end_point)
+        joint = int(np.argmax(off))
+        took_s = (time_ns - self._not_moving_ns) / NANOSECONDS  # upper bound
+        if not stopped and off[joint] <= END_TOLERANCE:
+            return self._judge_arrival(took_s)
+        self._idle_periods += 1
+        if not stopped and self._idle_periods < IDLE_PERIODS:
+            return None
+        if not stopped and image.motion_complete[self._axes].all():
+            self._fault(self._other_end_text(joint, took_s))
+        else:
+            self._fault(f"the device stopped at {self.time_s:.3f} s by itself")
+        return None
+
+    def _judge_arrival(self, took_s: float) -> Phase | None:
+        """Reject an arrival before its time."""
+        expected_s = self._trajectory.duration_s
+        if self._seen_moving and took_s < expected_s * (1.0 - EARLY_SHARE) - EARLY_S:
+            self._fault(f"the device ended a trajectory of {expected_s:.3f} s after {took_s:.3f} s")
+            return None
+        return Phase.ARRIVING
+
+    def _other_end_text(self, joint: int, took_s: float) -> str:
+        unit = self._limits.units[joint]
+        return (
+            f"{self._trajectory.names[joint]}: the device ended the trajectory at"
+            f" {self.setpoint[0, joint]:.4f} {unit} after {took_s:.3f} s, its last point is"
+            f" {self._end_point[joint]:.4f} {unit} at {self._trajectory.duration_s:.3f} s"
+        )
+
+    def _run(self) -> None:
+        self._monitored.wait()
+        try:
+            if not self._completion.requested and self._completion.outcome is None:
+                if self._has_path:
+                    self._driver.follow(self._axes.tolist(), self._times_s, self._points)
+                self._started = True
+                self._ended.wait()
+        except RobotdError as error:
+            self._fault(str(error))
+        if self._completion.outcome is not Outcome.SUCCEEDED:
+            self._stop_device()
+        self._stop_sent = True
+
+    def _stop_device(self) -> None:
+        try:
+            self._stop_s = stop_time(self._trajectory, self.time_s, self._limits)
+            self._driver.stop_trajectory(self._axes.tolist(), self._stop_s)
+        except RobotdError as error:
+            log.error("stopping a trajectory failed", reason=str(error))
+
+
+def stop_time(trajectory: Trajectory, from_s: float, limits: JointLimits) -> float:
+    """Return the shortest stop along the path that the joints' acceleration limits allow, s.
+
+    For a device whose path rate r falls evenly from 1 to 0 within the time T: the joints
+    accelerate with q''(s)·r² - q'(s)/T. Where the plan itself exceeds a limit, the stop may
+    come as close to it as the plan did.
+
+    Args:
+        trajectory: runs at rate 1 up to the stop.
+        from_s: trajectory time at which the stop begins; clipped to the trajectory.
+        limits: of the same joints; their accelerations count.
+    """
+    from_s = min(max(from_s, 0.0), trajectory.duration_s)
+    velocity = np.abs(trajectory.state_at(from_s).velocity)
+    time_s = max(float((velocity / limits.acceleration).max()), MIN_STOP_S)
+    while time_s < MAX_STOP_S:
+        since_s = np.linspace(0.0, time_s, STOP_SAMPLES)
+        rate = (1.0 - since_s / time_s)[:, None]
+        path_s = np.minimum(from_s + since_s - since_s**2 / (2.0 * time_s), trajectory.duration_s)
+        _, speed, planned = trajectory.evaluate(path_s)
+        allowed = np.maximum(limits.acceleration, np.abs(planned).max(axis=0))
+        if (np.abs(planned * rate**2 - speed / time_s) <= allowed * STOP_STEP).all():
+            break
+        time_s *= STOP_STEP
+    return time_s

@@ -1,0 +1,55 @@
+"""Following error of the joints of an execution, and its published progress."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of an execution; arrays (m,) in the order of the trajectory's names."""
+
+    time_s: float
+    desired_position: FloatArray
+    desired_velocity: FloatArray
+    actual_position: FloatArray
+    actual_velocity: FloatArray
+
+
+class JointTracking:
+    """Desired and measured motion of m joints in the present period.
+
+    ``progress`` may be called by any thread, the rest belongs to the control loop.
+
+    Args:
+        setpoint: (2, m) position and velocity at the start.
+
+    Attributes:
+        desired, measured: (2, m) position and velocity of the present period.
+        max_error: (m,) largest following error so far, rad or m.
+    """
+
+    def __init__(self, setpoint: FloatArray) -> None:
+        self.desired: FloatArray = setpoint.copy()
+        self.measured: FloatArray = setpoint.copy()
+        self.max_error: FloatArray = np.zeros(setpoint.shape[1])
+        self._error: FloatArray = np.zeros(setpoint.shape[1])
+        # Replaced as a whole: another thread sees the values of one period.
+        self._snapshot = (0.0, self.desired.copy(), self.measured.copy())
+
+    def update(self, measured: FloatArray, time_s: float) -> None:
+        """Take the ``measured`` (2, m) of a period, whose ``desired`` is written already."""
+        self.measured[:] = measured
+        np.subtract(self.desired[0], self.measured[0], self._error)
+        np.abs(self._error, self._error)
+        np.fmax(self.max_error, self._error, self.max_error)
+        self._snapshot = time_s, self.desired.copy(), self.measured.copy()
+
+    def progress(self) -> Progress:
+        """Return the values of one control period: path at ``time_s`` and measurement."""
+        time_s, desired, measured = self._snapshot
+        return Progress(time_s, desired[0], desired[1], measured[0], measured[1])

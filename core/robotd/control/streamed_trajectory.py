@@ -1,0 +1,148 @@
+"""Trajectory that robotd streams to the device, one setpoint per control period."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.control.command_return import CommandReturn
+from robotd.control.completion import Completion, Outcome
+from robotd.control.execution_phase import Phase
+from robotd.control.stall_recovery import StallRecovery
+from robotd.control.trajectory_source import TrajectorySource
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import Underrun
+from robotd.motion import JointLimits, MotionState, Sampler, StopPlan, Trajectory, plan_stop
+
+
+class StreamedTrajectory:
+    """Setpoints on the path or along a stop, with recovery from control-loop stalls.
+
+    A ``TrajectorySource``.
+
+    Args:
+        trajectory: planned and checked.
+        limits: of the same joints.
+        start_ns: monotonic time of the trajectory's time 0.
+        underrun: behaviour of the device when setpoints are missing.
+        completion: gets a fault when a stall has led too far off the path.
+
+    Attributes:
+        stall_recovery: passed on to the successor, which continues its deviation.
+    """
+
+    streams = True
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        limits: JointLimits,
+        start_ns: int,
+        underrun: Underrun,
+        completion: Completion,
+    ) -> None:
+        self.start_ns = start_ns
+        self.time_s = 0.0
+        position, velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
+        self.setpoint: FloatArray = np.array([position, velocity])
+        self._position, self._velocity = self.setpoint
+        self._trajectory, self._limits = trajectory, limits
+        self._completion = completion
+        self._sampler = Sampler(trajectory)
+        self._stop_plan: StopPlan | None = None
+        self._stop_ns = start_ns
+        start = np.array([position, np.zeros(len(position))])
+        self.stall_recovery = StallRecovery(start, start_ns, limits, underrun)
+        self._held: FloatArray = start.copy()  # last position on the path, at rest
+        self._command_return: CommandReturn | None = None
+        self._return_ns = start_ns
+
+    @property
+    def on_path(self) -> bool:
+        """The setpoint does not deviate from the path."""
+        return not self.stall_recovery.active
+
+    def begin(self) -> None:
+        """Do nothing: the control loop sends the setpoints."""
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """Return the state at ``time_ns`` if the path is not left until then."""
+        time_s = (time_ns - self.start_ns) / NANOSECONDS
+        state = self._trajectory.state_at(time_s)
+        return MotionState.at_rest(state.position) if time_s < 0.0 else state
+
+    def take_over(self, running: TrajectorySource) -> None:
+        """Continue from the setpoint and the deviation of ``running``."""
+        self.setpoint[:] = running.setpoint
+        if isinstance(running, StreamedTrajectory):
+            self.stall_recovery = running.stall_recovery
+
+    def sent(self, due_ns: int) -> None:
+        """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
+        self.stall_recovery.sent(self.setpoint, due_ns)
+
+    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> None:
+        """Write the command that the device has at ``time_ns`` into ``out`` (2, m)."""
+        self.stall_recovery.expect(time_ns, out)
+
+    def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
+        """Compute the setpoint for ``due_ns``, at full rate or along the stop."""
+        rate = 1.0
+        if self._stop_plan is None:
+            self.time_s = (due_ns - self.start_ns) / NANOSECONDS
+        else:
+            elapsed_s = (due_ns - self._stop_ns) / NANOSECONDS
+            self.time_s, rate, _ = self._stop_plan.at(elapsed_s)
+        self._sampler.sample(self.time_s, self._position, self._velocity)
+        if rate != 1.0:
+            self._velocity *= rate
+        self._held[0] = self._position
+        self._recover(due_ns, due_ns - time_ns)
+        if self.stall_recovery.active:
+            return None
+        if rate == 0.0 or self.time_s >= self._trajectory.duration_s:
+            return Phase.ARRIVING if self._stop_plan is None else Phase.RESTING
+        return None
+
+    def hold(self, due_ns: int, period_ns: int) -> None:
+        """Stay at the end of the path, or return to it."""
+        self.setpoint[:] = self._held
+        self._recover(due_ns, period_ns)
+
+    def stop(self, time_ns: int) -> Phase:
+        """Plan the stop along the path."""
+        self._stop_plan = plan_stop(self._trajectory, self.time_s, self._limits)
+        self._stop_ns = time_ns
+        return Phase.STOPPING
+
+    def is_stopping(self, time_ns: int, image: ProcessImage) -> bool:
+        """Return False: the commands are at rest when the stop plan has ended."""
+        return False
+
+    def is_active(self, image: ProcessImage) -> bool:
+        """Return False: the device moves by setpoints only."""
+        return False
+
+    def return_command(self, time_ns: int, measured: FloatArray) -> bool:
+        """Move the held command to ``measured`` (m,); return False once it is there."""
+        if self._command_return is None:
+            self._command_return = CommandReturn(self._held[0], measured, self._limits)
+            self._return_ns = time_ns
+        time_s = (time_ns - self._return_ns) / NANOSECONDS
+        return self._command_return.sample(time_s, self._held)
+
+    def _recover(self, due_ns: int, period_ns: int) -> None:
+        """Continue from the position after an underrun; request a fault when too far off."""
+        found = self.stall_recovery.lay_over(self.setpoint, due_ns, period_ns / NANOSECONDS)
+        if found and self.stall_recovery.is_far.any():
+            self._completion.request(Outcome.FAULT, self._deviation_text())
+
+    def _deviation_text(self) -> str:
+        recovery = self.stall_recovery
+        joint = int(np.argmax(recovery.is_far))
+        return (
+            f"{self._trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
+            f" {self._limits.units[joint]} off its path after the cycle had stood for"
+            f" {recovery.pause_s * 1e3:.0f} ms"
+        )
