@@ -82,8 +82,8 @@ def _move(
     radians = {joint: math.radians(value) if deg else value for joint, value in targets.items()}
     with robot_client(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
-        import_ros("client.status_client").require_ready(client)
-        arm = motion.find_arm(client, action)
+        with import_ros("client.status_client").reason_of_silence(client):
+            arm = motion.find_arm(client, action)
         progress = Progress(tuple(targets), time_s, degrees=deg)
         with Interrupt() as interrupt:
             ending, reason = motion.move(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from std_msgs.msg import Bool
@@ -96,6 +97,20 @@ def require_ready(client: RosClient) -> None:
         raise OperationError(f"{reason}; to bring it back: {remedy}" if remedy else reason)
 
 
+@contextmanager
+def reason_of_silence(client: RosClient) -> Iterator[None]:
+    """Check ``require_ready`` before the block, and again when its DeviceTimeout comes out.
+
+    On a busy computer the service may be discovered only during the block.
+    """
+    require_ready(client)
+    try:
+        yield
+    except DeviceTimeout:
+        require_ready(client)
+        raise
+
+
 def set_gripper(client: RosClient, closed: bool) -> str:
     """The robot's answer. Raises DeviceTimeout without one, OperationError for a rejection."""
     return str(client.call(SetBool, GRIPPER, data=closed).message)
@@ -107,8 +122,8 @@ def set_servos(client: RosClient, axes: Sequence[int], on: bool) -> str:
     Returns what the robot answers for each axis. Raises DeviceTimeout without an answer,
     OperationError when one axis refuses.
     """
-    require_ready(client)
-    index = list(axes) or _all_axes(client)
+    with reason_of_silence(client):
+        index = list(axes) or _all_axes(client)
     if on:
         client.call(SetAxis, "wmx/axis/clear_alarm", index=index, data=[0] * len(index))
     data = [int(on)] * len(index)
