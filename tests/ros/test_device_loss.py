@@ -75,7 +75,7 @@ def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
     assert report["remedy"].endswith("robotd servo on")
     for command in (["servo", "on"], ["servo", "on", "2"], ["move", "joint1=0.1"]):
         status, _, error = robotd(process.domain, *command)
-        assert status == 1
+        assert status == 1, f"{command}: {error}"
         assert cause in error
         assert "is robotd running?" not in error
     level, message = engine_diagnostics(client)
