@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.conformance.kit import run_kit
 
-from robotd.cli.commands.new_backend import write_backend
+from robotd.cli.commands.new_backend_command import write_backend
 from robotd.errors import PluginError
 from robotd.plugin.manager import load_backend
 

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from robotd.robot import Robot
 from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
-from robotd.ros.registry import BUILT_IN, make_node
+from robotd.ros.node_registry import BUILT_IN, make_node
 
 
 @contextmanager

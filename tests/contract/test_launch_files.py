@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import yaml
 
-from robotd.cli.commands.run import run
+from robotd.cli.commands.run_command import run
 from robotd.descriptor import load_robot_descriptor
 
 AMENT = Path(__file__).parents[2] / "ament"

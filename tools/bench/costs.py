@@ -22,7 +22,7 @@ from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, build_robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware.cdr import HotPublisher
-from robotd.ros.registry import BUILT_IN, make_node
+from robotd.ros.node_registry import BUILT_IN, make_node
 
 TIGHT_LOOP = 2000  # reads
 

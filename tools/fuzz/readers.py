@@ -12,7 +12,7 @@ import click
 from tools.fuzz import grammars
 from tools.fuzz.mutations import Mutator, mutate_lines, mutate_xml, mutate_yaml
 
-from robotd.cli.commands.sim import _value
+from robotd.cli.commands.sim_command import _value
 from robotd.cli.urdf_check import check_urdf
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError, RobotdError

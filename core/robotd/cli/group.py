@@ -27,7 +27,7 @@ class RobotdGroup(click.Group):
 
     Args:
         summaries: command names and their one-line summaries; each command is an attribute of
-            the module of its name in ``robotd.cli.commands``.
+            the module ``<name>_command`` of ``robotd.cli.commands``.
     """
 
     def __init__(self, *args: Any, summaries: Mapping[str, str], **options: Any) -> None:
@@ -49,7 +49,7 @@ class RobotdGroup(click.Group):
             return plugin_command(cmd_name)
         gc.disable()  # imported objects stay; serve() enables it again, which saves 60 ms
         name = cmd_name.replace("-", "_")
-        command: click.Command = getattr(import_module(f"{COMMANDS_PACKAGE}.{name}"), name)
+        command: click.Command = getattr(import_module(f"{COMMANDS_PACKAGE}.{name}_command"), name)
         return command
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -11,7 +11,7 @@ from robotd.descriptor import Override, RobotDescriptor, default_search_path
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
-from robotd.ros.registry import select_nodes
+from robotd.ros.node_registry import select_nodes
 
 
 @dataclass(frozen=True)

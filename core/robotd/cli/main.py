@@ -22,7 +22,7 @@ COMMANDS = {
     "wmx": "Readiness of a machine for the WMX backend.",
     "new-backend": "Write an installable backend package that passes the checks, to start from.",
 }
-"""Commands with their summaries; ``new-backend`` is ``robotd.cli.commands.new_backend``.
+"""Commands with their summaries; ``new-backend`` is ``robotd.cli.commands.new_backend_command``.
 
 ``robotd --help`` needs the summaries without importing NumPy, pydantic or ROS, which would take
 0.7 s instead of 0.2; a test compares them with the commands' own.

@@ -13,7 +13,7 @@ from robotd.robot import Robot
 from robotd.ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import announce_often, check_overrides
-from robotd.ros.registry import (
+from robotd.ros.node_registry import (
     BUILT_IN,
     SIMULATION_NODE,
     known_nodes,

@@ -22,7 +22,7 @@ from robotd.robot import Robot
 from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import announce_often, exit_after, remove_leftovers
-from robotd.ros.registry import select_nodes
+from robotd.ros.node_registry import select_nodes
 from robotd.ros.run_nodes import run_nodes
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         seen.append(options)
         return 0
 
-    monkeypatch.setattr("robotd.cli.commands.run.run_robot", run_robot)
+    monkeypatch.setattr("robotd.cli.commands.run_command.run_robot", run_robot)
     return seen
 
 
@@ -50,7 +50,7 @@ def raising(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException], None]:
         def run_robot(options: Any) -> int:
             raise error
 
-        monkeypatch.setattr("robotd.cli.commands.run.run_robot", run_robot)
+        monkeypatch.setattr("robotd.cli.commands.run_command.run_robot", run_robot)
 
     return prepare
 

@@ -77,7 +77,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Server:
     stand_in = Server()
-    monkeypatch.setattr("robotd.cli.commands.run.import_ros", lambda name: stand_in)
+    monkeypatch.setattr("robotd.cli.commands.run_command.import_ros", lambda name: stand_in)
     return stand_in
 
 

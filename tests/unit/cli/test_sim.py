@@ -91,7 +91,7 @@ def test_words_become_fields(
         return "done"
 
     client = SimpleNamespace(inject=inject)
-    monkeypatch.setattr("robotd.cli.commands.sim.import_ros", lambda name: client)
+    monkeypatch.setattr("robotd.cli.commands.sim_command.import_ros", lambda name: client)
     result = robotd("sim", "inject", *words)
     assert result.exit_code == 0, result.output
     assert result.stdout == "done\n"

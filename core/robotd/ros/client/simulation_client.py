@@ -12,8 +12,8 @@ from std_srvs.srv import SetBool
 
 from robotd.errors import OperationError
 from robotd.ros.client.ros_client import RosClient
+from robotd.ros.node_registry import SIMULATION_NODE
 from robotd.ros.nodes.simulation_node import STEP_TIMEOUT_S
-from robotd.ros.registry import SIMULATION_NODE
 
 
 def inject(ros_args: Sequence[str], timeout_s: float, fields: Mapping[str, Any]) -> str:

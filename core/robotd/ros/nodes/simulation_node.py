@@ -23,7 +23,7 @@ from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher
-from robotd.ros.registry import SIMULATION_NODE
+from robotd.ros.node_registry import SIMULATION_NODE
 from robotd.ros.services import add_service
 from robotd.scenario import FaultSchedule, nested, validate_fault
 

@@ -9,7 +9,7 @@ import click
 from robotd.cli.installed import load_installed
 from robotd.cli.layout import columns
 from robotd.cli.options import as_json, configure_logging, log_options
-from robotd.ros.registry import known_nodes
+from robotd.ros.node_registry import known_nodes
 
 
 @click.command("nodes")

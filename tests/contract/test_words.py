@@ -1,0 +1,74 @@
+"""Rules of language that a program can check; docs/reference/glossary.md has the terms."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = {
+    "robotd": ROOT / "core" / "robotd",
+    "robotd_canopen": ROOT / "plugins" / "canopen" / "robotd_canopen",
+    "robotd_servo_model": ROOT / "plugins" / "servo_model" / "robotd_servo_model",
+    "robotd_sim": ROOT / "plugins" / "sim" / "robotd_sim",
+    "robotd_wmx": ROOT / "plugins" / "wmx" / "robotd_wmx",
+    "robotd_wmx_parameters": ROOT / "plugins" / "wmx_parameters" / "robotd_wmx_parameters",
+}
+MAX_WORDS = 15
+NOUN_CLAUSES = ("What", "Where", "Who", "Whoever", "Whether", "How", "Why", "Which")
+SHARED_NAMES = {"__init__", "__main__", "conftest"}
+
+Named = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def modules(package: Path) -> list[Path]:
+    return sorted(path for path in package.rglob("*.py") if "templates" not in path.parts)
+
+
+def docstrings(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and first line of every docstring of a module."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, Named) and (text := ast.get_docstring(node)):
+            line = getattr(node, "lineno", 1)
+            yield line, text.splitlines()[0]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_docstring_opens_with_a_short_statement(package: str) -> None:
+    problems = []
+    for path in modules(PACKAGES[package]):
+        for line, text in docstrings(path):
+            words = text.split()
+            if len(words) > MAX_WORDS:
+                problems.append(f"{path.relative_to(ROOT)}:{line}: {len(words)} words: {text}")
+            if words[0] in NOUN_CLAUSES:
+                problems.append(f"{path.relative_to(ROOT)}:{line}: opens with {words[0]}: {text}")
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_module_name_is_unique_in_its_package(package: str) -> None:
+    places = defaultdict(list)
+    for path in modules(PACKAGES[package]):
+        if path.stem not in SHARED_NAMES:
+            places[path.stem].append(str(path.relative_to(ROOT)))
+    assert not {name: found for name, found in places.items() if len(found) > 1}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_has_a_docstring(package: str) -> None:
+    missing = []
+    for path in modules(PACKAGES[package]):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in [tree, *tree.body]:
+            name = getattr(node, "name", path.stem)
+            is_public = isinstance(node, Named) and not name.startswith(("_", "test_"))
+            if "conformance" in path.parts and path.stem.startswith("test_"):
+                is_public = False  # helpers of the checks, private to their module
+            if is_public and not ast.get_docstring(node):
+                missing.append(f"{path.relative_to(ROOT)}: {name}")
+    assert not missing, "\n".join(missing)
