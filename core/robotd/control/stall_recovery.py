@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from robotd.arrays import BoolArray, FloatArray
@@ -37,6 +39,7 @@ class StallRecovery:
         start_ns: monotonic time until which they rest there.
         limits: of the m joints.
         underrun: behaviour of the device.
+        buffer_s: duration of the setpoints that the device holds ahead, s.
 
     Attributes:
         active: the present setpoint deviates from the path.
@@ -44,12 +47,21 @@ class StallRecovery:
     """
 
     def __init__(
-        self, start: FloatArray, start_ns: int, limits: JointLimits, underrun: Underrun
+        self,
+        start: FloatArray,
+        start_ns: int,
+        limits: JointLimits,
+        underrun: Underrun,
+        buffer_s: float = 0.0,
     ) -> None:
         self.active = False
         self.pause_s = 0.0
         self._extrapolates = underrun is Underrun.EXTRAPOLATE
         self._sent, self._sent_ns = start.copy(), start_ns
+        self._buffer_s = buffer_s
+        self._buffered: deque[tuple[int, FloatArray]] = (
+            deque([(start_ns, start.copy())]) if buffer_s > 0.0 else deque()
+        )
         self._deviation: FloatArray = np.zeros_like(start)  # of the last setpoint that was sent
         self._next: FloatArray = np.zeros_like(start)  # of the one that is not sent yet
         velocity = np.minimum(limits.velocity, UNLIMITED_RAD_S)
@@ -74,6 +86,9 @@ class StallRecovery:
 
     def expect(self, time_ns: int, out: FloatArray) -> None:
         """Write the command that the device has at ``time_ns`` into ``out`` (2, m)."""
+        if self._buffered:
+            out[:] = self._of_buffer(time_ns - round(self._buffer_s * NANOSECONDS))
+            return
         out[:] = self._sent
         if time_ns > self._sent_ns:
             self._continue((time_ns - self._sent_ns) / NANOSECONDS, out)
@@ -84,20 +99,29 @@ class StallRecovery:
         Returns True when an underrun was found: ``is_far`` then says whether it is too long.
         """
         elapsed_s = (due_ns - self._sent_ns) / NANOSECONDS
-        if elapsed_s > GAP_PERIODS * period_s:
+        underrun = elapsed_s > GAP_PERIODS * period_s + self._buffer_s
+        if underrun:
             self.active, self.pause_s = True, elapsed_s - period_s
             self._next[:] = self._sent
             self._continue(elapsed_s, self._next)
             self._next -= path
         elif self.active:
-            self._fade(path[1], period_s)
+            self._fade(path[1], elapsed_s)
         path += self._next
-        return elapsed_s > GAP_PERIODS * period_s
+        return underrun
 
     def sent(self, setpoint: FloatArray, due_ns: int) -> None:
         """Note that ``setpoint``, made by ``lay_over``, has been handed to the device."""
         self._sent[:], self._sent_ns = setpoint, due_ns
         self._deviation[:] = self._next
+        if self._buffered:
+            self._buffered.append((due_ns, setpoint.copy()))
+
+    def _of_buffer(self, time_ns: int) -> FloatArray:
+        """The last setpoint that was due by ``time_ns``; older ones are forgotten."""
+        while len(self._buffered) > 1 and self._buffered[1][0] <= time_ns:
+            self._buffered.popleft()
+        return self._buffered[0][1]
 
     def _continue(self, seconds: float, setpoint: FloatArray) -> None:
         if self._extrapolates:
@@ -105,16 +129,16 @@ class StallRecovery:
         else:
             setpoint[1] = 0.0
 
-    def _fade(self, path_velocity: FloatArray, period_s: float) -> None:
-        """One period on from the deviation of the last setpoint that was sent."""
+    def _fade(self, path_velocity: FloatArray, elapsed_s: float) -> None:
+        """Advance from the deviation of the last setpoint that was sent."""
         offset, rate = self._deviation
         back = np.clip(-offset / self._time_constant_s, -self._fastest, self._fastest)
         speed = np.abs(path_velocity)
         reversing = (back * path_velocity < 0.0) & (speed > self._moving)
         back = np.where(reversing, np.clip(back, -speed, speed), back)
-        step = self._acceleration * period_s
+        step = self._acceleration * elapsed_s
         new_rate = rate + np.clip(back - rate, -step, step)
-        self._next[0] = offset + 0.5 * (rate + new_rate) * period_s
+        self._next[0] = offset + 0.5 * (rate + new_rate) * elapsed_s
         self._next[1] = new_rate
         if np.abs(self._next[0]).max() < NEGLIGIBLE and np.abs(new_rate).max() < self._moving.min():
             self.active = False

@@ -26,6 +26,7 @@ class StreamedTrajectory:
         limits: of the same joints.
         start_ns: monotonic time of the trajectory's time 0.
         underrun: behaviour of the device when setpoints are missing.
+        buffer_s: duration of the setpoints that the device holds ahead, s.
         completion: gets a fault when a stall has led too far off the path.
 
     Attributes:
@@ -41,6 +42,8 @@ class StreamedTrajectory:
         start_ns: int,
         underrun: Underrun,
         completion: Completion,
+        *,
+        buffer_s: float = 0.0,
     ) -> None:
         self.start_ns = start_ns
         self.time_s = 0.0
@@ -53,7 +56,7 @@ class StreamedTrajectory:
         self._stop_plan: StopPlan | None = None
         self._stop_ns = start_ns
         start = np.array([position, np.zeros(len(position))])
-        self.stall_recovery = StallRecovery(start, start_ns, limits, underrun)
+        self.stall_recovery = StallRecovery(start, start_ns, limits, underrun, buffer_s)
         self._held: FloatArray = start.copy()  # last position on the path, at rest
         self._command_return: CommandReturn | None = None
         self._return_ns = start_ns

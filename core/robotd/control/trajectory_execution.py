@@ -77,10 +77,13 @@ class TrajectoryExecution:
         stopped_velocity: float,
         *,
         underrun: Underrun = Underrun.EXTRAPOLATE,
+        buffer_s: float = 0.0,
     ) -> TrajectoryExecution:
         """Return an execution whose setpoints the control loop sends."""
         completion = Completion()
-        source = StreamedTrajectory(trajectory, limits, start_ns, underrun, completion)
+        source = StreamedTrajectory(
+            trajectory, limits, start_ns, underrun, completion, buffer_s=buffer_s
+        )
         return cls(source, completion, trajectory, axes, limits, tolerances, stopped_velocity)
 
     @classmethod

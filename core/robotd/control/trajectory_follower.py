@@ -86,7 +86,11 @@ class TrajectoryFollower:
         self._execution = (
             partial(TrajectoryExecution.on_device, on_device)
             if on_device
-            else partial(TrajectoryExecution.streamed, underrun=axes.underrun)
+            else partial(
+                TrajectoryExecution.streamed,
+                underrun=axes.underrun,
+                buffer_s=axes.stream_buffer_s,
+            )
         )
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._claim = ExitStack()

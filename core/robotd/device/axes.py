@@ -93,12 +93,18 @@ class Axes:
     @property
     def trajectories_on_device(self) -> bool:
         """True where the device interpolates trajectories itself, see ``AxisDriver.follow``."""
-        return Capability.TRAJECTORIES_ON_DEVICE in self._capabilities
+        able = Capability.TRAJECTORIES_ON_DEVICE in self._capabilities
+        return able and self._driver.follows_trajectories
 
     @property
     def underrun(self) -> Underrun:
         """``AxisDriver.underrun``."""
         return self._driver.underrun
+
+    @property
+    def stream_buffer_s(self) -> float:
+        """``AxisDriver.stream_buffer_s``."""
+        return self._driver.stream_buffer_s
 
     def __len__(self) -> int:
         return len(self.names)

@@ -132,6 +132,23 @@ class AxisDriver(ABC):
         """
         return ()
 
+    @property
+    def stream_buffer_s(self) -> float:
+        """Duration of the position setpoints that the device holds ahead, s; 0: none.
+
+        The command reaches a setpoint so much later than its due time, and a gap between two
+        setpoints that is no longer than this (and one and a half periods) is no underrun.
+        """
+        return 0.0
+
+    @property
+    def follows_trajectories(self) -> bool:
+        """Trajectories go to ``follow`` (with capability TRAJECTORIES_ON_DEVICE).
+
+        False: they are streamed after all, for ``stream`` takes positions too.
+        """
+        return True
+
     @abstractmethod
     def read(self, image: ProcessImage) -> None:
         """Fill every array of ``image`` in place, and ``fresh_ns``. Control-loop thread.

@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 SDK_PATH: str
+CYCLIC_BUFFER: bool
+"""Whether the SDK had CyclicBufferApi.h and its library; else there is no PositionStream."""
+
 MAX_AXES: int
 MAX_SPLINE_AXES: int
 SPLINE_CHANNELS: int
@@ -161,7 +164,10 @@ class Snapshot:
     def velocity_command(self, axis: int, /) -> float: ...
 
 class Slave:
-    """States are those of the wire: Init 1, Preop 2, Boot 4, Safeop 8, Op 16."""
+    """States are numbered as in the ROS service: Init 1, Preop 2, Boot 4, Safeop 8, Op 16.
+
+    On the wire and in the SDK Boot is 3, Safeop 4 and Op 8; the binding maps them by name.
+    """
 
     state: int
     id: int
@@ -214,3 +220,35 @@ class Master:
     """idle, running, aborted or unknown."""
     hot_connect_failure: str
     """Why it was aborted; empty otherwise."""
+
+class PositionStream:
+    """Setpoints as commands of the cyclic buffers. Values are SI, parameters user units.
+
+    ``put`` is for one thread and never blocks; everything else may be called by any thread.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        units: list[float],
+        deceleration: list[float],
+        period_s: float,
+        buffer_s: float,
+        max_acceleration: float,
+        priority: int,
+        /,
+    ) -> None: ...
+    def begin(self, axes: list[int], /) -> None: ...
+    def put(self, position: Numbers, velocity: Numbers, due_ns: int, /) -> None:
+        """Shapes (n_axes,); NaN for axes that have no setpoint."""
+
+    def stop(self, axes: list[int], /) -> None: ...
+    def quick_stop(self, axes: list[int], /) -> None: ...
+    def close(self) -> None: ...
+    def active(self, axis: int, /) -> bool: ...
+    def stopping(self, axis: int, /) -> bool: ...
+    @property
+    def fault(self) -> str: ...
+    @property
+    def rate(self) -> float:
+        """Of the sampling against the clock, 0.98 … 1.02: it keeps the buffers filled."""

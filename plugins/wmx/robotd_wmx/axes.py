@@ -17,6 +17,7 @@ from robotd.api import (
     OperationError,
     ProcessImage,
     Profile,
+    Underrun,
     Unsupported,
     get_logger,
     wait_until,
@@ -24,6 +25,7 @@ from robotd.api import (
 from robotd_wmx._native import CallError, Device, Snapshot
 from robotd_wmx.connection import Connection
 from robotd_wmx.errors import text_of, translate, translated
+from robotd_wmx.position_stream import PositionStream
 from robotd_wmx.readout import Readout
 from robotd_wmx.splines import Splines
 from robotd_wmx.velocity_stream import VelocityStream
@@ -31,6 +33,7 @@ from robotd_wmx.velocity_stream import VelocityStream
 log = get_logger("wmx")
 
 MODE_TIMEOUT_S = 1.0
+STREAM_END_S = 5.0
 # A spline may brake or turn by itself during the stop: both together stay near the joints' limits.
 SPLINE_STOP = 1.5
 BUMPLESS_UNITS = 1e-4  # command and measured position this close make no jump
@@ -44,24 +47,49 @@ class WmxAxes(AxisDriver):
         self._connection = connection
         self._scaling = connection.scaling
         self._stream = VelocityStream(connection)
-        self._readout = Readout(connection, self._stream)
+        self._positions = PositionStream(connection)
         self._splines = Splines(connection)
+        connection.before_close(self._positions.close)
+        if not self._positions.available:
+            connection.after_open(self._splines.allocate)
+        self._readout = Readout(connection, self._stream, self._positions)
 
     def read(self, image: ProcessImage) -> None:
         self._readout.fill(image)
 
+    @property
+    def underrun(self) -> Underrun:
+        return Underrun.HOLD if self._positions.available else Underrun.EXTRAPOLATE
+
+    @property
+    def stream_buffer_s(self) -> float:
+        available = self._positions.available
+        return self._connection.options.stream_buffer_s if available else 0.0
+
+    @property
+    def follows_trajectories(self) -> bool:
+        return not self._positions.available
+
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         self._stream.put(velocity)
+        self._positions.put(position, velocity, due_ns)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
-        """Velocity mode only: positions are not streamed, see ``follow``."""
+        """Without cyclic buffers: velocity mode only, see ``follow``."""
         status = self._status()
-        if any(status.mode(axis) != CommandMode.VELOCITY for axis in axes):
+        by_position = [axis for axis in axes if status.mode(axis) != CommandMode.VELOCITY]
+        if by_position and not self._positions.available:
             raise Unsupported("streamed positions")
-        self._stream.begin(axes)
+        if by_position:
+            with translated(f"axis {', '.join(map(str, by_position))}: streaming positions"):
+                self._positions.begin(by_position)
+        self._stream.begin([axis for axis in axes if axis not in by_position])
 
     def end_stream(self, axes: Sequence[int]) -> None:
         self._slow_down(self._stream.end(axes))
+        self._positions.stop(axes)
+        if not self._wait(lambda: not any(map(self._positions.active, axes)), STREAM_END_S):
+            raise DeviceTimeout(f"axis {axes}: the stream did not end within {STREAM_END_S:g} s")
 
     def follow(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
         self._splines.start(axes, times_s, positions)
@@ -143,6 +171,7 @@ class WmxAxes(AxisDriver):
         """Stop splines in the joints' own time, moves with their deceleration."""
         streamed = self._stream.end(axes)
         self._slow_down(streamed)
+        streamed += self._positions.stop(axes)
         others = [axis for axis in axes if axis not in streamed]
         status = self._status()
         if splined := [axis for axis in others if status.interpolating(axis)]:
@@ -168,6 +197,8 @@ class WmxAxes(AxisDriver):
 
     def quick_stop(self, axes: Sequence[int]) -> None:
         self._stream.end(axes)
+        streamed = self._positions.quick_stop(axes)
+        axes = [axis for axis in axes if axis not in streamed]
         self._each_mode(axes, self._device.quick_stop_motion, self._device.quick_stop_velocity)
 
     @property

@@ -5,7 +5,7 @@ takes long must not hold up a stop, so there is one device for each kind of call
 
 - ``status``: the cycle, and I/O reads; answers from memory only, never blocks.
 - ``command``: worker threads; every call is short, whoever waits polls the status.
-- ``stream``: the thread that sends streamed velocities.
+- ``stream``: the threads that send streamed velocities and positions.
 - ``diagnostics``: EtherCAT calls, which may take seconds.
 
 Losing the engine is final for a connection: its parameters are gone even if somebody starts the
@@ -14,7 +14,7 @@ engine again, so nothing is commanded through it any more. A new connection star
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from robotd.api import (
     Clock,
@@ -54,6 +54,8 @@ class Connection:
         self._devices: dict[str, Device] = {}
         self._lost: ConnectionState | None = None
         self._lost_because = ""
+        self._after_open: list[Callable[[], None]] = []
+        self._before_close: list[Callable[[], None]] = []
 
     @property
     def is_open(self) -> bool:
@@ -98,6 +100,24 @@ class Connection:
             raise failure from error
         self._lost = None
         self._devices = opened
+
+    def after_open(self, call: Callable[[], None]) -> None:
+        """Call ``call`` in ``prepare``."""
+        self._after_open.append(call)
+
+    def prepare(self) -> None:
+        """Allocate what is needed for as long as the devices are open. Raises RobotdError."""
+        for call in self._after_open:
+            call()
+
+    def before_close(self, call: Callable[[], None]) -> None:
+        """Call ``call`` in ``prepare_close``."""
+        self._before_close.append(call)
+
+    def prepare_close(self) -> None:
+        """End what uses the engine in threads of its own, before the engine is stopped."""
+        for call in self._before_close:
+            call()
 
     def close(self) -> None:
         """Close all devices; the engine stops with the last one of all programs."""

@@ -14,11 +14,13 @@ from robotd_wmx_parameters import (
 )
 
 from robotd.api import (
+    ConnectError,
     ConnectionState,
     DeviceDriver,
     DeviceTimeout,
     NotReady,
     OperationError,
+    RobotdError,
     get_logger,
     wait_until,
 )
@@ -41,12 +43,21 @@ class WmxDevice(DeviceDriver):
 
     def open(self, path: str = "", name: str = "") -> None:
         self.connection.open(path, name or self.connection.robot.name)
+        try:
+            self.connection.prepare()
+        except RobotdError as error:
+            self.close()
+            raise ConnectError(
+                "the WMX engine cannot be prepared",
+                {f"{self.connection.robot.name} → wmx": str(error)},
+            ) from error
 
     def close(self) -> None:
         """Stop the engine, then close the devices, unless other programs use the engine."""
         connection, self._attached = self.connection, False
         if not connection.is_open:
             return
+        connection.prepare_close()
         if self._engine_lives():
             if others := connection.others():
                 log.info("the engine goes on for other programs", devices=others)

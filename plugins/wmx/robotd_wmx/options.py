@@ -33,6 +33,16 @@ class WmxOptions(BackendOptions):
     spline_channel: int = Field(
         0, ge=0, lt=128, description="Spline channel; programs on one engine need different ones."
     )
+    stream_positions: bool = Field(
+        True,
+        description="Stream position setpoints through the engine's cyclic buffers, where the SDK"
+        " has them; false: trajectories run as splines on the engine.",
+    )
+    stream_buffer_s: Annotated[float, Field(ge=0.002, le=0.1)] = Field(
+        0.01,
+        description="Setpoints held ahead in the cyclic buffers: the command is so much later, and"
+        " a delay of the control loop by as much does not reach the axes.",
+    )
     units_per_si: Positive | tuple[Positive, ...] = Field(
         1.0,
         description="User units of the engine per rad or m, for all axes or one figure each;"

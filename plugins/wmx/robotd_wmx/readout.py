@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from robotd.api import Operation, ProcessImage
 from robotd_wmx._native import StatusReader
 from robotd_wmx.connection import Connection
 from robotd_wmx.engine_time import EngineTime
+from robotd_wmx.position_stream import PositionStream
 from robotd_wmx.velocity_stream import VelocityStream
 
 
 class Readout:
     """Fills the process image in place by one call of the binding."""
 
-    def __init__(self, connection: Connection, stream: VelocityStream) -> None:
+    def __init__(
+        self, connection: Connection, stream: VelocityStream, positions: PositionStream
+    ) -> None:
         self._connection = connection
         self._stream = stream
+        self._positions = positions
         self._bound: tuple[object, ProcessImage] | None = None
         self._reader: StatusReader | None = None
         self._time = EngineTime()
@@ -36,6 +42,8 @@ class Readout:
             self._explain(image)
         if self._stream.active.any():
             self._mark_streaming(image)
+        if self._positions.running:
+            self._mark_positions(image)
 
     def _explain(self, image: ProcessImage) -> None:
         """Manuals of drives list alarms by their hexadecimal numbers; the engine has no texts."""
@@ -48,6 +56,16 @@ class Readout:
         streaming = self._stream.active & image.servo_on
         streaming &= (image.operation == Operation.IDLE) | (image.operation == Operation.VELOCITY)
         image.operation[streaming] = Operation.STREAM
+
+    def _mark_positions(self, image: ProcessImage) -> None:
+        """Show a stop by ramp commands as stopping: the engine reports direct control."""
+        for axis in np.flatnonzero(image.operation == Operation.STREAM).tolist():
+            if self._positions.stopping(axis):
+                image.operation[axis] = Operation.STOPPING
+        if reason := self._positions.fault:
+            self._alarms = True
+            for axis in np.flatnonzero(image.operation != Operation.STREAM).tolist():
+                image.reason[axis] = image.reason[axis] or reason
 
     def _bind(self, image: ProcessImage) -> StatusReader:
         scaling = self._connection.scaling

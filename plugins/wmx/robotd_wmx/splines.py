@@ -11,13 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotd.api import FloatArray, OperationError, get_logger
+from robotd.api import FloatArray, OperationError
 from robotd_wmx import _native
 from robotd_wmx._native import CallError
 from robotd_wmx.connection import Connection
-from robotd_wmx.errors import name_of, text_of, translate, translated
-
-log = get_logger("wmx")
+from robotd_wmx.errors import name_of, translate, translated
 
 SHORTEST_MS = 1e-3  # between two points
 CLOSEST_UNITS = 1e-6  # closer points are dropped by the engine
@@ -27,45 +25,41 @@ NUDGE_UNITS = 2e-6  # well below an encoder count of a geared joint, and enough 
 class Splines:
     """One spline channel of the engine. Worker threads, one at a time.
 
-    A buffer is made for each trajectory and freed by ``free`` or with the next one: the engine
-    keeps it over the death of a process.
+    Its buffer is allocated once, at start-up, for the longest trajectory: the manual warns of
+    fragmentation. The engine keeps it over the death of a process.
     """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._channel = connection.options.spline_channel
 
-    def start(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
-        """See ``AxisDriver.follow``. Raises OperationError naming the figure and the limit."""
-        check(axes, times_s)
-        times_ms, points = engine_points(times_s, positions * self._connection.scaling.units[axes])
-        self._make_buffer(len(times_ms))
-        with translated(f"trajectory of {len(times_ms)} points"):
-            self._connection.command.start_spline(self._channel, list(axes), times_ms, points)
-
-    def free(self) -> None:
-        """Give the engine's memory back; no buffer or one in use: no effect."""
-        try:
-            self._connection.command.free_spline_buffer(self._channel)
-        except CallError as error:
-            log.debug("spline buffer not freed", reason=text_of(*error.args[1:3]))
-
-    def _make_buffer(self, points: int) -> None:
-        device = self._connection.command
-        self.free()
+    def allocate(self) -> None:
+        """Make the buffer, unless a large one is there. Raises OperationError."""
+        device, points = self._connection.command, self._connection.robot.trajectory.max_points + 1
+        what = f"spline buffer of {points} points on channel {self._channel}"
         try:
             device.create_spline_buffer(self._channel, points)
         except CallError as error:
-            what = f"spline buffer of {points} points on channel {self._channel}"
             if name_of(error) != "ChannelBufferMemoryAlreadyAllocated":
                 raise translate(error, what) from error
             with translated(what):
                 present = device.spline_buffer_points(self._channel)
-            if present < points:
-                raise OperationError(
-                    f"{what}: another program has one of {present} points there; give this robot"
-                    " a channel of its own (backends.wmx.spline_channel)"
-                ) from error
+                if present >= points:
+                    return
+                if others := self._connection.others():
+                    raise OperationError(
+                        f"{what}: another program ({', '.join(others)}) has one of {present} points"
+                        " there; give this robot a channel of its own (backends.wmx.spline_channel)"
+                    ) from error
+                device.free_spline_buffer(self._channel)  # left by a program that has ended
+                device.create_spline_buffer(self._channel, points)
+
+    def start(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
+        """See ``AxisDriver.follow``. Raises OperationError naming the figure and the limit."""
+        check(axes, times_s)
+        times_ms, points = engine_points(times_s, positions * self._connection.scaling.units[axes])
+        with translated(f"trajectory of {len(times_ms)} points"):
+            self._connection.command.start_spline(self._channel, list(axes), times_ms, points)
 
 
 def check(axes: Sequence[int], times_s: FloatArray) -> None:

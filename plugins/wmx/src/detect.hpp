@@ -9,21 +9,21 @@
 namespace robotd {
 
 template <class Control, class = void>
-struct TakesTwo : std::false_type {};
+struct TakesTime : std::false_type {};
 template <class Control>
-struct TakesTwo<Control, std::void_t<decltype(std::declval<Control>().SetServoOn(0, 1))>>
+struct TakesTime<Control, std::void_t<decltype(std::declval<Control>().SetServoOn(0, 1, 0))>>
     : std::true_type {};
 
-// Asks for the servo state and does not wait for it, or as short as can be: 1 ms. That this time
-// is over says nothing of the request; whoever asked watches the status.
+// Asks for the servo state and does not wait for it: the caller watches the status. Where a time
+// can be given, 0 says so; that it is over says nothing of the request.
 template <class Control>
 int request_servo(Control &control, int axis, int on) {
     using Core = wmx3Api::CoreMotionErrorCode;
-    if constexpr (TakesTwo<Control>::value) {
-        return static_cast<int>(control.SetServoOn(axis, on));
-    } else {
-        const int code = static_cast<int>(control.SetServoOn(axis, on, 1));
+    if constexpr (TakesTime<Control>::value) {
+        const int code = static_cast<int>(control.SetServoOn(axis, on, 0));
         return code == Core::ServoOnError || code == Core::WaitTimeout ? 0 : code;
+    } else {
+        return static_cast<int>(control.SetServoOn(axis, on));
     }
 }
 

@@ -1,4 +1,5 @@
-// EtherCAT diagnostics. States become the numbers of the wire, whatever the SDK's enum has.
+// EtherCAT diagnostics. States are mapped by name to the numbers of the ROS service, which differ
+// from those on the wire and in the SDK (there Boot is 3, Safeop 4, Op 8).
 #include <nanobind/stl/vector.h>
 
 #include <vector>
@@ -11,7 +12,7 @@ namespace {
 using namespace wmx3Api::ecApi;
 
 // None 0, Init 1, Preop 2, Boot 4, Safeop 8, Op 16.
-int wire_state(EcStateMachine::T state) {
+int service_state(EcStateMachine::T state) {
     switch (state) {
         case EcStateMachine::Init: return 1;
         case EcStateMachine::Preop: return 2;
@@ -79,7 +80,7 @@ public:
 
 void bind_slave(nb::module_ &module) {
     nb::class_<EcSlaveInfo>(module, "Slave")
-        .def_prop_ro("state", [](const EcSlaveInfo &self) { return wire_state(self.state); })
+        .def_prop_ro("state", [](const EcSlaveInfo &self) { return service_state(self.state); })
         // clang-format off
         SLAVE("id", id)
         SLAVE("al_code", alStatusCode)
@@ -117,7 +118,7 @@ void bind_ecat(nb::class_<Device> &device, nb::module_ &module) {
     bind_slave(module);
     nb::class_<Master>(module, "Master")
         .def(nb::init<Device &, int>(), Unlocked())
-        .def_prop_ro("state", [](const Master &self) { return wire_state(self.info->state); })
+        .def_prop_ro("state", [](const Master &self) { return service_state(self.info->state); })
         .def_prop_ro("mode", [](const Master &self) { return wire_mode(self.info->mode); })
         .def_prop_ro("hot_connect", [](const Master &self) {
             return hot_connect(self.info->statisticsInfo.hcState);

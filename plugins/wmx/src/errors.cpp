@@ -2,6 +2,10 @@
 // from the table of the codes when the binding is built: a line CODE(api, class, name) for each.
 #include "native.hpp"
 
+#if ROBOTD_CYCLIC_BUFFER
+#include <CyclicBufferApi.h>
+#endif
+
 namespace robotd {
 
 namespace {
@@ -32,7 +36,8 @@ const Name NAMES[] = {
 #undef CODE
 };
 
-const char *const API_NAMES[] = {"engine", "core motion", "advanced motion", "io", "ecat"};
+const char *const API_NAMES[] = {"engine", "core motion", "advanced motion", "io", "ecat",
+                                 "cyclic buffer"};
 
 std::string text(Api api, int code) {
     char buffer[256] = {};
@@ -42,6 +47,11 @@ std::string text(Api api, int code) {
         case Api::AdvancedMotion: AdvancedMotion::ErrorToString(code, buffer, sizeof buffer); break;
         case Api::Io: Io::ErrorToString(code, buffer, sizeof buffer); break;
         case Api::Ecat: ecApi::Ecat::ErrorToString(code, buffer, sizeof buffer); break;
+        case Api::CyclicBuffer:
+#if ROBOTD_CYCLIC_BUFFER
+            CyclicBuffer::ErrorToString(code, buffer, sizeof buffer);
+#endif
+            break;
     }
     buffer[sizeof buffer - 1] = 0;
     return buffer;
@@ -62,6 +72,12 @@ const char *name_of(Api api, int code) {
 
 void check(const char *call, Api api, long code) {
     if (code != 0) throw CallFailed{call, api, static_cast<int>(code)};
+}
+
+std::string describe(const CallFailed &failed) {
+    const std::string name = name_of(failed.api, failed.code);
+    return failed.call + ": " + (name.empty() ? "error" : name) + " (wmx " +
+           std::to_string(failed.code) + ")";
 }
 
 void bind_errors(nb::module_ &module) {

@@ -11,6 +11,7 @@ NB_MODULE(_native, module) {
     module.attr("INPUT_BYTES") = static_cast<int>(wmx3Api::constants::maxIoInSize);
     module.attr("OUTPUT_BYTES") = static_cast<int>(wmx3Api::constants::maxIoOutSize);
     module.attr("MAX_MASTERS") = static_cast<int>(wmx3Api::ecApi::constants::maxMasters);
+    module.attr("CYCLIC_BUFFER") = static_cast<bool>(ROBOTD_CYCLIC_BUFFER);
     bind_errors(module);
     nb::class_<Device> device(module, "Device");
     bind_device(device, module);
@@ -18,4 +19,7 @@ NB_MODULE(_native, module) {
     bind_motion(device);
     bind_io(device);
     bind_ecat(device, module);
+#if ROBOTD_CYCLIC_BUFFER
+    bind_position_stream(module);
+#endif
 }

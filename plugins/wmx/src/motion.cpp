@@ -26,15 +26,6 @@ Profile trapezoid(double velocity, double acceleration, double deceleration) {
     return profile;
 }
 
-AxisSelection selection(const AxisList &axes) {
-    AxisSelection chosen;
-    if (axes.size() > static_cast<std::size_t>(wmx3Api::constants::maxAxes))
-        throw nb::value_error("too many axes");
-    chosen.axisCount = static_cast<int>(axes.size());
-    for (std::size_t index = 0; index < axes.size(); index++) chosen.axis[index] = axes[index];
-    return chosen;
-}
-
 // Makes the present position the home position when homing starts.
 void set_home_type_current(Device &device, int axis) {
     Config::HomeParam parameters;

@@ -23,7 +23,7 @@ def descriptor(folder: Path, name: str = "cr3a", **wmx: object) -> Path:
     # The stand-in's engine is an ordinary process, which a busy computer keeps waiting.
     patience = {"open_tries": 1, "shutdown_s": 3.0, "stale_after_s": 0.5}
     data["engine"] = {**data.get("engine", {}), **patience}
-    data["backends"] = {"wmx": wmx}
+    data["backends"] = {"wmx": {"stream_buffer_s": 0.03, **wmx}}
     for key in ("parameters_file", "urdf"):
         if key in data:
             data[key] = str(ROBOTS / name / data[key])

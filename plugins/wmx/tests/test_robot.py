@@ -48,7 +48,7 @@ def test_the_engine_follows_the_planned_path(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         samples: list[tuple[float, float]] = []
         clock = robot.clock
-        robot.cycle.every(
+        robot.control_loop.every(
             500, "test", lambda image: samples.append((clock.now_ns(), image.position_command[2]))
         )
         with robot.follower.follow(goal([0.3, 0.5, 0.8], 0.2, 0.1, 0.3)) as execution:

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.device.state import Operation
-from robotd.errors import OperationError
+from robotd.control.trajectory_execution import Outcome
+from robotd.errors import ConnectError, OperationError
 from robotd_wmx import _native
 from robotd_wmx.splines import CLOSEST_UNITS, check, engine_points
-from robots import eventually, goal, running
+from robots import goal, running
 
 
 def test_the_start_is_left_to_the_engine() -> None:
@@ -49,9 +49,9 @@ def test_more_axes_than_a_spline_has_are_refused() -> None:
 
 
 def test_a_pause_is_kept(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
+    with running(tmp_path, stream_positions=False) as robot:
         held: list[float] = []
-        robot.cycle.every(500, "test", lambda image: held.append(float(image.position[0])))
+        robot.control_loop.every(500, "test", lambda image: held.append(float(image.position[0])))
         request = goal([0.3, 0.8, 1.1], 0.1, 0.1, 0.2)
         with robot.follower.follow(request) as execution:
             assert execution.wait(5.0)
@@ -62,12 +62,39 @@ def test_a_pause_is_kept(tmp_path: Path) -> None:
         assert np.median(late) < 0.01
 
 
+def test_the_buffer_is_allocated_once_for_the_longest_trajectory(tmp_path: Path) -> None:
+    with running(tmp_path, stream_positions=False) as robot:
+        watcher = _native.Device()
+        watcher.create(_native.SDK_PATH, 5000)
+        points = robot.descriptor.trajectory.max_points + 1
+        for target in (0.05, 0.0):
+            assert watcher.spline_buffer_points(0) == points
+            with robot.follower.follow(goal([0.2, 0.4], target / 2, target)) as execution:
+                assert execution.wait(5.0)
+            assert execution.outcome is Outcome.SUCCEEDED, execution.message
+        watcher.close(False)
+
+
 def test_a_buffer_of_another_program_is_not_taken(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
-        device = _native.Device()
-        device.create(_native.SDK_PATH, 5000)
-        device.create_spline_buffer(0, 5)
+    device = _native.Device()
+    device.create(_native.SDK_PATH, 5000)
+    device.set_name("other")
+    device.create_spline_buffer(0, 5)
+    with (
+        pytest.raises(ConnectError, match=r"another program \(other\) has one of 5 points"),
+        running(tmp_path, stream_positions=False),
+    ):
+        pass
+    assert device.spline_buffer_points(0) == 5
+    device.close(False)
+
+
+def test_a_small_buffer_that_a_program_has_left_is_replaced(tmp_path: Path) -> None:
+    device = _native.Device()
+    device.create(_native.SDK_PATH, 5000)
+    device.create_spline_buffer(0, 5)
+    device.close(True)  # the engine goes on
+    with running(tmp_path, stream_positions=False) as robot:
         with robot.follower.follow(goal([0.2, 0.4], 0.05, 0.1)) as execution:
-            eventually(lambda: execution.done)
-        assert (robot.image.operation == Operation.IDLE).all()
-        device.close(False)
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message

@@ -1,4 +1,4 @@
-"""A trajectory is stopped as fast as the joints' limits allow, and ends only at its last point."""
+"""On splines: trajectories stop as fast as the joints can, and end only at their last point."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def stop_time_s(robot: Robot, stop: Callable[[], object]) -> float:
 
 @pytest.mark.parametrize("how", ["cancel", "stop", "alarm"])
 def test_a_gentle_goal_does_not_stop_gently(tmp_path: Path, how: str) -> None:
-    with running(tmp_path) as robot, gentle_motion(robot) as execution:
+    with running(tmp_path, stream_positions=False) as robot, gentle_motion(robot) as execution:
         stops = {
             "cancel": execution.cancel,
             "stop": lambda: robot.axes.stop(range(6)),
@@ -55,7 +55,7 @@ def test_a_gentle_goal_does_not_stop_gently(tmp_path: Path, how: str) -> None:
 
 
 def test_a_new_goal_waits_for_the_stop_and_arrives(tmp_path: Path) -> None:
-    with running(tmp_path) as robot, gentle_motion(robot) as first:
+    with running(tmp_path, stream_positions=False) as robot, gentle_motion(robot) as first:
         begin_s = time.monotonic()
         with robot.follower.follow(goal([0.5], 0.1)) as second:
             assert second.wait(5.0)
@@ -75,7 +75,7 @@ def ran_otherwise(robot: Robot, change: str) -> TrajectoryExecution:
 
 
 def test_half_of_the_points_are_no_success(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
+    with running(tmp_path, stream_positions=False) as robot:
         execution = ran_otherwise(robot, "half_spline")
     assert execution.outcome is Outcome.FAULT
     assert "ended the trajectory at 0.6000 rad" in execution.message
@@ -83,7 +83,7 @@ def test_half_of_the_points_are_no_success(tmp_path: Path) -> None:
 
 
 def test_swapped_axes_are_no_success(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
+    with running(tmp_path, stream_positions=False) as robot:
         port("swapped_spline", 1)
         rows = np.array([[0.1 * joint] * 6 for joint in (1.0, 2.0)]) * np.arange(1.0, 7.0)
         with robot.follower.follow(TrajectoryRequest(JOINTS, np.array([0.5, 1.0]), rows)) as run:
@@ -93,7 +93,7 @@ def test_swapped_axes_are_no_success(tmp_path: Path) -> None:
 
 
 def test_an_early_arrival_is_no_success(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
+    with running(tmp_path, stream_positions=False) as robot:
         execution = ran_otherwise(robot, "fast_spline")
     assert execution.outcome is Outcome.FAULT
     assert "the device ended a trajectory of 2.000 s after 1." in execution.message

@@ -24,6 +24,7 @@ NEWER = {
     "ec_states_by_bit": 1,
     "spline_dimensions": 8,
     "result": "long",
+    "cyclic_buffer": 1,
 }
 OLDER = {
     "servo_on": 0,
@@ -33,12 +34,13 @@ OLDER = {
     "ec_states_by_bit": 0,
     "spline_dimensions": 6,
     "result": "int",
+    "cyclic_buffer": 0,
 }
 EDITIONS = {
     "newer": NEWER,
     "older": OLDER,
     "servo time-out as an overload": NEWER | {"servo_on": 2},
-    "servo time-out without a default": OLDER | {"servo_on": 3},
+    "older cyclic buffer": OLDER | {"cyclic_buffer": 2},
 }
 
 
@@ -75,7 +77,8 @@ def test_the_binding_works(edition: str) -> None:
     flag, dimensions = (
         EDITIONS[edition][key] for key in ("close_device_flag", "spline_dimensions")
     )
-    assert told.split() == [f"kept={flag}", f"spline={dimensions}"]
+    cyclic = int(bool(EDITIONS[edition]["cyclic_buffer"]))
+    assert told.split() == [f"kept={flag}", f"spline={dimensions}", f"cyclic={cyclic}"]
 
 
 @pytest.mark.parametrize("edition", ["newer", "older"], indirect=True)

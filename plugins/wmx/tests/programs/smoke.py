@@ -34,6 +34,19 @@ device.create_spline_buffer(0, 2)
 device.start_spline(0, [0], np.array([50.0, 100.0]), np.array([[1.5], [2.0]]))
 until(lambda: native.Snapshot(device).position_command(0) == 2.0)
 until(lambda: native.Snapshot(device).idle(0))
+if native.CYCLIC_BUFFER:
+    stream = native.PositionStream(device, [1.0], [10.0], 0.002, 0.01, 0.0, 0)
+    stream.begin([0])
+    due_ns = time.monotonic_ns()
+    for step in range(1, 51):
+        due_ns += 2_000_000
+        stream.put(np.array([2.0 + step * 1e-3]), np.array([0.5]), due_ns)
+        time.sleep(0.002)
+    stream.stop([0])
+    until(lambda: not stream.active(0))
+    assert 2.05 <= native.Snapshot(device).position_command(0) <= 2.07, stream.fault
+    assert native.Snapshot(device).idle(0)
+    stream.close()
 device.set_command_mode(0, 1)
 until(lambda: native.Snapshot(device).mode_feedback(0) == 1)
 device.write_outputs(0, b"\x05")
@@ -47,4 +60,5 @@ other = native.Device()
 other.create(native.SDK_PATH, 5000)
 kept = other.read_outputs(0, 1) == b"\x05"
 other.close(False)
-print(f"kept={int(kept)} spline={native.MAX_SPLINE_AXES}")
+cyclic = int(native.CYCLIC_BUFFER)
+print(f"kept={int(kept)} spline={native.MAX_SPLINE_AXES} cyclic={cyclic}")

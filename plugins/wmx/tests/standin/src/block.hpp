@@ -19,6 +19,7 @@ constexpr int CHANNELS = constants::maxSplineChannel;
 constexpr int DIMENSIONS = constants::maxSplineDimensions;
 constexpr int SPLINE_POINTS = 8192;  // invented: the largest buffer of one channel
 constexpr int REGISTERS = 4096;
+constexpr int CYCLIC_COMMANDS = 4096;  // invented: the largest cyclic buffer of one axis
 constexpr double CYCLE_S = 0.001;
 
 struct Segment {
@@ -33,6 +34,23 @@ struct Path {
     void begin(double position, double velocity);
     void accelerate(double acceleration, double seconds);
     void at(double time_s, double &position, double &velocity) const;
+};
+
+// The order of CyclicBufferState; an older edition knows the first four.
+enum QueueState { STOPPED, EXECUTING, WAITING, MAX_ACC_ERROR, MODE_MISMATCH, BUSY, SERVO_OFF };
+
+// The cyclic buffer of an axis. `from` and `to` are those of the command under way.
+struct CyclicQueue {
+    struct Command {
+        double position;
+        unsigned int cycles;
+        bool relative;
+    };
+    unsigned int capacity, first, count, done, cycles;
+    bool executing;
+    QueueState state;
+    double max_acc, from, to;
+    Command commands[CYCLIC_COMMANDS];
 };
 
 struct Axis {
@@ -52,6 +70,7 @@ struct Axis {
     bool clear_alarm;
     double torque_override;  // NaN: none
     AxisCommandMode::T mode;
+    CyclicQueue queue;
 };
 
 struct Channel {

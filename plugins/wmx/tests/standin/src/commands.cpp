@@ -226,6 +226,7 @@ int stop_axis(Block &block, int axis, double dec, bool quick) {
     CoreMotionAxisStatus &status = block.status.axesStatus[axis];
     if (status.opState == OperationState::Idle) return ErrorCode::None;
     status.motionComplete = false;
+    if (mine.queue.executing) return brake_queue(block, axis, STOPPED);
     if (mine.channel >= 0 && !quick) {
         block.channels[mine.channel].stopping = true;
         return ErrorCode::None;
@@ -265,6 +266,7 @@ int stop_within(Block &block, int axis, double seconds) {
 void interrupt(Block &block, int axis) {
     Axis &mine = block.axes[axis];
     CoreMotionAxisStatus &status = block.status.axesStatus[axis];
+    if (mine.queue.executing) end_queue(block, axis, SERVO_OFF);
     if (mine.channel >= 0) {
         Channel &channel = block.channels[mine.channel];
         mine.channel = -1;

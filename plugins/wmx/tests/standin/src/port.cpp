@@ -61,6 +61,7 @@ const Entry COMMANDS[] = {
          b.axes[a[0]].counts += delta, b.axes[a[0]].sent_counts += delta;
      }},
     {"freeze", "0|1", 1, [](Block &b, const long *a) { b.faults.frozen = a[0]; }},
+    {"max_acc", "AXIS VALUE", 2, [](Block &b, const long *a) { b.axes[a[0]].queue.max_acc = a[1]; }},
     {"half_spline", "0|1", 1, [](Block &b, const long *a) { b.faults.half_spline = a[0]; }},
     {"fast_spline", "0|1", 1, [](Block &b, const long *a) { b.faults.fast_spline = a[0]; }},
     {"swapped_spline", "0|1", 1, [](Block &b, const long *a) { b.faults.swapped_spline = a[0]; }},

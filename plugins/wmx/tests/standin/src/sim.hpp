@@ -31,6 +31,9 @@ int create_buffer(Block &block, int channel, unsigned int points);
 int start_spline(Block &block, int channel, int dimensions, const int *axes, unsigned int points,
                  const AdvMotion::SplinePoint *point, const double *times_ms);
 
+void run_queue(Block &block, int axis);  // one cycle of the cyclic buffer
+void end_queue(Block &block, int axis, QueueState state);  // at once; the axis stands
+int brake_queue(Block &block, int axis, QueueState state);  // with QuickStopDec
 void move_channel(Block &block, Channel &channel);
 void end_channel(Block &block, Channel &channel, bool complete);
 void interrupt(Block &block, int axis);  // the servo is off, the drive is gone, or the like

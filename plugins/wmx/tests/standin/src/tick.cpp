@@ -70,6 +70,7 @@ void move(Block &block, int index) {
         return;
     }
     limits(block, index);
+    if (axis.queue.executing) return run_queue(block, index);
     const bool still =
         status.opState == OperationState::Idle || status.opState == OperationState::Trq;
     if (still || axis.channel >= 0 || axis.home_delay > 0) return;

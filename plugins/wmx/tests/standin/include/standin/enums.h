@@ -163,20 +163,6 @@ public:
     };
 };
 
-class CyclicBufferCommandType {
-public:
-    enum T {
-        AbsolutePos = 0, RelativePos
-    };
-};
-
-class CyclicBufferState {
-public:
-    enum T {
-        Stopped = 0, ExecutingCommand, WaitingForCommand, MaxAccError
-    };
-};
-
 // Nested in Config, which inherits them.
 class ConfigEnums {
 public:

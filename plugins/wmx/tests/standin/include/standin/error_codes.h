@@ -27,7 +27,8 @@ public:
         ConflictingErrorCode, UtilDataChnlSizeTooSmall, UtilBuffAndDataSizeDiff,
         UtilNoEnoughDataChnlSize, UtilReachMaxDataChnlSize, UtilIndexOutOfRange,
         UtilInitFailed, UtilLockFailed, UtilQueueFull, UtilQueueEmpty, UtilBufferSizeNotEnough,
-        WaitForDeviceEventTimeOut, DeviceEventProcessFailed, ImCommandNotMatched,
+        WaitForDeviceEventTimeOut, WaitForDeviceEventTimeout = WaitForDeviceEventTimeOut,
+        DeviceEventProcessFailed, ImCommandNotMatched,
         ApiLogCreateQueueFailed, ApiLogIsNotSet, ApiLogIsRunning, ApiLogIsNotRunning,
         ApiLogQueueError, ApiLogOpenFileFailed, ApiLogWriteFileFailed, ApiLogReadFileFailed,
         ApiLogFolderNotExist, ApiLogGetStatusError, SystemError = 1280, SystemIsNoRunning,
@@ -99,7 +100,8 @@ public:
         HelicalInterpolationCenterPosTooCloseToInitialPos,
         HelicalInterpolationPathGenerationError, AxisCommandModeOutOfRange,
         ZPulseDetectionUnsupported, TouchProbeDetectionUnsupported,
-        HomeSwitchDetectionUnsupported, LimitSwitchDetectionUnsupported
+        HomeSwitchDetectionUnsupported, LimitSwitchDetectionUnsupported,
+        ChannelCountOutOfRange, NumCommandsOutOfRange  // invented numbers
     };
 };
 
@@ -124,7 +126,8 @@ public:
         DancerControlInputMinMaxDifferenceOutOfRange, FirstPointTimeNotZero,
         PointTimeOutOfRange, PointTimeNotIncreasing, SmoothRatioOutOfRange,
         TwoLinkMotionTypeOutOfRange, OutputIOAddressOutOfRange, OutputPointOutOfRange,
-        TotalDistanceBelowMinimum, DistanceBetweenPointsTooClose
+        TotalDistanceBelowMinimum, DistanceBetweenPointsTooClose,
+        AuxiliaryAxisOutOfRange, AuxiliaryAxisCountOutOfRange  // invented numbers
     };
 };
 

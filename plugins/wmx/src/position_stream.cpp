@@ -1,0 +1,364 @@
+#include "position_stream.hpp"
+
+#include <pthread.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace robotd {
+
+namespace {
+using namespace wmx3Api;
+
+constexpr std::size_t RING = 64;            // setpoints between two turns of the sending thread
+constexpr unsigned int CAPACITY = 4000;     // commands of a buffer; a stop must fit
+constexpr double GAP_PERIODS = 1.5;         // as the core's: a longer gap is an underrun
+constexpr double MAX_RATE_CHANGE = 0.02, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
+constexpr double STEEPEST_S = 1e-3;         // shortest ramp to rest
+constexpr auto POLL = std::chrono::milliseconds(2);
+
+template <class Buffer, class = void>
+struct HasQuickStop : std::false_type {};
+template <class Buffer>
+struct HasQuickStop<Buffer, std::void_t<decltype(std::declval<Buffer>().ExecQuickStop(0))>>
+    : std::true_type {};
+
+// Returns false where this edition has no quick stop of a buffer.
+template <class Buffer>
+bool exec_quick_stop(Buffer &buffer, AxisSelection &axes) {
+    if constexpr (HasQuickStop<Buffer>::value) {
+        check("CyclicBuffer::ExecQuickStop", Api::CyclicBuffer, buffer.ExecQuickStop(&axes));
+        return true;
+    } else {
+        return false;
+    }
+}
+}  // namespace
+
+PositionStream::PositionStream(Device &device, Settings settings)
+    : device_(device), buffer_(&device.engine), settings_(std::move(settings)),
+      axes_(settings_.units.size()), states_(axes_.size()), open_(axes_.size(), false),
+      ring_(RING) {
+    for (auto &state : states_) state = OFF;
+    for (Setpoint &setpoint : ring_) {
+        setpoint.position.resize(axes_.size());
+        setpoint.velocity.resize(axes_.size());
+    }
+    commands_.reserve(256);
+    thread_ = std::thread(&PositionStream::run, this);
+    if (settings_.priority > 0) {
+        const sched_param priority{settings_.priority};
+        pthread_setschedparam(thread_.native_handle(), SCHED_FIFO, &priority);  // as far as allowed
+    }
+}
+
+PositionStream::~PositionStream() { close(); }
+
+void PositionStream::close() {
+    {
+        std::lock_guard guard(waiting_);
+        closing_ = true;
+    }
+    work_.notify_all();
+    if (thread_.joinable()) thread_.join();
+    std::lock_guard guard(engine_);
+    for (std::size_t axis = 0; axis < axes_.size(); axis++) {
+        if (open_[axis]) buffer_.CloseCyclicBuffer(static_cast<int>(axis));
+        open_[axis] = false;
+        states_[axis] = OFF;
+    }
+}
+
+std::string PositionStream::fault() const {
+    std::lock_guard guard(waiting_);
+    return fault_;
+}
+
+std::vector<int> PositionStream::in_state(State state) const {
+    std::vector<int> chosen;
+    for (std::size_t axis = 0; axis < axes_.size(); axis++)
+        if (states_[axis] == state) chosen.push_back(static_cast<int>(axis));
+    return chosen;
+}
+
+// A buffer that a killed process has left is closed first.
+void PositionStream::open(const std::vector<int> &axes) {
+    for (int axis : axes) {
+        if (open_[axis]) continue;
+        int code = static_cast<int>(buffer_.OpenCyclicBuffer(axis, CAPACITY));
+        if (code == CyclicBufferErrorCode::BufferAlreadyOpened) {
+            buffer_.Abort(axis);
+            buffer_.CloseCyclicBuffer(axis);
+            code = static_cast<int>(buffer_.OpenCyclicBuffer(axis, CAPACITY));
+        }
+        check("OpenCyclicBuffer", Api::CyclicBuffer, code);
+        open_[axis] = true;
+    }
+}
+
+void PositionStream::begin(const std::vector<int> &axes) {
+    std::lock_guard guard(engine_);
+    for (int axis : axes)  // clears a latched MaxAccError; the engine may have lost the buffer
+        if (open_[axis])
+            open_[axis] = buffer_.Abort(axis) != CyclicBufferErrorCode::BufferIsNotOpened;
+    open(axes);
+    auto status = std::make_unique<CoreMotionStatus>();
+    check("GetStatus", Api::CoreMotion, device_.core.GetStatus(status.get()));
+    cycle_s_ = status->cycleTimeMilliseconds[0] / 1000.0;
+    target_ = std::max(1u, static_cast<unsigned int>(std::lround(settings_.buffer_s / cycle_s_)));
+    for (int axis : axes) {
+        axes_[axis] = Axis();
+        axes_[axis].position = axes_[axis].sent = status->axesStatus[axis].posCmd;
+    }
+    if (in_state(STREAMING).empty()) last_due_ns_ = 0;
+    hold(axes, target_);
+    AxisSelection chosen = selection(axes);
+    if (settings_.max_acceleration > 0) {
+        auto option = std::make_unique<CyclicBufferMultiAxisOption>();
+        for (int axis : axes) option->option[axis].maxAcc = settings_.max_acceleration;
+        check("CyclicBuffer::Execute", Api::CyclicBuffer, buffer_.Execute(&chosen, option.get()));
+    } else {
+        check("CyclicBuffer::Execute", Api::CyclicBuffer, buffer_.Execute(&chosen));
+    }
+    {
+        std::lock_guard lock(waiting_);
+        fault_.clear();
+        if (last_due_ns_ == 0) count_ = 0;  // setpoints of an earlier stream
+    }
+    for (int axis : axes) states_[axis] = STREAMING;
+}
+
+void PositionStream::put(const double *position, const double *velocity, long long due_ns) {
+    {
+        std::lock_guard guard(waiting_);
+        if (count_ == RING) {  // the sending thread hangs in the engine: the newest counts
+            first_ = (first_ + 1) % RING;
+            count_--;
+        }
+        Setpoint &setpoint = ring_[(first_ + count_++) % RING];
+        setpoint.due_ns = due_ns;
+        for (std::size_t axis = 0; axis < axes_.size(); axis++) {
+            setpoint.position[axis] = position[axis] * settings_.units[axis];
+            setpoint.velocity[axis] = velocity[axis] * settings_.units[axis];
+        }
+    }
+    work_.notify_one();
+}
+
+void PositionStream::stop(const std::vector<int> &axes) {
+    {
+        std::lock_guard guard(engine_);
+        for (int axis : axes)
+            if (states_[axis] == STREAMING) brake(axis);
+    }
+    std::lock_guard guard(waiting_);
+    requested_ = true;
+    work_.notify_one();
+}
+
+void PositionStream::quick_stop(const std::vector<int> &axes) {
+    std::lock_guard guard(engine_);
+    std::vector<int> moving;
+    for (int axis : axes)
+        if (states_[axis] != OFF) moving.push_back(axis);
+    if (moving.empty()) return;
+    AxisSelection chosen = selection(moving);
+    if (exec_quick_stop(buffer_, chosen)) {
+        for (int axis : moving) states_[axis] = OFF;
+        return;
+    }
+    for (int axis : moving)
+        if (states_[axis] == STREAMING) brake(axis);
+}
+
+void PositionStream::run() {
+    Setpoint setpoint;
+    while (true) {
+        const bool next = wait(setpoint);
+        std::lock_guard guard(engine_);
+        {
+            std::lock_guard lock(waiting_);
+            if (closing_) return;
+        }
+        try {
+            if (next) send(setpoint);
+            end_drained();
+        } catch (const CallFailed &failed) {
+            fail(failed);
+        }
+    }
+}
+
+// The oldest setpoint that waits; false when there is something else to do.
+bool PositionStream::wait(Setpoint &setpoint) {
+    std::unique_lock lock(waiting_);
+    const auto any = [this] { return count_ > 0 || requested_ || closing_; };
+    if (in_state(STOPPING).empty()) work_.wait(lock, any);
+    else work_.wait_for(lock, POLL, any);
+    requested_ = false;
+    if (count_ == 0) return false;
+    setpoint = ring_[first_];
+    first_ = (first_ + 1) % RING;
+    count_--;
+    return true;
+}
+
+// The fewest commands that wait in a buffer and the least room. Takes those out of `axes` whose
+// buffer does not run: after a failure of the drive, or a stop that was not ours.
+void PositionStream::look(std::vector<int> &axes, unsigned int &depth, unsigned int &room) {
+    AxisSelection chosen = selection(axes);
+    auto status = std::make_unique<CyclicBufferMultiAxisStatus>();
+    check("CyclicBuffer::GetStatus", Api::CyclicBuffer, buffer_.GetStatus(&chosen, status.get()));
+    depth = room = std::numeric_limits<unsigned int>::max();
+    const auto ended = [&](int axis) {
+        const CyclicBufferSingleAxisStatus &one = status->status[axis];
+        if (one.state == CyclicBufferState::ExecutingCommand ||
+            one.state == CyclicBufferState::WaitingForCommand) {
+            depth = std::min(depth, one.remainCount);
+            room = std::min(room, one.availableCount - std::min(one.availableCount, one.remainCount));
+            return false;
+        }
+        states_[axis] = OFF;
+        if (one.state == CyclicBufferState::MaxAccError)
+            report("axis " + std::to_string(axis) + ": a setpoint exceeded the acceleration limit of"
+                   " the engine's cyclic buffer (MaxAccError)");
+        return true;
+    };
+    axes.erase(std::remove_if(axes.begin(), axes.end(), ended), axes.end());
+}
+
+void PositionStream::send(const Setpoint &setpoint) {
+    std::vector<int> axes;
+    for (int axis : in_state(STREAMING))
+        if (std::isfinite(setpoint.position[axis]) && std::isfinite(setpoint.velocity[axis]))
+            axes.push_back(axis);
+    unsigned int depth = 0, room = 0;
+    if (!axes.empty()) look(axes, depth, room);
+    const double gap_s = (setpoint.due_ns - last_due_ns_) * 1e-9;
+    // No room: the engine does not execute. The image shows that, and the control loop judges it.
+    if (axes.empty() || room < CAPACITY / 2) return;
+    if (last_due_ns_ == 0 || gap_s <= 0 ||
+        gap_s > GAP_PERIODS * settings_.period_s + settings_.buffer_s) {
+        restart(axes, depth);
+    } else {
+        start_s_ = -gap_s;
+        sampled_s_ -= gap_s;
+        mean_depth_ += DEPTH_FILTER * (depth - mean_depth_);
+    }
+    const double excess = (mean_depth_ - target_) / target_;
+    rate_ = 1 + std::clamp(RATE_PER_TARGET * excess, -MAX_RATE_CHANGE, MAX_RATE_CHANGE);
+    sample(axes, setpoint);
+    add(axes, static_cast<unsigned int>(commands_.size()));
+    last_due_ns_ = setpoint.due_ns;
+}
+
+// The axes rest at their last setpoint: fill the buffers with that, and leave it one period later.
+void PositionStream::restart(const std::vector<int> &axes, unsigned int depth) {
+    for (int axis : axes) {
+        axes_[axis].position = axes_[axis].sent;
+        axes_[axis].velocity = 0;
+    }
+    if (depth < target_) hold(axes, target_ - depth);
+    start_s_ = sampled_s_ = -settings_.period_s;
+    mean_depth_ = target_;
+}
+
+// Commands up to the setpoint, along the cubic from the last one. Times count from its due time.
+void PositionStream::sample(const std::vector<int> &axes, const Setpoint &setpoint) {
+    const double length_s = -start_s_;
+    commands_.clear();
+    for (double time_s = sampled_s_ + cycle_s_ * rate_; time_s <= 1e-9;
+         time_s += cycle_s_ * rate_) {
+        const double u = 1 + time_s / length_s;
+        const double from = (1 + 2 * u) * (1 - u) * (1 - u), to = 1 - from;
+        const double out = u * (1 - u) * (1 - u) * length_s, in = u * u * (u - 1) * length_s;
+        CyclicBufferMultiAxisCommands &command = commands_.emplace_back();
+        for (int axis : axes) {
+            Axis &mine = axes_[axis];
+            mine.sent = from * mine.position + to * setpoint.position[axis] +
+                        out * mine.velocity + in * setpoint.velocity[axis];
+            command.cmd[axis].type = CyclicBufferCommandType::AbsolutePos;
+            command.cmd[axis].command = mine.sent;
+            command.cmd[axis].intervalCycles = 1;
+        }
+        sampled_s_ = time_s;
+    }
+    for (int axis : axes) {
+        axes_[axis].position = setpoint.position[axis];
+        axes_[axis].velocity = setpoint.velocity[axis];
+    }
+}
+
+void PositionStream::hold(const std::vector<int> &axes, unsigned int cycles) {
+    CyclicBufferMultiAxisCommands command;
+    for (int axis : axes) {
+        command.cmd[axis].type = CyclicBufferCommandType::AbsolutePos;
+        command.cmd[axis].command = axes_[axis].sent;
+        command.cmd[axis].intervalCycles = 1;
+    }
+    commands_.assign(cycles, command);
+    add(axes, cycles);
+}
+
+void PositionStream::add(const std::vector<int> &axes, unsigned int count) {
+    if (count == 0) return;
+    AxisSelection chosen = selection(axes);
+    check("CyclicBuffer::AddCommand", Api::CyclicBuffer,
+          buffer_.AddCommand(&chosen, commands_.data(), static_cast<int>(count)));
+}
+
+// Slow down from the last command with the axis' own deceleration; ``end_drained`` does the rest.
+void PositionStream::brake(int axis) {
+    Axis &mine = axes_[axis];
+    const double speed = std::fabs(mine.velocity);
+    const double ramp_s = std::min(std::max(speed / settings_.deceleration[axis], STEEPEST_S),
+                                   CAPACITY / 2 * cycle_s_);
+    std::vector<CyclicBufferSingleAxisCommand> ramp;
+    if (speed > 1e-9)
+        for (double time_s = cycle_s_; time_s < ramp_s + cycle_s_; time_s += cycle_s_) {
+            const double t = std::min(time_s, ramp_s);
+            CyclicBufferSingleAxisCommand &command = ramp.emplace_back();
+            command.type = CyclicBufferCommandType::AbsolutePos;
+            command.command = mine.sent + mine.velocity * (t - t * t / (2 * ramp_s));
+            command.intervalCycles = 1;
+        }
+    states_[axis] = STOPPING;
+    if (!ramp.empty())
+        check("CyclicBuffer::AddCommand", Api::CyclicBuffer,
+              buffer_.AddCommand(axis, ramp.data(), static_cast<int>(ramp.size())));
+}
+
+// Abort stops within a cycle: only where the last command has been executed.
+void PositionStream::end_drained() {
+    for (int axis : in_state(STOPPING)) {
+        CyclicBufferSingleAxisStatus status;
+        check("CyclicBuffer::GetStatus", Api::CyclicBuffer, buffer_.GetStatus(axis, &status));
+        if (status.state == CyclicBufferState::ExecutingCommand) continue;
+        if (status.state == CyclicBufferState::WaitingForCommand && status.remainCount) continue;
+        buffer_.Abort(axis);
+        states_[axis] = OFF;
+    }
+}
+
+// The engine has refused a call. Axes that cannot brake any more stop within a cycle.
+void PositionStream::fail(const CallFailed &failed) {
+    report(describe(failed));
+    for (std::size_t index = 0; index < axes_.size(); index++) {
+        const int axis = static_cast<int>(index);
+        try {
+            if (states_[axis] == STREAMING) brake(axis);
+            else if (states_[axis] == STOPPING) throw failed;
+        } catch (const CallFailed &) {
+            buffer_.Abort(axis);
+            states_[axis] = OFF;
+        }
+    }
+}
+
+void PositionStream::report(const std::string &reason) {
+    std::lock_guard guard(waiting_);
+    if (fault_.empty()) fault_ = reason;
+}
+
+}  // namespace robotd

@@ -1,0 +1,101 @@
+// Position setpoints as commands of the engine's cyclic buffers, sent by a thread of its own.
+#pragma once
+
+#include <CyclicBufferApi.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "native.hpp"
+
+namespace robotd {
+
+// A setpoint of all axes, in user units, to be reached at `due_ns` (monotonic clock).
+struct Setpoint {
+    long long due_ns = 0;
+    std::vector<double> position, velocity;
+};
+
+// Between two setpoints runs the cubic through their positions and velocities, one command for
+// each cycle of the engine. The buffers are kept `target` cycles full, by sampling the cubics up to
+// 2 % faster or slower than the clock. A gap that the buffers cannot bridge ends in rest, and the
+// motion continues from there.
+//
+// `put` is for one thread and never waits for the engine; everything else may be called by any
+// thread, without the interpreter's lock.
+class PositionStream {
+public:
+    struct Settings {
+        std::vector<double> units;         // user units per SI unit
+        std::vector<double> deceleration;  // of a stop, user units/s²
+        double period_s, buffer_s;
+        double max_acceleration;  // user units/s², 0: not watched by the engine
+        int priority;             // SCHED_FIFO of the sending thread, 0: as it is
+    };
+    PositionStream(Device &device, Settings settings);
+    ~PositionStream();
+
+    void begin(const std::vector<int> &axes);
+    void put(const double *position, const double *velocity, long long due_ns);
+    void stop(const std::vector<int> &axes);
+    void quick_stop(const std::vector<int> &axes);
+    void close();
+
+    bool active(int axis) const { return states_[axis] != OFF; }
+    bool stopping(int axis) const { return states_[axis] == STOPPING; }
+    std::string fault() const;
+    double rate() const { return rate_; }
+    std::size_t axes() const { return axes_.size(); }
+
+private:
+    // STOPPING: its last commands are in the buffer.
+    enum State { OFF, STREAMING, STOPPING };
+    struct Axis {
+        double position = 0, velocity = 0;  // of the last setpoint, and of the last command
+        double sent = 0;
+    };
+
+    void run();
+    bool wait(Setpoint &setpoint);
+    void send(const Setpoint &setpoint);
+    void restart(const std::vector<int> &axes, unsigned int depth);
+    void sample(const std::vector<int> &axes, const Setpoint &setpoint);
+    void hold(const std::vector<int> &axes, unsigned int cycles);
+    void add(const std::vector<int> &axes, unsigned int count);
+    void brake(int axis);
+    void end_drained();
+    void open(const std::vector<int> &axes);
+    void fail(const CallFailed &failed);
+    void report(const std::string &reason);
+    void look(std::vector<int> &axes, unsigned int &depth, unsigned int &room);
+    std::vector<int> in_state(State state) const;
+
+    Device &device_;
+    wmx3Api::CyclicBuffer buffer_;
+    const Settings settings_;
+    std::vector<Axis> axes_;
+    std::vector<std::atomic<State>> states_;
+    std::vector<bool> open_;
+    double cycle_s_ = 0;
+    unsigned int target_ = 0;
+    long long last_due_ns_ = 0;  // of the last setpoint; 0: none since the streams began
+    double start_s_ = 0, sampled_s_ = 0;  // since `last_due_ns_`: of the cubic, of the last command
+    double mean_depth_ = 0;
+    std::atomic<double> rate_{1.0};
+    std::vector<wmx3Api::CyclicBufferMultiAxisCommands> commands_;
+
+    std::mutex engine_;          // calls of the engine and everything above
+    mutable std::mutex waiting_;  // what follows; never held during a call of the engine
+    std::condition_variable work_;
+    std::vector<Setpoint> ring_;
+    std::size_t first_ = 0, count_ = 0;
+    bool requested_ = false, closing_ = false;
+    std::string fault_;
+    std::thread thread_;
+};
+
+}  // namespace robotd

@@ -1,0 +1,38 @@
+// PositionStream for Python.
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "position_stream.hpp"
+
+namespace robotd {
+
+namespace {
+using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Values = std::vector<double>;
+}  // namespace
+
+void bind_position_stream(nb::module_ &module) {
+    nb::class_<PositionStream>(module, "PositionStream")
+        .def("__init__", [](PositionStream *self, Device &device, Values units, Values deceleration,
+                            double period_s, double buffer_s, double max_acceleration,
+                            int priority) {
+            new (self) PositionStream(device, {std::move(units), std::move(deceleration), period_s,
+                                               buffer_s, max_acceleration, priority});
+        }, nb::keep_alive<1, 2>())
+        .def("begin", &PositionStream::begin, Unlocked())
+        .def("put", [](PositionStream &self, Numbers position, Numbers velocity, long long due_ns) {
+            if (position.shape(0) != self.axes() || velocity.shape(0) != self.axes())
+                throw nb::value_error("arrays must have one shape (n_axes,)");
+            self.put(position.data(), velocity.data(), due_ns);
+        })
+        .def("stop", &PositionStream::stop, Unlocked())
+        .def("quick_stop", &PositionStream::quick_stop, Unlocked())
+        .def("close", &PositionStream::close, Unlocked())
+        .def("active", &PositionStream::active)
+        .def("stopping", &PositionStream::stopping)
+        .def_prop_ro("fault", &PositionStream::fault)
+        .def_prop_ro("rate", &PositionStream::rate);
+}
+
+}  // namespace robotd

@@ -1,0 +1,175 @@
+"""Positions streamed through the cyclic buffers of the engine's process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.state import Operation
+from robotd.robot import Robot
+from robotd_wmx import _native
+from robotd_wmx._native import Device, PositionStream, Snapshot
+from robots import eventually, goal, running
+from standin_port import port
+
+PERIOD_S, BUFFER_S = 0.002, 0.02
+
+
+@contextmanager
+def recorded(robot: Robot) -> Iterator[list[tuple[float, float, float]]]:
+    """Time, command and commanded velocity of joint 1, as the engine had them."""
+    rows: list[tuple[float, float, float]] = []
+    robot.control_loop.every(
+        500,
+        "test",
+        lambda image: rows.append(
+            (image.fresh_ns * 1e-9, image.position_command[0], image.velocity_command[0])
+        ),
+    )
+    yield rows
+
+
+def test_trajectories_are_streamed_where_the_sdk_has_cyclic_buffers(tmp_path: Path) -> None:
+    assert _native.CYCLIC_BUFFER
+    with running(tmp_path) as robot:
+        assert not robot.axes.trajectories_on_device
+        with robot.follower.follow(goal([0.6], 0.3)) as execution:
+            eventually(lambda: "axis 0 servo 1 state 11" in port("show"))  # DirectControl
+            assert execution.wait(5.0)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+        eventually(lambda: bool((robot.image.operation == Operation.IDLE).all()))
+        np.testing.assert_allclose(robot.image.position_command, 0.3, atol=1e-9)
+
+
+def test_preemption_has_no_standstill(tmp_path: Path) -> None:
+    with running(tmp_path) as robot, recorded(robot) as rows:
+        with robot.follower.follow(goal([4.0], 1.0)) as first:
+            eventually(lambda: robot.image.velocity_command[0] > 0.2)
+            begin = len(rows)
+            with robot.follower.follow(goal([2.0], 0.8)) as second:
+                eventually(lambda: first.done)
+                end = len(rows)
+                assert second.wait(5.0)
+        assert first.outcome is Outcome.PREEMPTED
+        assert second.outcome is Outcome.SUCCEEDED, second.message
+    speeds = np.array(rows[begin:end])[:, 2]
+    assert speeds.min() > 0.15
+
+
+@pytest.fixture
+def device() -> Iterator[Device]:
+    device = Device()
+    device.create(_native.SDK_PATH, 5000)
+    device.start_communication(5000)
+    for axis in range(2):
+        device.set_servo(axis, True)
+    eventually(lambda: all(Snapshot(device).servo_on(axis) for axis in range(2)))
+    yield device
+    device.close(False)
+
+
+@pytest.fixture
+def stream(device: Device) -> Iterator[PositionStream]:
+    stream = PositionStream(device, [1.0] * 2, [10.0] * 2, PERIOD_S, BUFFER_S, 0.0, 0)
+    stream.begin([0, 1])
+    yield stream
+    stream.close()
+
+
+def feed(stream: PositionStream, seconds: float, speed: float, start: float = 0.0) -> float:
+    """Setpoints at constant speed in real time; returns the last position."""
+    begin_ns, position = time.monotonic_ns(), start
+    for step in range(1, round(seconds / PERIOD_S) + 1):
+        due_ns = begin_ns + round(step * PERIOD_S * 1e9)
+        position = start + speed * step * PERIOD_S
+        stream.put(np.full(2, position), np.full(2, speed), due_ns)
+        time.sleep(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
+    return position
+
+
+def test_a_stop_slows_down_and_both_axes_end_together(
+    device: Device, stream: PositionStream
+) -> None:
+    last = feed(stream, 0.3, 0.5)
+    stream.stop([0, 1])
+    eventually(lambda: not (stream.active(0) or stream.active(1)))
+    ends = [Snapshot(device).position_command(axis) for axis in range(2)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+    assert ends[0] == pytest.approx(last + 0.5**2 / (2 * 10.0), abs=0.003)
+    assert Snapshot(device).idle(0)
+
+
+def test_an_emptied_buffer_holds_and_continues_from_there(
+    device: Device, stream: PositionStream
+) -> None:
+    last = feed(stream, 0.2, 0.5)
+    eventually(lambda: Snapshot(device).velocity_command(0) == 0.0)
+    held = Snapshot(device).position_command(0)
+    assert held == pytest.approx(last, abs=0.002)
+    feed(stream, 0.1, 0.0, held)
+    assert Snapshot(device).position_command(0) == pytest.approx(held, abs=1e-6)
+    assert stream.active(0)
+    assert stream.fault == ""
+
+
+def test_an_exceeded_acceleration_ends_the_stream_with_its_reason(
+    device: Device, stream: PositionStream
+) -> None:
+    port("max_acc", 0, 100)
+    feed(stream, 0.05, 0.0)
+    stream.put(np.full(2, 0.5), np.zeros(2), time.monotonic_ns() + 2_000_000)
+    feed(stream, 0.1, 0.0, 0.5)
+    eventually(lambda: not stream.active(0))
+    assert "axis 0" in stream.fault
+    assert "MaxAccError" in stream.fault
+    assert stream.active(1)
+    stream.stop([1])
+    eventually(lambda: not stream.active(1))
+    stream.begin([0, 1])  # the latched error is cleared
+    assert stream.fault == ""
+    assert stream.active(0)
+
+
+def test_a_servo_that_goes_off_ends_its_axis_alone(device: Device, stream: PositionStream) -> None:
+    feed(stream, 0.05, 0.0)
+    device.set_servo(0, False)
+    eventually(lambda: not Snapshot(device).servo_on(0))
+    feed(stream, 0.05, 0.0)
+    assert not stream.active(0)
+    assert stream.active(1)
+
+
+LEAVER = """\
+import sys, time
+sys.path.insert(0, sys.argv[1])
+from robotd_wmx import _native
+device = _native.Device()
+device.create(_native.SDK_PATH, 5000)
+stream = _native.PositionStream(device, [1.0] * 2, [10.0] * 2, 0.002, 0.02, 0.0, 0)
+stream.begin([0, 1])
+print("streaming", flush=True)
+time.sleep(60)
+"""
+
+
+def test_a_buffer_that_a_killed_process_has_left_is_opened_again(device: Device) -> None:
+    command = [sys.executable, "-P", "-c", LEAVER, str(Path(_native.__file__).parents[1])]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as leaver:
+        assert leaver.stdout is not None
+        assert leaver.stdout.readline().strip() == "streaming"
+        os.kill(leaver.pid, signal.SIGKILL)
+    stream = PositionStream(device, [1.0] * 2, [10.0] * 2, PERIOD_S, BUFFER_S, 0.0, 0)
+    stream.begin([0, 1])
+    feed(stream, 0.1, 0.2)
+    assert Snapshot(device).position_command(1) > 0.0
+    stream.close()
