@@ -210,7 +210,8 @@ class ControlLoop:
             return
         self._read(time_ns)
         if self._is_fresh(time_ns):
-            self._advanced_ns = time_ns + self._overrun(time_ns) * self.period_ns
+            overrun = self._overrun(time_ns) if self._mixer.extrapolates else 0
+            self._advanced_ns = time_ns + overrun * self.period_ns
             self._mixer.advance(self._advanced_ns, self._image)
         self._report_loss(time_ns)
         self._run_tasks(time_ns, first=False)

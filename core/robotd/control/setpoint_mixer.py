@@ -44,6 +44,7 @@ class SetpointMixer:
         clock: of the device and of the control loop; None: monotonic.
 
     Attributes:
+        extrapolates: the device extrapolates missing setpoints; late ones are not sent then.
         late: number of setpoints that were not sent because they came too late.
     """
 
@@ -54,7 +55,7 @@ class SetpointMixer:
         self.late = 0
         self._driver = driver
         self._clock = clock or MonotonicClock()
-        self._extrapolates = driver.underrun is Underrun.EXTRAPOLATE
+        self.extrapolates = driver.underrun is Underrun.EXTRAPOLATE
         self._setpoint: FloatArray = np.full((2, axes), np.nan)
         self._position, self._velocity = self._setpoint
         self._running: TrajectoryExecution | None = None
@@ -145,7 +146,7 @@ class SetpointMixer:
 
     def _send(self, due_ns: int) -> None:
         """Send the setpoints, unless the device has continued without them."""
-        if self._extrapolates and self._clock.now_ns() > due_ns - self.period_ns // 2:
+        if self.extrapolates and self._clock.now_ns() > due_ns - self.period_ns // 2:
             self.late += 1
             return
         try:

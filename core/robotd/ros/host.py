@@ -43,7 +43,7 @@ class RosHost:
 
     Attributes:
         args: as given.
-        give_way: called in the executor thread before it handles what has come; may wait a moment.
+        yield_to_control_loop: called in the executor thread before each callback; may wait 1 ms.
         on_hang: called when a handler there does not return, with the reason; once for each.
     """
 

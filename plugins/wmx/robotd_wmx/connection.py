@@ -138,7 +138,7 @@ class Connection:
                 state = ConnectionState.UNKNOWN
                 self._lose(state, f"the engine is gone: {text_of(*error.args[1:3])}")
             if state is ConnectionState.SHUTDOWN:
-                self._lose(state, "the engine was stopped by somebody else")
+                self._lose(state, "the engine was stopped by another program")
             return state
         return self._lost
 

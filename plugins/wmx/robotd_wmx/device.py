@@ -101,7 +101,7 @@ class WmxDevice(DeviceDriver):
             return ""
         if self._licence_invalid():
             return LICENCE
-        return "communication was stopped by somebody else, or by the engine itself"
+        return "communication was stopped by another program, or by the engine itself"
 
     def scan_network(self) -> str:
         """Scan every master; slaves that do not answer are named by their id."""

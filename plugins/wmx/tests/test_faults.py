@@ -127,7 +127,7 @@ def test_an_engine_stopped_by_somebody_else_is_opened_again(tmp_path: Path) -> N
     with running(tmp_path) as robot:
         with broken_motion(robot, "stop_engine") as execution:
             assert "Shutdown" in execution.message
-        assert reason(robot) == "the engine was stopped by somebody else"
+        assert reason(robot) == "the engine was stopped by another program"
         assert not robot.connection.ready
         with pytest.raises(NotReady, match="not ready"):
             robot.axes.move([Move(0, 0.1, Profile(1.0, 10.0, 10.0))])
@@ -171,7 +171,7 @@ def test_communication_that_another_program_stopped_is_started_again(tmp_path: P
             other.stop_communication(5000)
             assert execution.wait(5.0)
         assert execution.outcome is Outcome.FAULT
-        assert reason(robot).startswith("communication was stopped by somebody else")
+        assert reason(robot).startswith("communication was stopped by another program")
         other.close(False)
         robot.connection.start_communication()
         assert reason(robot) == ""
