@@ -27,6 +27,12 @@ void start_communication(Block &block) {
         slave.axis = index < block.faults.drives ? index : -1;
         std::memset(slave.registers, 0, sizeof slave.registers);
         slave.registers[0] = 0x11;               // ESC type
+        slave.registers[0x04] = 8;               // FMMUs
+        slave.registers[0x05] = 8;               // sync managers
+        slave.registers[0x06] = 8;               // RAM in KiB
+        slave.registers[0x07] = 0x0F;            // ports 0 and 1: MII
+        slave.registers[0x10] = static_cast<unsigned char>(1 + index);  // station address 0x1001...
+        slave.registers[0x11] = 0x10;
         slave.registers[0x130] = 0x08;           // AL status: operational
         slave.registers[0x110] = index + 1 < block.slave_count ? 0x3B : 0x13;  // DL status
     }
