@@ -1,4 +1,4 @@
-"""What clients that misbehave do to a robot: ``python -m tools.endurance.clients``."""
+"""Misbehaving clients and their effect on a robot: ``python -m tools.endurance.clients``."""
 
 from __future__ import annotations
 

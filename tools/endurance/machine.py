@@ -1,4 +1,4 @@
-"""What a bad computer does to a robot: ``python -m tools.endurance.machine``."""
+"""A bad computer and its effect on a robot: ``python -m tools.endurance.machine``."""
 
 from __future__ import annotations
 

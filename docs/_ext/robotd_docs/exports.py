@@ -18,12 +18,12 @@ from sphinx.util.parsing import nested_parse_to_nodes
 
 
 def is_class(value: Any, base: type = object) -> bool:
-    """Whether ``value`` is a class below ``base``."""
+    """Return True for a class below ``base``."""
     return inspect.isclass(value) and issubclass(value, base)
 
 
 def is_driver(value: Any) -> bool:
-    """Whether ``value`` is a class that a backend implements."""
+    """Return True for a class that a backend implements."""
     return is_class(value) and (value.__name__.endswith("Driver") or inspect.isabstract(value))
 
 
