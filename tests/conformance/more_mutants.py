@@ -21,6 +21,7 @@ from robotd.api import (
     BusStatus,
     CommandMode,
     ConnectionState,
+    FloatArray,
     Operation,
     ProcessImage,
     Profile,
@@ -43,6 +44,15 @@ class QuickStopIgnoredInStreams(Mutant):
     class Axes(SimAxes):
         def quick_stop(self, axes: Sequence[int]) -> None:
             super().quick_stop([a for a in axes if self._states.operation[a] != Operation.STREAM])
+
+
+class KeepsPushing(Mutant):
+    class Axes(SimAxes):
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            servo = self._simulation.servo
+            away = np.abs(servo.command - servo.position) > 0.03
+            command = np.where(away, servo.command, position)
+            super().stream(command, np.where(away, 0.0, velocity), due_ns)
 
 
 class StopWaits(Mutant):

@@ -17,6 +17,8 @@ PROFILES, UNITS = "test_profiles.py::test_", "test_units.py::test_"
 FOUND_BY: dict[type[Mutant], str] = {
     mutants.StopIgnoredInStreams: RAMPS + "a_stop_ends_a_trajectory",
     mutants.QuickStopIgnoredInStreams: RAMPS + "a_stop_ends_a_trajectory",
+    mutants.KeepsPushing: "test_faults.py::test_"
+    "a_joint_that_was_blocked_does_not_leap_when_it_is_freed",
     mutants.StopWaits: RAMPS + "a_stop_returns_at_once",
     mutants.QuickStopWaits: RAMPS + "a_stop_returns_at_once",
     mutants.StopByAcceleration: RAMPS + "a_stop_has_the_ramp_of_the_move",

@@ -32,6 +32,12 @@ class CommandReturn:
         by_acceleration = np.sqrt(PEAK_ACCELERATION * size / limits.acceleration)
         self.duration_s = float(np.maximum(by_velocity, by_acceleration).max())
 
+    def points(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Return times (count,) in s from 0, and positions (count, m) of the command."""
+        u = np.linspace(0.0, 1.0, count)
+        way = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+        return u * self.duration_s, self._start + way[:, None] * self._offset
+
     def sample(self, time_s: float, command: FloatArray) -> bool:
         """Write position and velocity ``time_s`` after the start into ``command``, (2, m).
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
+from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Completion, Outcome
 from robotd.control.execution_phase import Phase
 from robotd.control.trajectory_source import TrajectorySource
@@ -32,15 +33,16 @@ IDLE_PERIODS = 5  # in which an idle device has to show its last command and com
 STOP_SAMPLES = 64  # of the path during a stop
 STOP_STEP = 1.1  # ratio of the stop times that are tried
 MIN_STOP_S, MAX_STOP_S = 1e-3, 30.0
+RETURN_POINTS = 21  # of the path on which the command returns to joints that did not follow
 
 
 class DeviceTrajectory:
     """Motion by a device with the capability TRAJECTORIES_ON_DEVICE.
 
-    A ``TrajectorySource``. Its thread makes the two calls that may block, ``follow`` and
-    ``stop_trajectory``: the first when the control loop begins to monitor, the second when the
-    execution ends without success. An arrival needs the device's command at the last point, not
-    before its time.
+    A ``TrajectorySource``. Its thread makes the calls that may block: ``follow`` when the control
+    loop begins to monitor, ``stop_trajectory`` when the execution ends without success, and
+    ``follow`` once more to return the command to joints that did not follow it. An arrival needs
+    the device's command at the last point, not before its time.
 
     Args:
         driver: of the axes.
@@ -82,6 +84,10 @@ class DeviceTrajectory:
         self._not_moving_ns = start_ns  # the last time at which the device had not begun
         self._stop_ns = start_ns
         self._stop_s = 0.0
+        self._at_rest = threading.Event()  # the return was requested, or the execution has ended
+        self._return: CommandReturn | None = None
+        self._return_sent = False
+        self._return_ns = start_ns
 
     def begin(self) -> None:
         """Start the thread."""
@@ -142,12 +148,22 @@ class DeviceTrajectory:
         return bool((image.operation[self._axes] != Operation.IDLE).any())
 
     def return_command(self, time_ns: int, measured: FloatArray) -> bool:
-        """Return False: the command belongs to the device."""
-        return False
+        """Let the device move its command to ``measured`` (m,); return False once it is there."""
+        if self._return is None:
+            self._return = CommandReturn(self.setpoint[0], measured, self._limits)
+            if self._return.duration_s > 0.0:
+                self._at_rest.set()
+        if self._return.duration_s == 0.0:
+            return False
+        if not self._return_sent:
+            self._return_ns = time_ns
+        return (time_ns - self._return_ns) / NANOSECONDS <= self._return.duration_s
 
     def _wake(self) -> None:
         self._monitored.set()
         self._ended.set()
+        if self._completion.outcome is not None:
+            self._at_rest.set()
 
     def _fault(self, message: str) -> None:
         self._completion.request(Outcome.FAULT, message)
@@ -198,6 +214,10 @@ class DeviceTrajectory:
         if self._completion.outcome is not Outcome.SUCCEEDED:
             self._stop_device()
         self._stop_sent = True
+        self._at_rest.wait()
+        if self._return is not None and self._completion.outcome is None:
+            self._return_device(self._return)
+            self._return_sent = True
 
     def _stop_device(self) -> None:
         try:
@@ -205,6 +225,12 @@ class DeviceTrajectory:
             self._driver.stop_trajectory(self._axes.tolist(), self._stop_s)
         except RobotdError as error:
             log.error("stopping a trajectory failed", reason=str(error))
+
+    def _return_device(self, path: CommandReturn) -> None:
+        try:
+            self._driver.follow(self._axes.tolist(), *path.points(RETURN_POINTS))
+        except RobotdError as error:
+            log.error("the command was not returned to the joints", reason=str(error))
 
 
 def stop_time(trajectory: Trajectory, from_s: float, limits: JointLimits) -> float:

@@ -35,6 +35,9 @@ class StandinBench(FaultInjector):
     def freeze(self, frozen: bool) -> None:
         port("freeze", int(frozen))
 
+    def block(self, axis: int, blocked: bool) -> None:
+        port("stuck", axis, int(blocked))
+
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         port("input_bit" if value else "no_input_bit", byte, bit)
 

@@ -86,14 +86,25 @@ def test_cancel_stops_along_the_path(tmp_path: Path) -> None:
         assert robot.image.position[0] < 0.9
 
 
-def test_a_joint_that_is_held_is_a_following_error(tmp_path: Path) -> None:
-    with running(tmp_path) as robot:
+@pytest.mark.parametrize("stream_positions", [True, False])
+def test_a_joint_that_did_not_follow_stays_where_it_is_when_it_is_freed(
+    tmp_path: Path, stream_positions: bool
+) -> None:
+    with running(tmp_path, stream_positions=stream_positions) as robot:
         port("stuck", 3, 1)
         tolerances = robot.follower.tolerances([JointTolerance("joint4", 0.05)])
         with robot.follower.follow(goal([1.0], 1.0), tolerances) as execution:
             assert execution.wait(5.0)
         assert execution.outcome is Outcome.PATH_TOLERANCE
         assert "joint4" in execution.message
+        positions: list[float] = []
+        robot.control_loop.every(500, "test", lambda image: positions.append(image.position[3]))
+        eventually(lambda: len(positions) > 10)
+        port("stuck", 3, 0)
+        freed = len(positions)
+        eventually(lambda: len(positions) > freed + 200)
+        assert robot.image.servo_on[3]
+        assert np.ptp(positions) < 0.01
 
 
 def test_baymax_drives_by_streamed_velocities(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ class Harness:
             self.mixer.advance(self.time_ns, self.image)
 
     def until(self, condition: Callable[[], bool]) -> None:
-        assert wait_until(lambda: (self.step(), condition())[1], 5.0, MonotonicClock())
+        assert wait_until(lambda: (self.step(), condition())[1], 30.0, MonotonicClock(), 1e-4)
 
     def called(self, name: str) -> bool:
         return any(call[0] == name for call in self.axes.calls)
@@ -266,3 +266,35 @@ def test_a_path_of_length_zero_is_not_sent_to_the_device() -> None:
     harness.until(lambda: execution.done)
     assert execution.outcome is Outcome.SUCCEEDED
     assert not harness.called("follow")
+
+
+def test_the_command_returns_to_a_joint_that_did_not_follow() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.axes.image.position_command[:] = 0.3
+    harness.axes.image.position[:] = [0.05, 0.3]
+    harness.axes.image.operation[:] = Operation.IDLE
+    harness.until(lambda: len(harness.axes.calls) == 3)
+    assert not execution.done
+    name, axes, times_s, positions = harness.axes.calls[-1]
+    assert (name, axes) == ("follow", [0, 1])
+    np.testing.assert_allclose(positions[0], [0.3, 0.3])
+    np.testing.assert_allclose(positions[-1], [0.05, 0.3])
+    steps_s = np.diff(times_s)
+    speeds = np.diff(positions, axis=0) / steps_s[:, None]
+    assert np.abs(speeds).max() <= LIMITS.velocity[0]
+    assert np.abs(np.diff(speeds, axis=0) / steps_s[1:, None]).max() <= LIMITS.acceleration[0]
+    harness.axes.image.position_command[0] = 0.05
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.PATH_TOLERANCE
+    assert len(harness.axes.calls) == 3
+
+
+def test_a_device_that_rejects_the_return_ends_the_goal_all_the_same() -> None:
+    harness = Harness()
+    execution = harness.run()
+    harness.axes.failures["follow"] = OperationError("not now")
+    harness.axes.image.position_command[:] = 0.3
+    harness.axes.image.operation[:] = Operation.IDLE
+    harness.until(lambda: execution.done)
+    assert execution.outcome is Outcome.PATH_TOLERANCE

@@ -18,7 +18,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import RobotdError
-from robotd.motion import TrajectoryRequest
+from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot
@@ -226,13 +226,18 @@ class Harness:
 
     @contextmanager
     def following(
-        self, times_s: Sequence[float], rows: Sequence[FloatArray], velocities: bool = False
+        self,
+        times_s: Sequence[float],
+        rows: Sequence[FloatArray],
+        velocities: bool = False,
+        path: Sequence[JointTolerance] = (),
     ) -> Iterator[TrajectoryExecution]:
         """Follow a trajectory of all joints; leaving the block ends it.
 
         Args:
             rows: one position row per point, shape (joints,), relative to the present command.
             velocities: give velocities too (those of a smooth path), so that it is cubic.
+            path: tolerances on the way, other than the descriptor's.
         """
         joints = list(self.robot.joint_axes)
         start = self.image.position_command[joints].copy()
@@ -245,7 +250,8 @@ class Harness:
             points,
             [list(row) for row in slopes[1:]] if velocities else (),
         )
-        with self.robot.follower.follow(request) as execution:
+        tolerances = self.robot.follower.tolerances(path)
+        with self.robot.follower.follow(request, tolerances) as execution:
             try:
                 yield execution
             finally:

@@ -10,10 +10,13 @@ from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.state import Operation
 from robotd.errors import NotReady
+from robotd.motion import JointTolerance
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 ALARM = 0x32
+STUCK_RAD = 0.05  # path tolerance of a blocked joint
+FREED_RAD = 0.01  # that a joint may move when it is freed
 
 
 def test_an_alarm_is_shown_with_its_code(harness: Harness, injector: FaultInjector) -> None:
@@ -94,6 +97,23 @@ def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(
     assert harness.image.alarm_code[0] == 0
     assert not (off and harness.image.servo_on[0]), "clearing an alarm enabled the servo"
     assert abs(harness.image.position[0] - start) <= SETTLED_RAD
+
+
+def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(jointed: Harness) -> None:
+    """After a tolerance failure the command returns to the measured position."""
+    harness, injector = jointed, FaultInjectorOrSkip.of(jointed)
+    axis, name = harness.robot.joint_axes[0], harness.robot.joint_names[0]
+    way = harness.travel()[list(harness.robot.joint_axes)]
+    injector.block(axis, True)
+    with harness.following([1.2], [way], path=[JointTolerance(name, STUCK_RAD)]) as execution:
+        harness.until(lambda: execution.done, "the goal of the blocked joint ends")
+    assert execution.outcome in (Outcome.PATH_TOLERANCE, Outcome.FAULT), execution.message
+    assert name in execution.message
+    with harness.recording() as recording:
+        harness.let(0.1)
+        injector.block(axis, False)
+        harness.let(0.4)
+    assert np.ptp(recording.position[:, axis]) <= FREED_RAD
 
 
 def test_it_works_again_after_an_alarm(harness: Harness, injector: FaultInjector) -> None:
