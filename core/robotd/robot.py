@@ -306,7 +306,7 @@ def _axis_names(descriptor: RobotDescriptor) -> list[str]:
 def _axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
     limits = {
         joint.axis: AxisLimits(
-            joint.lower_rad, joint.upper_rad, joint.velocity_rad_s, joint.acceleration_rad_s2
+            joint.lower, joint.upper, joint.velocity, joint.acceleration, joint.unit
         )
         for joint in descriptor.joints
     }

@@ -38,10 +38,10 @@ def _plan_call() -> Callable[[], Any]:
     joints = descriptor.joints
     limits = JointLimits(
         tuple(joint.name for joint in joints),
-        np.array([joint.lower_rad for joint in joints]),
-        np.array([joint.upper_rad for joint in joints]),
-        np.array([joint.velocity_rad_s for joint in joints]),
-        np.array([joint.acceleration_rad_s2 for joint in joints]),
+        np.array([joint.lower for joint in joints]),
+        np.array([joint.upper for joint in joints]),
+        np.array([joint.velocity for joint in joints]),
+        np.array([joint.acceleration for joint in joints]),
     )
     times = np.linspace(0.02, 20.0, POINTS)
     phases = np.arange(JOINTS)

@@ -81,7 +81,7 @@ def judge(
     low, high = seen.min(1)[: len(path)], seen.max(1)[: len(path)]
     if holds:  # such a device stops dead in a stall, and is judged by how it goes on
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-    beyond = np.maximum(velocity - high, low - velocity) / joint.velocity_rad_s
+    beyond = np.maximum(velocity - high, low - velocity) / joint.velocity
     for begin_ns, end_ns in data["failed_ns"]:  # stopped, by the device's watchdog or the core
         beyond[(times_ns >= begin_ns) & (times_ns <= end_ns + LEAVING_NS)] = 0.0
     periods = round(1.0 / robot.cycle.rate_hz / TICK_S)
@@ -102,9 +102,9 @@ def judge(
         float(beyond.max()),
         float(change.max()),
         float(max(-positions.min(), positions.max() - SWING_RAD)),
-        runs(against > REVERSAL_SHARE * joint.velocity_rad_s),
+        runs(against > REVERSAL_SHARE * joint.velocity),
         runs(beyond > ROUNDING * BLEND_SHARE),
-        runs(change > 2 * joint.acceleration_rad_s2),
+        runs(change > 2 * joint.acceleration),
     )
 
 

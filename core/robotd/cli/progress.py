@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import click
 
@@ -18,20 +18,24 @@ class Progress:
     Args:
         joints: those to show.
         time_s: planned duration.
-        degrees: show degrees instead of radians.
+        degrees: joints that are shown in degrees instead of radians.
     """
 
-    def __init__(self, joints: Sequence[str], time_s: float, *, degrees: bool) -> None:
+    def __init__(
+        self, joints: Sequence[str], time_s: float, *, degrees: Collection[str] = ()
+    ) -> None:
         self._joints = joints
         self._time_s = time_s
         self._degrees = degrees
         self._shown = False
 
     def show(self, passed_s: float, positions: Mapping[str, float]) -> None:
-        """Show the seconds since the start and the ``positions`` of the joints in rad."""
+        """Show the seconds since the start, and ``positions`` in rad or m."""
         if not sys.stderr.isatty():
             return
-        values = "  ".join(f"{joint} {self._text(positions[joint])}" for joint in self._joints)
+        values = "  ".join(
+            f"{joint} {self._text(joint, positions[joint])}" for joint in self._joints
+        )
         line = f"{passed_s:.1f} of {self._time_s:.1f} s  {values}"
         width = shutil.get_terminal_size().columns - 1
         click.echo(f"{_CLEAR_LINE}{line[:width]}", nl=False, err=True)
@@ -43,5 +47,6 @@ class Progress:
             click.echo(_CLEAR_LINE, nl=False, err=True)
             self._shown = False
 
-    def _text(self, radians: float) -> str:
-        return f"{math.degrees(radians):+.1f}°" if self._degrees else f"{radians:+.3f}"
+    def _text(self, joint: str, position: float) -> str:
+        is_angle = joint in self._degrees
+        return f"{math.degrees(position):+.1f}°" if is_angle else f"{position:+.3f}"

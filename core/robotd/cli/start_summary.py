@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
 from robotd.clock.simulated import PacedClock
-from robotd.descriptor import DriveSettings, RobotDescriptor
+from robotd.descriptor import DriveSettings, JointSettings, JointType, RobotDescriptor
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
 
@@ -53,9 +53,9 @@ def _axes(descriptor: RobotDescriptor) -> Iterator[str]:
         (
             joint.name,
             f"axis {joint.axis}",
-            f"{joint.lower_rad:+.2f} to {joint.upper_rad:+.2f} rad",
-            f"{joint.velocity_rad_s:.2f} rad/s",
-            f"{joint.acceleration_rad_s2:.2f} rad/s²",
+            _range(joint),
+            f"{joint.velocity:.2f} {joint.unit}/s",
+            f"{joint.acceleration:.2f} {joint.unit}/s²",
         )
         for joint in descriptor.joints
     ]
@@ -70,6 +70,12 @@ def _axes(descriptor: RobotDescriptor) -> Iterator[str]:
     if gripper := descriptor.gripper:
         bit = f"output bit {gripper.output_byte}.{gripper.output_bit}"
         yield field("gripper", f"{bit} moves {', '.join(gripper.joints)}")
+
+
+def _range(joint: JointSettings) -> str:
+    if joint.type is JointType.CONTINUOUS:
+        return "no position limits"
+    return f"{joint.lower:+.2f} to {joint.upper:+.2f} {joint.unit}"
 
 
 def _wheels(drive: DriveSettings) -> Iterator[str]:

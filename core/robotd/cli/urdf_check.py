@@ -9,14 +9,14 @@ from typing import cast
 
 from lxml import etree
 
-from robotd.descriptor import JointSettings, RobotDescriptor
+from robotd.descriptor import JointSettings, JointType, RobotDescriptor
 from robotd.descriptor.files import read_limited
 from robotd.errors import DescriptorError
 
 MAX_BYTES = 8_000_000
-ROUNDING = 1e-3  # rad or rad/s: files are written with few digits
+ROUNDING = 1e-3  # rad, m or their rates: files are written with few digits
 
-_LIMITS = (("lower", "lower_rad"), ("upper", "upper_rad"), ("velocity", "velocity_rad_s"))
+_LIMITS = {"lower": "lower_rad", "upper": "upper_rad", "velocity": "velocity_rad_s"}
 
 
 def check_urdf(path: Path, descriptor: RobotDescriptor) -> None:
@@ -51,17 +51,22 @@ def _differences(
         yield DescriptorError(f"has no joint {joint.name!r}", path=path)
         return
     line = cast("int | None", element.sourceline)
-    if element.get("type") not in ("revolute", "continuous"):
-        what = f"is {element.get('type')!r}, not 'revolute'"
+    is_linear = element.get("type") == JointType.PRISMATIC
+    if element.get("type") not in set(JointType) or is_linear != (joint.unit == "m"):
+        what = f"is {element.get('type')!r}, not {joint.type.value!r}"
         yield DescriptorError(what, path=path, line=line, key=joint.name)
+        return
     limit = element.find("limit")
     if limit is None:
         return
-    for attribute, key in _LIMITS:
-        theirs, ours = _number(limit.get(attribute)), getattr(joint, key)
+    for attribute, key in _LIMITS.items():
+        theirs, ours = _number(limit.get(attribute)), getattr(joint, attribute)
         beyond = theirs - ours if attribute == "lower" else ours - theirs
-        if beyond > ROUNDING:  # never with NaN
-            what = f"{attribute} limit {theirs:g} is exceeded by {key} {ours:g} of the descriptor"
+        if beyond > ROUNDING and math.isfinite(ours):  # never with NaN
+            what = (
+                f"{attribute} limit {theirs:g} is exceeded by {joint.key(key)} {ours:g}"
+                " of the descriptor"
+            )
             yield DescriptorError(what, path=path, line=line, key=joint.name)
 
 

@@ -39,7 +39,7 @@ class TrajectoryExecution:
         axes: (m,) index of each joint's axis.
         limits: of the same joints.
         tolerances: of the path and the goal.
-        stopped_velocity: rad/s or m/s below which a joint is at rest.
+        stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
 
     Attributes:
         trajectory: as above.
@@ -54,7 +54,7 @@ class TrajectoryExecution:
         axes: IntArray,
         limits: JointLimits,
         tolerances: Tolerances,
-        stopped_velocity: float,
+        stopped_velocity: FloatArray,
     ) -> None:
         self.trajectory = trajectory
         self.columns = columns(axes)
@@ -74,7 +74,7 @@ class TrajectoryExecution:
         limits: JointLimits,
         tolerances: Tolerances,
         start_ns: int,
-        stopped_velocity: float,
+        stopped_velocity: FloatArray,
         *,
         underrun: Underrun = Underrun.EXTRAPOLATE,
         buffer_s: float = 0.0,
@@ -95,7 +95,7 @@ class TrajectoryExecution:
         limits: JointLimits,
         tolerances: Tolerances,
         start_ns: int,
-        stopped_velocity: float,
+        stopped_velocity: FloatArray,
     ) -> TrajectoryExecution:
         """Return an execution by a device that interpolates the trajectory itself."""
         completion = Completion()

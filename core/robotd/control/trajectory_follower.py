@@ -74,10 +74,11 @@ class TrajectoryFollower:
         self.settings = descriptor.trajectory
         self.limits = JointLimits(
             tuple(joint.name for joint in joints),
-            np.array([joint.lower_rad for joint in joints]),
-            np.array([joint.upper_rad for joint in joints]),
-            np.array([joint.velocity_rad_s for joint in joints]),
-            np.array([joint.acceleration_rad_s2 for joint in joints]),
+            np.array([joint.lower for joint in joints]),
+            np.array([joint.upper for joint in joints]),
+            np.array([joint.velocity for joint in joints]),
+            np.array([joint.acceleration for joint in joints]),
+            tuple(joint.unit for joint in joints),
         )
         self._axes = axes
         self._mixer = mixer
@@ -108,7 +109,7 @@ class TrajectoryFollower:
 
         In each value 0 means the descriptor's, -1 no limit. Raises TrajectoryRejected.
         """
-        return Tolerances.of_goal(self.limits.names, self.settings, path, goal, goal_time_s)
+        return Tolerances.of_goal(self.limits, self.settings, path, goal, goal_time_s)
 
     @contextmanager
     def follow(
@@ -184,7 +185,7 @@ class TrajectoryFollower:
                 self.limits,
                 tolerances,
                 planned.start_ns,
-                self.settings.stopped_velocity_rad_s,
+                self.limits.stopped_velocity(self.settings),
             )
             if self._mixer.submit(execution, after):
                 self._recent.append(execution)
@@ -237,7 +238,8 @@ class TrajectoryFollower:
             self._recent.popleft()
         moving = bool(self._recent) and not self._recent[-1].done and self._recent[-1].on_path
         seconds = (2.0 if moving else 1.0) * REPLAN_S
-        step_s = self.settings.start_tolerance_rad / float(self.limits.velocity.max())
+        tolerance = self.limits.start_tolerance(self.settings)
+        step_s = float((tolerance / self.limits.velocity).min())
         times_s = np.linspace(0.0, seconds, int(np.ceil(seconds / step_s)) + 1)
         path = np.tile(self._command(), (len(times_s), 1))
         for execution in self._recent:

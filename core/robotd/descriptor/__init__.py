@@ -1,5 +1,6 @@
 """Robot descriptors: models, and their loading from files."""
 
+from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.descriptor.load import (
     RobotSummary,
     default_search_path,
@@ -12,7 +13,6 @@ from robotd.descriptor.model import (
     DriveSettings,
     EngineSettings,
     GripperSettings,
-    JointSettings,
     RobotDescriptor,
     TrajectorySettings,
 )
@@ -24,6 +24,7 @@ __all__ = [
     "EngineSettings",
     "GripperSettings",
     "JointSettings",
+    "JointType",
     "Override",
     "RobotDescriptor",
     "RobotSummary",

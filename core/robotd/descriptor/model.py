@@ -7,29 +7,27 @@ tables of the robots' README are made from them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PrivateAttr,
-    ValidationError,
-    model_validator,
-)
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
+from robotd.descriptor.joint_settings import JointSettings
+from robotd.descriptor.section import (
+    MAX_AXES,
+    Axis,
+    File,
+    Name,
+    NotNegative,
+    Positive,
+    Problem,
+    Section,
+    twice,
+)
 from robotd.descriptor.source import Node
 
-MAX_AXES = 128
 DEFAULT_RATE_HZ = 500.0
-
-Problem = tuple[tuple[str | int, ...], str, Any]
-"""Key path below the model, problem, and the value that has it."""
 
 
 def _ros_value(value: Any) -> Any:
@@ -48,34 +46,8 @@ def _empty_if_null(value: Any) -> Any:
     return {} if value is None else value
 
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-File = Annotated[Path, Field(strict=False)]
 RosValue = Annotated[Any, AfterValidator(_ros_value)]
 Options = Annotated[dict[str, Any], BeforeValidator(_empty_if_null)]
-
-
-class Section(BaseModel):
-    """Base of every section: frozen, no unknown key, no conversion, no infinity."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-    def problems(self) -> Iterator[Problem]:
-        """Yield cross-field validation errors."""
-        yield from ()
-
-    @model_validator(mode="after")
-    def _between_keys(self) -> Self:
-        details = [
-            InitErrorDetails(type=PydanticCustomError("robotd", "{what}", {"what": what}),
-                             loc=keys, input=value)
-            for keys, what, value in self.problems()
-        ]  # fmt: skip
-        if details:
-            raise ValidationError.from_exception_data(type(self).__name__, details)
-        return self
 
 
 class CycleSettings(Section):
@@ -101,27 +73,6 @@ class EngineSettings(Section):
     )
     servo_timeout_s: Positive = Field(5.0, description="Time for a servo to report on or off.")
     homing_timeout_s: Positive = Field(30.0, description="Time for an axis to find its home.")
-
-
-class JointSettings(Section):
-    """One joint of an arm, moved by one axis of the device."""
-
-    name: Name = Field(description="Name in JointState, in trajectories and in the URDF.")
-    axis: Axis = Field(description="Axis of the device that moves the joint.")
-    lower_rad: float = Field(description="Lowest position that a command may ask for.")
-    upper_rad: float = Field(description="Highest position that a command may ask for.")
-    velocity_rad_s: Positive = Field(description="Highest speed, in either direction.")
-    acceleration_rad_s2: Positive = Field(
-        description="Highest acceleration and deceleration; the ramp of a controlled stop."
-    )
-    rated_torque_nm: Positive | None = Field(
-        None, description="Torque at 100 % of the drive's rating; null reports the effort as NaN."
-    )
-
-    def problems(self) -> Iterator[Problem]:
-        if self.lower_rad >= self.upper_rad:
-            what = f"must be less than upper_rad ({self.upper_rad})"
-            yield ("lower_rad",), what, self.lower_rad
 
 
 class DriveSettings(Section):
@@ -176,7 +127,7 @@ class GripperSettings(Section):
     )
 
     def problems(self) -> Iterator[Problem]:
-        yield from _twice("joints", self.joints)
+        yield from twice("joints", self.joints)
         if self.open_m == self.closed_m:
             yield ("closed_m",), "must differ from open_m", self.closed_m
 
@@ -199,16 +150,24 @@ class TrajectorySettings(Section):
     start_tolerance_rad: Positive = Field(
         0.01, description="Distance from the present position of a first point at time 0."
     )
+    start_tolerance_m: Positive = Field(0.002, description="The same of a prismatic joint.")
     goal_tolerance_rad: Positive = Field(0.01, description="Error at the end that is success.")
+    goal_tolerance_m: Positive = Field(0.001, description="The same of a prismatic joint.")
     goal_time_s: Positive = Field(2.0, description="Time after the end to reach the goal.")
     path_tolerance_rad: Positive | None = Field(
         0.2,
-        description="Error on the way that aborts (m for a linear joint); null watches nothing."
+        description="Error on the way that aborts; null watches nothing."
         " A position loop of gain 20/s without feed-forward lags 0.16 rad at 3.14 rad/s.",
+    )
+    path_tolerance_m: Positive | None = Field(
+        0.1,
+        description="The same of a prismatic joint."
+        " A position loop of gain 20/s without feed-forward lags 0.05 m at 1 m/s.",
     )
     stopped_velocity_rad_s: Positive = Field(
         0.01, description="Speed below which a joint stands still."
     )
+    stopped_velocity_m_s: Positive = Field(0.005, description="The same of a prismatic joint.")
 
 
 def _count_axes(data: dict[str, Any]) -> int:
@@ -299,9 +258,9 @@ class RobotDescriptor(Section):
             if joint.axis >= self.axes:
                 what = f"must be less than axes ({self.axes})"
                 yield ("joints", index, "axis"), what, joint.axis
-        yield from _twice("joints", self.joint_names, "name")
-        yield from _twice("joints", (joint.axis for joint in self.joints), "axis")
-        yield from _twice("nodes", self.nodes)
+        yield from twice("joints", self.joint_names, "name")
+        yield from twice("joints", (joint.axis for joint in self.joints), "axis")
+        yield from twice("nodes", self.nodes)
         for index, name in enumerate(self.gripper.joints if self.gripper else ()):
             if name in self.joint_names:
                 yield ("gripper", "joints", index), "is a joint of the arm already", name
@@ -324,12 +283,3 @@ class RobotDescriptor(Section):
                 yield ("drive", key), f"must be less than axes ({self.axes})", axis
             if axis in joints:
                 yield ("drive", key), f"used before, by joints.{joints[axis]}.axis", axis
-
-
-def _twice(key: str, values: Iterable[str | int], subkey: str | None = None) -> Iterator[Problem]:
-    first: dict[str | int, int] = {}
-    for index, value in enumerate(values):
-        if value in first:
-            keys = (key, index) if subkey is None else (key, index, subkey)
-            yield keys, f"used before, by {key}.{first[value]}", value
-        first.setdefault(value, index)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robotd.descriptor import JointSettings
+from robotd.descriptor import JointSettings, JointType, RobotDescriptor
 from robotd.export.export_input import ExportInput
 
 SERVER = "follow_joint_trajectory_server"
@@ -59,20 +59,28 @@ def _execution(source: ExportInput) -> dict[str, Any]:
     """Return the start tolerance of the robot, and a margin within which its result comes."""
     rules = source.descriptor.trajectory
     return {
-        "allowed_start_tolerance": rules.start_tolerance_rad,
+        "allowed_start_tolerance": min(_start_tolerances(source.descriptor)),
         "allowed_goal_duration_margin": rules.goal_time_s + RESULT_DELAY_S,
     }
 
 
+def _start_tolerances(descriptor: RobotDescriptor) -> set[float]:
+    """Return those of the joints; MoveIt compares m and rad with the same number."""
+    rules = descriptor.trajectory
+    tolerances = {"rad": rules.start_tolerance_rad, "m": rules.start_tolerance_m}
+    return {tolerances[joint.unit] for joint in descriptor.joints}
+
+
 def _limits(joint: JointSettings) -> dict[str, Any]:
+    positions = {"min_position": joint.lower, "max_position": joint.upper}
+    is_limited = joint.type is not JointType.CONTINUOUS
     return {
-        "has_position_limits": True,
-        "min_position": joint.lower_rad,
-        "max_position": joint.upper_rad,
+        "has_position_limits": is_limited,
+        **(positions if is_limited else {}),
         "has_velocity_limits": True,
-        "max_velocity": joint.velocity_rad_s,
+        "max_velocity": joint.velocity,
         "has_acceleration_limits": True,
-        "max_acceleration": joint.acceleration_rad_s2,
+        "max_acceleration": joint.acceleration,
     }
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.descriptor.model import TrajectorySettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +18,7 @@ class JointLimits:
         names: unique joint names; their order is the order of every other array.
         lower, upper: position limits in rad or m; -inf and inf where there is none.
         velocity, acceleration: positive, in rad/s and rad/s² (m/s, m/s²); inf where unlimited.
-        units: of position, one per joint; used in texts only.
+        units: of position, "rad" or "m", one per joint.
 
     Raises:
         ValueError: a shape is wrong, a range is empty or a limit is not positive.
@@ -43,6 +44,26 @@ class JointLimits:
             raise ValueError("a lower position limit is not below its upper one")
         if not ((self.velocity > 0).all() and (self.acceleration > 0).all()):
             raise ValueError("velocity and acceleration limits must be positive")
+
+    def start_tolerance(self, settings: TrajectorySettings) -> FloatArray:
+        """Return ``start_tolerance_rad`` or ``_m`` of each joint; shape (m,)."""
+        return self._by_unit(settings.start_tolerance_rad, settings.start_tolerance_m)
+
+    def goal_tolerance(self, settings: TrajectorySettings) -> FloatArray:
+        """Return ``goal_tolerance_rad`` or ``_m`` of each joint; shape (m,)."""
+        return self._by_unit(settings.goal_tolerance_rad, settings.goal_tolerance_m)
+
+    def path_tolerance(self, settings: TrajectorySettings) -> FloatArray:
+        """Return ``path_tolerance_rad`` or ``_m`` of each joint, inf for null; shape (m,)."""
+        return self._by_unit(settings.path_tolerance_rad, settings.path_tolerance_m)
+
+    def stopped_velocity(self, settings: TrajectorySettings) -> FloatArray:
+        """Return ``stopped_velocity_rad_s`` or ``_m_s`` of each joint; shape (m,)."""
+        return self._by_unit(settings.stopped_velocity_rad_s, settings.stopped_velocity_m_s)
+
+    def _by_unit(self, rad: float | None, m: float | None) -> FloatArray:
+        values = {"rad": np.inf if rad is None else rad, "m": np.inf if m is None else m}
+        return np.array([values[unit] for unit in self.units], np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,7 +74,8 @@ class PathBuilder:
 
     def _nearest(self, points: TrajectoryRequest) -> tuple[FloatArray, float]:
         """Return the position nearest to the first point, and how far beyond the tolerance."""
-        excess = np.abs(self._begins - points.positions[0]) - self._settings.start_tolerance_rad
+        tolerance = self._limits.start_tolerance(self._settings)
+        excess = np.abs(self._begins - points.positions[0]) - tolerance
         worst = excess.max(axis=1)
         row = int(np.argmin(worst))
         return self._begins[row], float(worst[row])
@@ -83,9 +84,10 @@ class PathBuilder:
         nearest, excess = self._nearest(self._points)
         if excess <= 0.0:
             return
-        tolerance = self._settings.start_tolerance_rad
+        tolerances = self._limits.start_tolerance(self._settings)
         first = self._points.positions[0]
-        joint = int(np.argmax(np.abs(first - nearest)))
+        joint = int(np.argmax(np.abs(first - nearest) / tolerances))
+        tolerance = float(tolerances[joint])
         name, unit = self._limits.names[joint], self._limits.units[joint]
         distance, limit = distinct(abs(float(first[joint] - nearest[joint])), tolerance)
         stood = np.ptp(self._begins, axis=0).max() <= SAME_POSITION

@@ -11,6 +11,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.digits import distinct
+from robotd.motion.joints import JointLimits
 from robotd.motion.rejection import reject, reject_joints
 
 _UNIT_SUFFIX = {"position": "", "velocity": "/s"}
@@ -72,7 +73,7 @@ class Tolerances:
     @classmethod
     def of_goal(
         cls,
-        names: tuple[str, ...],
+        limits: JointLimits,
         settings: TrajectorySettings,
         path: Iterable[JointTolerance] = (),
         goal: Iterable[JointTolerance] = (),
@@ -84,15 +85,19 @@ class Tolerances:
             TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
                 negative and not -1.
         """
+        path_bounds = JointBounds(
+            ToleranceKind.PATH, limits, limits.path_tolerance(settings), None, path
+        )
+        goal_bounds = JointBounds(
+            ToleranceKind.GOAL,
+            limits,
+            limits.goal_tolerance(settings),
+            limits.stopped_velocity(settings),
+            goal,
+        )
         return cls(
-            JointBounds(ToleranceKind.PATH, names, settings.path_tolerance_rad, None, path),
-            JointBounds(
-                ToleranceKind.GOAL,
-                names,
-                settings.goal_tolerance_rad,
-                settings.stopped_velocity_rad_s,
-                goal,
-            ),
+            path_bounds,
+            goal_bounds,
             _resolve(goal_time_s, settings.goal_time_s, "goal time tolerance"),
         )
 
@@ -127,10 +132,9 @@ class JointBounds:
 
     Args:
         kind: for texts.
-        names: the joints, in axis order.
-        position, velocity: defaults for every joint; None is no limit.
+        joints: whose names and units count.
+        position, velocity: defaults (m,), inf for no limit; None is no limit at all.
         entries: of the goal message.
-        unit: of position, for texts.
 
     Raises:
         TrajectoryRejected: see ``Tolerances.of_goal``.
@@ -139,15 +143,17 @@ class JointBounds:
     def __init__(
         self,
         kind: ToleranceKind,
-        names: tuple[str, ...],
-        position: float | None,
-        velocity: float | None,
+        joints: JointLimits,
+        position: FloatArray,
+        velocity: FloatArray | None,
         entries: Iterable[JointTolerance] = (),
-        unit: str = "rad",
     ) -> None:
-        self.kind, self.names, self.unit = kind, names, unit
-        self.position: FloatArray = np.full(len(names), np.inf if position is None else position)
-        self.velocity: FloatArray = np.full(len(names), np.inf if velocity is None else velocity)
+        self.kind, self.names, self.units = kind, joints.names, joints.units
+        names = joints.names
+        self.position: FloatArray = position.copy()
+        self.velocity: FloatArray = (
+            np.full(len(names), np.inf) if velocity is None else velocity.copy()
+        )
         self.notes = self._apply(list(entries))
         self._position_limited = bool(np.isfinite(self.position).any())
         self._velocity_limited = bool(np.isfinite(self.velocity).any())
@@ -202,7 +208,7 @@ class JointBounds:
             float(self._error[joint]),
             float(bounds[joint]),
             time_s,
-            self.unit + _UNIT_SUFFIX[quantity],
+            self.units[joint] + _UNIT_SUFFIX[quantity],
         )
 
 

@@ -88,7 +88,7 @@ class RobotUnderTest:
         """
         parameters = self.robot.descriptor.ros_parameters.get(_FOLLOWER, {})
         action = self.node.resolve_topic_name(str(parameters["joint_trajectory_action"]))
-        arm = Arm(action, self.joint_positions)
+        arm = Arm(action, self.joint_positions, {})
         ending, text = move(self.client, arm, targets, time_s, lambda: False, lambda *_: None)
         return ending is Ending.REACHED, text
 

@@ -186,7 +186,7 @@ class Master:
             joint = joints.get(number)
             name = joint.name if joint else f"axis {number}"
             node = self._add_node(layout.options, name, _DRIVE, layout.dictionary)
-            known = (joint.rated_torque_nm, joint.velocity_rad_s) if joint else (None, None)
+            known = (joint.rated_effort, joint.velocity) if joint else (None, None)
             scaling = Scaling(layout.options, *known)
             axes.append(Axis(number, layout, node, self.feedback, scaling))
             for pdo in layout.tpdos:

@@ -28,7 +28,7 @@ def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> Simula
     """Make the nodes of the section on a bus of their own, not started."""
     folder = robot.path.parent if robot.path is not None else None
     machine = Motors([0.0] * len(options.axes), time.monotonic_ns())
-    rated = {joint.axis: joint.rated_torque_nm for joint in robot.joints}
+    rated = {joint.axis: joint.rated_effort for joint in robot.joints}
     by_node: dict[int, list[tuple[int, AxisOptions]]] = defaultdict(list)
     for motor, axis in enumerate(options.axes):
         by_node[axis.node].append((motor, axis))

@@ -248,7 +248,7 @@ def _ramps(robot: RobotDescriptor) -> FloatArray:
     """Deceleration of each axis' controlled stop, in rad/s²; NaN where the descriptor has none."""
     ramps = np.full(robot.axes, np.nan)
     for joint in robot.joints:
-        ramps[joint.axis] = joint.acceleration_rad_s2
+        ramps[joint.axis] = joint.acceleration
     if robot.drive:
         ramps[list(robot.drive.axes)] = robot.drive.deceleration_m_s2 / robot.drive.wheel_radius_m
     return ramps

@@ -28,9 +28,9 @@ class Scaling:
         self.torque: FloatArray = np.full(robot.axes, np.nan)
         self.stop_deceleration: FloatArray = np.full(robot.axes, options.stop_deceleration_rad_s2)
         for joint in robot.joints:
-            self.stop_deceleration[joint.axis] = joint.acceleration_rad_s2
-            if joint.rated_torque_nm is not None:
-                self.torque[joint.axis] = joint.rated_torque_nm / 100.0
+            self.stop_deceleration[joint.axis] = joint.acceleration
+            if joint.rated_effort is not None:
+                self.torque[joint.axis] = joint.rated_effort / 100.0
         if robot.drive:
             wheels = list(robot.drive.axes)
             self.stop_deceleration[wheels] = (

@@ -24,15 +24,16 @@ def _quick_stop(parameters: WmxParameters, robot: RobotDescriptor) -> Iterable[s
     steep = []
     for joint in robot.joints:
         value = float(parameters["QuickStopDec"][joint.axis])
-        if value > QUICK_STOP_RATIO * joint.acceleration_rad_s2:
-            suggested = SUGGESTED_RATIO * joint.acceleration_rad_s2
-            steep.append((value, suggested, joint.name))
-    for value, suggested in sorted({pair[:2] for pair in steep}):
-        names = ", ".join(name for *pair, name in steep if tuple(pair) == (value, suggested))
+        if value > QUICK_STOP_RATIO * joint.acceleration:
+            suggested = SUGGESTED_RATIO * joint.acceleration
+            steep.append((value, suggested, joint.unit, joint.name))
+    for value, suggested, unit in sorted({key[:3] for key in steep}):
+        key = (value, suggested, unit)
+        names = ", ".join(name for *of, name in steep if tuple(of) == key)
         yield (
-            f"{names}: QuickStopDec of {value:g} rad/s² stops within a cycle, and the engine uses"
-            " it for plain stops in a command's first cycle;"
-            f" set about twice the joint's acceleration limit: {suggested:.3g} rad/s²"
+            f"{names}: QuickStopDec of {value:g} {unit}/s² stops within a cycle, and the engine"
+            " uses it for plain stops in a command's first cycle;"
+            f" set about twice the joint's acceleration limit: {suggested:.3g} {unit}/s²"
         )
 
 

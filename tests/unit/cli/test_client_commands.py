@@ -55,7 +55,7 @@ def test_the_first_interrupt_is_noted_and_the_second_one_raises() -> None:
 def test_progress_is_one_line_on_a_terminal_and_nothing_elsewhere(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    progress = Progress(["joint1"], 2.0, degrees=True)
+    progress = Progress(["joint1"], 2.0, degrees={"joint1"})
     progress.show(1.0, {"joint1": 0.5, "joint2": 0.0})
     progress.end()
     assert capsys.readouterr().err == ""

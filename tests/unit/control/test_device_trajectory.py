@@ -54,9 +54,9 @@ class Harness:
             self.trajectory,
             np.array([0, 1]),
             limits,
-            Tolerances.of_goal(NAMES, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
+            Tolerances.of_goal(LIMITS, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
             self.time_ns,
-            SETTINGS.stopped_velocity_rad_s,
+            LIMITS.stopped_velocity(SETTINGS),
         )
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
         assert self.mixer.submit(execution, None)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robotd.descriptor import TrajectorySettings
 from robotd.errors import InvalidArgument
-from robotd.motion import AxisLimits, JointTolerance, Tolerances, check_move
+from robotd.motion import AxisLimits, JointLimits, JointTolerance, Tolerances, check_move
 from robotd.motion.digits import distinct
 
 
@@ -30,7 +30,9 @@ def test_a_move_just_beyond_its_limit() -> None:
 
 
 def test_an_error_just_beyond_its_tolerance() -> None:
-    tolerances = Tolerances.of_goal(("a",), TrajectorySettings(), [JointTolerance("a", 0.01)])
+    one = np.ones(1)
+    joint = JointLimits(("a",), -one, one, one, one)
+    tolerances = Tolerances.of_goal(joint, TrajectorySettings(), [JointTolerance("a", 0.01)])
     zero = np.zeros(1)
     violation = tolerances.check_path(0.0, zero, np.array([0.0100001]), zero, zero)
     assert str(violation) == (

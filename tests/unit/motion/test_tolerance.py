@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.unit.motion.helpers import NAMES
+from tests.unit.motion.helpers import NAMES, limits
 
 from robotd.arrays import FloatArray
 from robotd.descriptor import TrajectorySettings
@@ -22,7 +22,7 @@ RULE = ", must be positive, 0 (default) or -1 (no limit)"
 def of_goal(
     *path: JointTolerance, goal: Iterable[JointTolerance] = (), goal_time_s: float = 0.0
 ) -> Tolerances:
-    return Tolerances.of_goal(NAMES, SETTINGS, path, goal, goal_time_s)
+    return Tolerances.of_goal(limits(), SETTINGS, path, goal, goal_time_s)
 
 
 def off(joint: int, error: float) -> FloatArray:

@@ -52,15 +52,16 @@ def parse_targets(
     show_default=True,
     help="Duration of the motion.",
 )
-@click.option("--deg", is_flag=True, help="Positions are degrees, not radians.")
+@click.option("--deg", is_flag=True, help="Positions of turning joints are degrees.")
 @click.option("--action", metavar="NAME", help="The arm's action, where several arms run.")
 @client_options
 @click.pass_context
 def move(ctx: click.Context, /, **options: Any) -> None:
     """Move joints of the running arm.
 
-    For example: robotd move joint1=0.5 joint3=-0.4. Joints that are not named stay where they are.
-    Ctrl-C stops the motion and waits until the arm stands.
+    For example: robotd move joint1=0.5 joint3=-0.4. Positions are rad, or m for a prismatic joint.
+    Joints that are not named stay where they are. Ctrl-C stops the motion and waits until the arm
+    stands.
     """
     configure_logging(ctx)
     ctx.exit(_move(ros_args(ctx), **options))
@@ -75,19 +76,23 @@ def _move(
     deg: bool,
     action: str | None,
 ) -> ExitCode:
-    """Move joints to ``targets``, degrees where ``deg``; INTERRUPTED after Ctrl-C.
+    """Move joints to ``targets``, turning joints in degrees if ``deg``; INTERRUPTED after Ctrl-C.
 
     Raises Rejected, with the robot's reason, when the motion was rejected or aborted.
     """
-    radians = {joint: math.radians(value) if deg else value for joint, value in targets.items()}
     with robot_client(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
             arm = motion.find_arm(client, action)
-        progress = Progress(tuple(targets), time_s, degrees=deg)
+        turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
+        positions = {
+            joint: math.radians(value) if joint in turning else value
+            for joint, value in targets.items()
+        }
+        progress = Progress(tuple(targets), time_s, degrees=turning)
         with Interrupt() as interrupt:
             ending, reason = motion.move(
-                client, arm, radians, time_s, lambda: interrupt.happened, progress.show
+                client, arm, positions, time_s, lambda: interrupt.happened, progress.show
             )
         progress.end()
     if ending is motion.Ending.ABORTED:

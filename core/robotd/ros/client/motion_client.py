@@ -46,10 +46,12 @@ class Arm:
     Attributes:
         action: resolved name of its action.
         positions: every joint of the arm, in the robot's order, and where it was; rad or m.
+        units: "rad" or "m" of each joint, for joints whose robot states it.
     """
 
     action: str
     positions: Positions
+    units: Mapping[str, str]
 
 
 def find_arm(client: RosClient, action: str | None = None) -> Arm:
@@ -62,11 +64,12 @@ def find_arm(client: RosClient, action: str | None = None) -> Arm:
     with client.listen(JointState, JOINT_STATES) as joint_states:
         name, node = _find_action(client, action)
         settled_s = time.monotonic() + _SETTLE_S
-        count = _joint_count(client, node)
+        count, units = _joints(client, node)
         names = joint_states.wait().name[:count]
         if action is None:
             _check_only_one(client, settled_s)
-        return Arm(name, dict(zip(names, joint_states.newest.position, strict=False)))
+        positions = dict(zip(names, joint_states.newest.position, strict=False))
+        return Arm(name, positions, dict(zip(names, units, strict=False)))
 
 
 def move(
@@ -196,10 +199,14 @@ def _action_servers(node: Node) -> list[tuple[str, str]]:
     return sorted(servers)
 
 
-def _joint_count(client: RosClient, node: str) -> int | None:
-    """Number of joint states that are the arm's; None: all of them."""
-    response = client.call(GetParameters, f"{node}/get_parameters", names=["joint_number"])
-    value = response.values[0] if response.values else None
-    if value is None or value.type != ParameterType.PARAMETER_INTEGER:
-        return None
-    return int(value.integer_value)
+def _joints(client: RosClient, node: str) -> tuple[int | None, list[str]]:
+    """Return how many joint states are the arm's, and their units; None: all of them."""
+    names = ["joint_number", "joint_units"]
+    response = client.call(GetParameters, f"{node}/get_parameters", names=names)
+    values = {value.type: value for value in response.values}  # other servers may have neither
+    count = values.get(ParameterType.PARAMETER_INTEGER)
+    units = values.get(ParameterType.PARAMETER_STRING_ARRAY)
+    return (
+        None if count is None else int(count.integer_value),
+        [] if units is None else list(units.string_array_value),
+    )

@@ -19,7 +19,7 @@ from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_del
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import RealTimeResultServer
-from robotd.ros.nodes.manipulator_state import declare_joint_number
+from robotd.ros.nodes.manipulator_state import declare_joints
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.trajectory_conversions import (
     duration_s,
@@ -80,7 +80,7 @@ class FollowJointTrajectoryServer(Node):
         self._executions: dict[bytes, TrajectoryExecution] = {}
         self._live = 0  # goals that have not ended; executor thread
         parameters = Parameters(self, robot.descriptor)
-        declare_joint_number(parameters, robot)
+        declare_joints(parameters, robot)
         action = parameters.action("joint_trajectory_action", "name of the action")
         gripper = parameters.topic(
             "wmx_gripper_topic", "service that closes the gripper", required=bool(robot.gripper)

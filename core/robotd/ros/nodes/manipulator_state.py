@@ -26,7 +26,7 @@ class ManipulatorState(Node):
         super().__init__(NAME, context=host.context)
         self._robot = robot
         parameters = Parameters(self, robot.descriptor)
-        declare_joint_number(parameters, robot)
+        declare_joints(parameters, robot)
         names = (*robot.joint_names, *(robot.gripper.joints if robot.gripper else ()))
         parameters.same_as("joints", "joint_name", names, "names of the joints, then the fingers")
         highest = int(robot.descriptor.cycle.rate_hz)
@@ -59,8 +59,13 @@ class ManipulatorState(Node):
         return Fingers(gripper, open_m, closed_m) if gripper else None
 
 
-def declare_joint_number(parameters: Parameters, robot: Robot) -> None:
-    """Declare ``joint_number``. Raises DescriptorError: it is another, or there is no joint."""
+def declare_joints(parameters: Parameters, robot: Robot) -> None:
+    """Declare ``joint_number`` and ``joint_units``, for clients to read.
+
+    Raises DescriptorError: the robot has no joint, or a parameter contradicts the descriptor.
+    """
     if not robot.joint_names:
         raise parameters.error("joint_number", f"{robot.descriptor.name} has no joints")
     parameters.same_as("joints", "joint_number", len(robot.joint_names), "number of joints")
+    units = [joint.unit for joint in robot.descriptor.joints]
+    parameters.same_as("joints", "joint_units", units, "rad or m for each joint")
