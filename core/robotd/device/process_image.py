@@ -18,7 +18,20 @@ FLAGS = (
     "amp_alarm", "servo_on", "home_done", "home_switch", "negative_limit", "positive_limit",
     "motion_complete", "offline",
 )  # fmt: skip
-_BLOCKS = ("values", "flags", "numbers")
+NUMBERS = ("alarm_code", "mode", "operation")
+
+
+def image_type(axes: int) -> np.dtype[np.void]:
+    """Return the layout of the arrays in memory: blocks of shape (rows, axes)."""
+    return np.dtype(
+        [
+            ("values", "<f8", (len(VALUES), axes)),
+            ("setpoint", "<f8", (2, axes)),
+            ("numbers", "<i8", (len(NUMBERS), axes)),
+            ("flags", "?", (len(FLAGS), axes)),
+            ("padding", "V1", (-len(FLAGS) * axes % 8,)),
+        ]
+    )
 
 
 class ProcessImage:
@@ -36,9 +49,11 @@ class ProcessImage:
         home_done, home_switch, negative_limit, positive_limit: as the drive reports them.
         motion_complete: the last move or trajectory ran to its end and the axis is idle.
         mode, operation: ``CommandMode`` and ``Operation`` as integers.
+        setpoint: (2, n_axes) position and velocity of the last setpoints that were sent.
         values, flags, numbers: the arrays above are the rows of these three blocks, whose order
-            is that of ``VALUES``, of ``FLAGS``, and alarm code, mode, operation. A copy of a
-            block costs no more than one of an array.
+            is that of ``VALUES``, ``FLAGS`` and ``NUMBERS``. A copy of a block costs no more than
+            one of an array.
+        memory: all blocks in one piece, laid out by ``image_type``: one copy takes them all.
         commands, measured: rows of ``values``: position and velocity as commanded; position,
             velocity and torque as measured.
         reason: the device's own words for an alarm, for a drive that does not answer, or for a
@@ -70,14 +85,17 @@ class ProcessImage:
         self.axes = axes
         self.stamp_ns = 0
         self.fresh_ns = 0
-        self.values: FloatArray = np.full((len(VALUES), axes), np.nan)
+        blocks = np.zeros(1, image_type(axes))
+        self.memory = blocks.view(np.uint8).data
+        self.values: FloatArray = blocks["values"][0]
+        self.setpoint: FloatArray = blocks["setpoint"][0]
+        self.numbers: IntArray = blocks["numbers"][0]
+        self.flags: BoolArray = blocks["flags"][0]
+        self.values[:] = self.setpoint[:] = np.nan
         self.commands, self.measured = self.values[:2], self.values[2:]
-        self.flags: BoolArray = np.zeros((len(FLAGS), axes), bool)
-        self.numbers: IntArray = np.zeros((3, axes), np.int64)
-        for names, block in ((VALUES, self.values), (FLAGS, self.flags)):
+        for names, block in ((VALUES, self.values), (FLAGS, self.flags), (NUMBERS, self.numbers)):
             for name, row in zip(names, block, strict=True):
                 setattr(self, name, row)
-        self.alarm_code, self.mode, self.operation = self.numbers
         self.offline[:] = True
         self.mode[:] = CommandMode.POSITION
         self.operation[:] = Operation.IDLE
@@ -132,8 +150,7 @@ class ProcessImage:
         """Cycle thread: nothing is known any more, as before the first ``read``."""
         self.begin_write()
         blank = ProcessImage(self.axes)
-        for name in _BLOCKS:
-            getattr(self, name)[:] = getattr(blank, name)
+        self.memory[:] = blank.memory
         self.reason[:] = blank.reason
         self.controller_alarm, self.controller_reason = 0, ""
         self.stamp_ns = self.fresh_ns = 0
@@ -147,8 +164,7 @@ class ProcessImage:
         twin = ProcessImage(self.axes)
         for _ in range(COPY_TRIES):
             before = self._sequence
-            for name in _BLOCKS:
-                getattr(twin, name)[:] = getattr(self, name)
+            twin.memory[:] = self.memory
             twin.reason[:] = self.reason
             twin.stamp_ns, twin.fresh_ns = self.stamp_ns, self.fresh_ns
             twin.controller_alarm = self.controller_alarm

@@ -1,0 +1,1 @@
+"""Recordings: frames of the control loop and events, as MCAP files."""

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from robotd.device.process_image import ProcessImage
+from robotd.events import MAX_BYTES
+from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
+
+
+def write(ring: FrameRing, number: int) -> None:
+    ring.write(number, number, 0, 0, 0, 0, 0, True)
+
+
+def test_a_frame_holds_every_value_of_the_image() -> None:
+    image = ProcessImage(3)
+    ring = FrameRing(image, 500.0, 1.0)
+    image.position[:] = 1.0, 2.0, 3.0
+    image.torque[1] = -4.0
+    image.setpoint[0, 2] = 0.25
+    image.alarm_code[1], image.mode[0], image.operation[2] = 0x8611, 1, 3
+    image.amp_alarm[1] = image.servo_on[0] = True
+    ring.write(11, 12, 13, 14, 15, 16, 17, True)
+    frame = ring.since(0)[0][0]
+    assert [int(frame[name]) for name in ("start_ns", "stamp_ns", "fresh_ns", "late_ns")] == [
+        11, 12, 13, 14,
+    ]  # fmt: skip
+    assert [int(frame[name]) for name in ("execution_ns", "missed", "due_ns", "ready")] == [
+        15, 16, 17, 1,
+    ]  # fmt: skip
+    np.testing.assert_array_equal(frame["values"], image.values)
+    np.testing.assert_array_equal(frame["setpoint"], image.setpoint)
+    np.testing.assert_array_equal(frame["numbers"], image.numbers)
+    np.testing.assert_array_equal(frame["flags"], image.flags)
+
+
+def test_only_new_frames_are_returned_and_lost_ones_are_counted() -> None:
+    ring = FrameRing(ProcessImage(1), 10.0, 1.0)  # ten frames
+    for number in range(4):
+        write(ring, number)
+    frames, cursor, lost = ring.since(0)
+    assert ([*frames["start_ns"]], cursor, lost) == ([0, 1, 2, 3], 4, 0)
+    for number in range(4, 20):
+        write(ring, number)
+    frames, cursor, lost = ring.since(cursor)
+    assert ([*frames["start_ns"]], cursor, lost) == ([*range(11, 20)], 20, 7)
+    assert len(ring.since(cursor)[0]) == 0
+
+
+@pytest.mark.parametrize(("axes", "rate_hz"), [(6, 500.0), (12, 1000.0), (128, 2000.0)])
+def test_frames_and_events_take_at_most_24_mib(axes: int, rate_hz: float) -> None:
+    ring = FrameRing(ProcessImage(axes), rate_hz, 30.0)
+    assert ring.nbytes <= MEMORY_BYTES
+    assert ring.nbytes + MAX_BYTES <= 24 * 2**20
+    if axes == 6:
+        assert ring.capacity == 15000  # all 30 s
+
+
+def test_a_reader_beside_the_writer_never_gets_a_torn_frame() -> None:
+    image = ProcessImage(4)
+    ring = FrameRing(image, 100.0, 1.0)
+    end = threading.Event()
+
+    def run() -> None:
+        number = 0
+        while not end.is_set():
+            number += 1
+            image.values[:] = number
+            write(ring, number)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    cursor, seen = 0, 0
+    try:
+        while seen < 2000:
+            frames, cursor, _ = ring.since(cursor)
+            seen += len(frames)
+            np.testing.assert_array_equal(frames["values"][:, 4, 3], frames["start_ns"])
+            assert (np.diff(frames["start_ns"]) == 1).all()
+    finally:
+        end.set()
+        thread.join()
+
+
+def test_a_copy_of_the_image_has_memory_of_its_own() -> None:
+    image = ProcessImage(2)
+    image.position[:] = 1.0
+    twin = image.copy()
+    image.position[:] = 2.0
+    image.servo_on[0] = True
+    assert [*twin.position] == [1.0, 1.0]
+    assert not twin.servo_on.any()
