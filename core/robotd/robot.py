@@ -13,6 +13,7 @@ from pathlib import Path
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
 from robotd.control.control_loop import ControlLoop
+from robotd.control.joint_motion import JointMotion
 from robotd.control.mobile_base import MobileBase, wheel_limits
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_follower import TrajectoryFollower
@@ -55,6 +56,7 @@ class Robot:
         fieldbus: fieldbus diagnostics.
         gripper: None if the robot has none.
         cycle: the control loop.
+        joint_motion: hands the joints from one setpoint source to the next.
         follower: executes trajectories of ``joint_names``.
         base: moves the wheels; None if the robot has none.
         wheel_axes: axes of the wheels; empty if the robot has none.
@@ -118,16 +120,20 @@ class Robot:
         )
         guard = SoftLimitGuard(self.axes, driver, 1.0 / descriptor.cycle.rate_hz)
         self.control_loop.every(descriptor.cycle.rate_hz, "travel", guard.look)
+        self.joint_motion = JointMotion(self.axes, mixer.slot(), self.joint_axes, clock)
         self.follower = TrajectoryFollower(
+            self.joint_motion,
             self.axes,
-            mixer,
             descriptor,
             clock,
             driver if self.axes.trajectories_on_device else None,
         )
         drive = descriptor.drive
-        self.base = MobileBase(self.axes, mixer, drive, clock) if drive else None
+        self.base = MobileBase(self.axes, mixer.slot(), drive, clock) if drive else None
         self.wheel_axes = drive.axes if drive else ()
+        if self.base is not None:
+            self.connection.on_ready(self.base.on_ready)
+            self.control_loop.every(descriptor.cycle.rate_hz, "wheel odometry", self.base.track)
         self.connection.before_stop = self._stop_and_disable
 
     def start(self, *, enable: bool = True) -> None:

@@ -39,7 +39,7 @@ class CommandReturn:
         return u * self.duration_s, self._start + way[:, None] * self._offset
 
     def sample(self, time_s: float, command: FloatArray) -> bool:
-        """Write position and velocity ``time_s`` after the start into ``command``, (2, m).
+        """Write the motion ``time_s`` after the start into ``command`` (3, m).
 
         Returns False when the end had been written before.
         """
@@ -47,7 +47,8 @@ class CommandReturn:
             return False
         u = min(time_s / self.duration_s, 1.0) if self.duration_s else 1.0
         command[0] = self._start + self._offset * (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
-        slope = 30.0 * u**2 * (1.0 - u) ** 2
-        command[1] = self._offset * (slope / self.duration_s if self.duration_s else 0.0)
+        rate = 1.0 / self.duration_s if self.duration_s else 0.0
+        command[1] = self._offset * (30.0 * u**2 * (1.0 - u) ** 2 * rate)
+        command[2] = self._offset * (60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) * rate**2)
         self._ended = u >= 1.0
         return True

@@ -38,6 +38,18 @@ class Completion:
         self.on_end: Callable[[], None] = lambda: None
 
     @property
+    def done(self) -> bool:
+        """It has ended: ``outcome`` is set."""
+        return self.event.is_set()
+
+    @property
+    def goes_on(self) -> bool:
+        """No end was requested, or it ended with success: a successor may continue it."""
+        if self.outcome is None:
+            return self.requested is None
+        return self.outcome is Outcome.SUCCEEDED
+
+    @property
     def is_fault(self) -> bool:
         """An end with a fault was requested."""
         return self.requested is not None and self.requested[0] is Outcome.FAULT

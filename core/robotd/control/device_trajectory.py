@@ -15,7 +15,7 @@ from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Completion, Outcome
 from robotd.control.execution_phase import Phase
-from robotd.control.trajectory_source import TrajectorySource
+from robotd.control.setpoint_source import SetpointSource
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage, columns
 from robotd.device.state import Operation
@@ -55,6 +55,7 @@ class DeviceTrajectory:
 
     streams = False
     on_path = True
+    stall_recovery = None
 
     def __init__(
         self,
@@ -67,8 +68,9 @@ class DeviceTrajectory:
     ) -> None:
         self.start_ns = start_ns
         self.time_s = 0.0
-        position, velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
-        self.setpoint: FloatArray = np.array([position, velocity])  # as the device reports it
+        # As the device reports it; it does not report the acceleration.
+        start, velocity, _ = trajectory.evaluate(np.zeros(1))
+        self.setpoint: FloatArray = np.vstack([start, velocity, np.zeros_like(start)])
         self._driver, self._trajectory, self._limits = driver, trajectory, limits
         self._axes, self._columns = axes, columns(axes)
         self._completion = completion
@@ -97,7 +99,7 @@ class DeviceTrajectory:
         """Return None: the device takes no other trajectory before this one has ended."""
         return None
 
-    def take_over(self, running: TrajectorySource) -> None:
+    def take_over(self, running: SetpointSource) -> None:
         """Do nothing: it starts at rest."""
 
     def sent(self, due_ns: int) -> None:
@@ -110,8 +112,8 @@ class DeviceTrajectory:
         if phase is Phase.ARRIVING:
             self.setpoint[0], self.setpoint[1] = self._end_point, 0.0
         else:
-            self.setpoint[:] = image.commands[:, self._columns]
-        out[:] = self.setpoint
+            self.setpoint[:2] = image.commands[:, self._columns]
+        out[:] = self.setpoint[:2]
 
     def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
         """Monitor the device; return ARRIVING when it has arrived."""

@@ -3,77 +3,76 @@
 from __future__ import annotations
 
 import math
-import threading
 
-from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, Clock, wait_until
-from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.clock import NANOSECONDS, Clock
+from robotd.control.base_odometry import BaseOdometry
+from robotd.control.base_worker import BaseWorker
+from robotd.control.completion import Outcome
+from robotd.control.source_slot import SourceSlot
+from robotd.control.twist_command import TwistCommand
+from robotd.control.wheel_motion import OWNER, WheelMotion
 from robotd.descriptor import DriveSettings
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode, Operation
+from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.log import get_logger
-from robotd.motion.diff_drive import ZERO_TWIST, Odometry, PlanarTwist, Pose, WheelPair
+from robotd.motion.diff_drive import PlanarTwist, Pose, WheelPair
 from robotd.motion.limits import AxisLimits
 from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
 
 log = get_logger("base")
 
-OWNER = "mobile base"
-JUMP = 3.0  # times the wheel speed limit: a larger step means the position was renumbered
-
 
 class MobileBase:
     """Differential drive that claims its wheels while it is commanded, and its odometry.
 
-    The control loop limits the commanded twist, streams wheel speeds and integrates the odometry,
-    once a period. Calls that may block run in the thread ``robotd-base``.
+    The control loop limits the commanded twist, streams wheel speeds (``WheelMotion``) and
+    integrates the odometry (``track``), once a period. The thread ``robotd-base`` claims the
+    wheels.
 
     Between commands, and after a fault, no axis is claimed: the wheels are then ordinary axes.
     While the device is lost the odometry pauses; it continues from a new baseline.
+
+    Args:
+        axes: of the robot.
+        slot: of the wheels.
+        settings: of the descriptor.
+        clock: of the control loop.
 
     Attributes:
         settings: of the descriptor, or of the ROS parameters.
         wheels: kinematics of the pair.
     """
 
-    def __init__(
-        self, axes: Axes, mixer: SetpointMixer, settings: DriveSettings, clock: Clock
-    ) -> None:
-        self._axes = axes
-        self._clock = clock
-        self._period_s = mixer.period_ns / NANOSECONDS
-        self._command = (ZERO_TWIST, 0)  # and its time of arrival
-        self._late = False
-        self._stopped = False
-        self._streaming = False
-        self._claimed_ns = 0
-        self._fresh_ns = 0
+    def __init__(self, axes: Axes, slot: SourceSlot, settings: DriveSettings, clock: Clock) -> None:
+        self._axes, self._slot, self._clock = axes, slot, clock
         self._rejection: str | None = None
-        self._lock = threading.Lock()  # of the odometry
-        self._free = threading.Event()
-        self._free.set()
-        self._wake = threading.Event()
-        self._released = threading.Event()
-        self._closing = False
-        self._thread: threading.Thread | None = None
+        self._worker = BaseWorker(lambda: self._command.moves(clock.now_ns()), self._move)
         self.configure(settings)
-        mixer.add(self)
 
     def configure(self, settings: DriveSettings) -> None:
         """Set the parameters and reset the odometry. Before ``start`` only."""
         self.settings = settings
         self.wheels = WheelPair(settings.wheel_radius_m, settings.wheel_separation_m)
-        self._limiter = TwistLimiter(twist_limits(settings), self._period_s)
-        self._odometry = Odometry(self.wheels, settings.wheel_wrap_rad)
-        self._timeout_ns = round(settings.command_timeout_s * NANOSECONDS)
-        self._jump = JUMP * wheel_limits(settings).velocity
+        self._command = TwistCommand(settings.command_timeout_s)
+        self._odometry = BaseOdometry(
+            self.wheels,
+            settings.axes,
+            settings.wheel_wrap_rad,
+            wheel_limits(settings).velocity,
+            self._slot.period_ns / NANOSECONDS,
+        )
 
     @property
     def pose(self) -> Pose:
         """Pose relative to the start or the last reset. Any thread."""
         return self._odometry.pose
+
+    @property
+    def moving(self) -> bool:
+        """The wheels are claimed and get setpoints. Any thread."""
+        return bool(self._slot.active)
 
     def twist(self, image: ProcessImage) -> PlanarTwist:
         """Return the measured twist, from the wheel velocities in ``image``."""
@@ -94,105 +93,78 @@ class MobileBase:
             raise InvalidArgument(
                 f"twist of {linear_m_s} m/s and {angular_rad_s} rad/s is not finite"
             )
-        if self._stopped:
+        if self._command.stopped:
             raise NotReady("the base is being stopped")
-        self._command = (PlanarTwist(linear_m_s, angular_rad_s), self._clock.now_ns())
-        if not self._streaming:
-            self._wake.set()
+        self._command.set(PlanarTwist(linear_m_s, angular_rad_s), self._clock.now_ns())
+        if not self.moving:
+            self._worker.wake()
 
     def reset_odometry(self) -> None:
         """Make the current pose the origin. Any thread."""
-        with self._lock:
-            self._odometry.reset()
+        self._odometry.reset()
 
     def stop(self, timeout_s: float) -> None:
         """Slow to rest, release the wheels, and reject commands until the engine restarts.
 
         Any thread but the control loop. After ``timeout_s`` it logs an error and returns.
         """
-        self._stopped = True
-        if not wait_until(self._free.is_set, timeout_s, self._clock):
+        self._command.stopped = True
+        if not self._worker.wait_idle(timeout_s, self._clock):
             log.error("the base is not at rest", after_s=timeout_s)
 
     def start(self) -> None:
         """Accept commands from now on. A second call has no effect."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._serve, name="robotd-base", daemon=True)
-            self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
         """End the thread and wait for it. A second call has no effect."""
-        self._closing = True
-        self._streaming = False
-        self._wake.set()
-        self._released.set()
-        if self._thread is not None:
-            self._thread.join()
+        self._worker.closing = True
+        self._end_motion()
+        self._worker.close()
 
-    def advance(
-        self, time_ns: int, image: ProcessImage, position: FloatArray, velocity: FloatArray
-    ) -> bool:
-        """Run one period; write the wheel velocities. Control-loop thread."""
-        self._track(image)
-        if not self._streaming:
-            return False
-        if (reason := self._loss_of_wheels(time_ns, image)) is not None:
-            self._log_rejection(reason)
-            self._release()
-            return False
-        left, right = self.settings.axes
-        twist = self._limiter.step(self._target(time_ns))
-        velocity[left], velocity[right] = self.wheels.speeds(twist)
-        if self._limiter.at_rest and (self._late or self._stopped):
-            self._release()
-        return True
+    def track(self, image: ProcessImage) -> None:
+        """Update the odometry, once a period. Control-loop thread."""
+        self._odometry.track(image)
 
-    def device_lost(self, reason: str) -> None:
-        """Release the wheels; their positions are unknown now. Control-loop thread."""
-        self._stopped = False
-        with self._lock:
+    def on_ready(self, ready: bool) -> None:
+        """Accept commands, and continue from new wheel positions, when the engine is ready."""
+        if ready:
+            self._command.stopped = False
             self._odometry.rebase()
-        if self._streaming:
-            self._log_rejection(reason)
-            self._release()
 
-    def _track(self, image: ProcessImage) -> None:
-        left, right = (float(image.position[axis]) for axis in self.settings.axes)
-        elapsed_s = (image.fresh_ns - self._fresh_ns) / NANOSECONDS
-        if elapsed_s <= 0.0 or not math.isfinite(left + right):
-            return
-        self._fresh_ns = image.fresh_ns
-        longest_step = self._jump * max(elapsed_s, self._period_s)
-        with self._lock:
-            moved = self._odometry.update(left, right, longest_step)
-        if not moved:
-            log.warning("a wheel's position was renumbered; odometry goes on from there")
+    def _move(self) -> None:
+        """Claim the wheels until the motion has ended. Thread of the base."""
+        try:
+            with self._axes.claimed(OWNER, self.settings.axes, CommandMode.VELOCITY):
+                self._log_rejection(None)
+                motion = self._submit(self._clock.now_ns())
+                if self._worker.closing:
+                    self._end_motion()
+                motion.completion.event.wait()
+                self._slot.release()
+                if motion.completion.outcome is Outcome.FAULT:
+                    self._log_rejection(motion.completion.message)
+        except Exception as error:  # noqa: BLE001 - logged; the next command tries again
+            self._log_rejection(str(error))
 
-    def _target(self, time_ns: int) -> PlanarTwist:
-        twist, arrival_ns = self._command
-        if self._stopped:
-            return ZERO_TWIST
-        late = time_ns - arrival_ns > self._timeout_ns
-        if late and not self._late and twist != ZERO_TWIST:
-            seconds = self.settings.command_timeout_s
-            log.warning("no command in time: the base slows to rest", timeout_s=seconds)
-        self._late = late
-        return ZERO_TWIST if late else twist
+    def _submit(self, claimed_ns: int) -> WheelMotion:
+        limiter = TwistLimiter(twist_limits(self.settings), self._slot.period_ns / NANOSECONDS)
+        while True:
+            motion = WheelMotion(
+                self._axes,
+                self.settings.axes,
+                self.wheels,
+                limiter,
+                self._command,
+                claimed_ns,
+                self._slot.next_start_ns,
+            )
+            if self._slot.submit(motion, None):
+                return motion
 
-    def _loss_of_wheels(self, time_ns: int, image: ProcessImage) -> str | None:
-        """Return the reason why the claimed wheels cannot move; None: they can."""
-        for axis in self.settings.axes:
-            if error := self._axes.rejection(axis, CommandMode.VELOCITY, OWNER):
-                return str(error)
-            # Values from before the claim cannot show it yet.
-            if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
-                return f"{self._axes.names[axis]} was stopped by something else"
-        return None
-
-    def _release(self) -> None:
-        self._streaming = False
-        self._limiter.reset()
-        self._released.set()
+    def _end_motion(self) -> None:
+        for motion in self._slot.active:
+            motion.completion.finish(Outcome.CANCELED, "the robot is being shut down")
 
     def _log_rejection(self, rejection: str | None) -> None:
         if rejection == self._rejection:
@@ -202,31 +174,6 @@ class MobileBase:
             log.info("the base can move again")
         else:
             log.warning("the base cannot move", reason=rejection)
-
-    def _serve(self) -> None:
-        while True:
-            self._wake.wait()
-            self._wake.clear()
-            if self._closing:
-                return
-            twist, arrival_ns = self._command
-            if twist != ZERO_TWIST and self._clock.now_ns() - arrival_ns <= self._timeout_ns:
-                self._free.clear()
-                self._hold_wheels()
-                self._free.set()
-
-    def _hold_wheels(self) -> None:
-        """Claim the wheels until the control loop releases them."""
-        try:
-            with self._axes.claimed(OWNER, self.settings.axes, CommandMode.VELOCITY):
-                self._log_rejection(None)
-                self._released.clear()
-                self._claimed_ns = self._clock.now_ns()
-                self._streaming = not self._closing
-                if self._streaming:
-                    self._released.wait()
-        except Exception as error:  # noqa: BLE001 - logged; the next command tries again
-            self._log_rejection(str(error))
 
 
 def twist_limits(settings: DriveSettings) -> TwistLimits:

@@ -9,8 +9,8 @@ from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Completion, Outcome
 from robotd.control.execution_phase import Phase
+from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
-from robotd.control.trajectory_source import TrajectorySource
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState, Sampler, StopPlan, Trajectory, plan_stop
@@ -47,17 +47,16 @@ class StreamedTrajectory:
     ) -> None:
         self.start_ns = start_ns
         self.time_s = 0.0
-        position, velocity, _ = (part[0] for part in trajectory.evaluate(np.zeros(1)))
-        self.setpoint: FloatArray = np.array([position, velocity])
-        self._position, self._velocity = self.setpoint
+        self.setpoint: FloatArray = np.vstack(trajectory.evaluate(np.zeros(1)))
+        self._motion = self.setpoint[:2]  # position and velocity
         self._trajectory, self._limits = trajectory, limits
         self._completion = completion
         self._sampler = Sampler(trajectory)
         self._stop_plan: StopPlan | None = None
         self._stop_ns = start_ns
-        start = np.array([position, np.zeros(len(position))])
-        self.stall_recovery = StallRecovery(start, start_ns, limits, underrun, buffer_s)
-        self._held: FloatArray = start.copy()  # last position on the path, at rest
+        self._held: FloatArray = np.zeros_like(self.setpoint)  # last position, at rest
+        self._held[0] = self.setpoint[0]
+        self.stall_recovery = StallRecovery(self._held[:2], start_ns, limits, underrun, buffer_s)
         self._command_return: CommandReturn | None = None
         self._return_ns = start_ns
 
@@ -75,15 +74,15 @@ class StreamedTrajectory:
         state = self._trajectory.state_at(time_s)
         return MotionState.at_rest(state.position) if time_s < 0.0 else state
 
-    def take_over(self, running: TrajectorySource) -> None:
+    def take_over(self, running: SetpointSource) -> None:
         """Continue from the setpoint and the deviation of ``running``."""
         self.setpoint[:] = running.setpoint
-        if isinstance(running, StreamedTrajectory):
+        if running.stall_recovery is not None:
             self.stall_recovery = running.stall_recovery
 
     def sent(self, due_ns: int) -> None:
         """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
-        self.stall_recovery.sent(self.setpoint, due_ns)
+        self.stall_recovery.sent(self._motion, due_ns)
 
     def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> None:
         """Write the command that the device has at ``time_ns`` into ``out`` (2, m)."""
@@ -94,13 +93,16 @@ class StreamedTrajectory:
         rate = 1.0
         if self._stop_plan is None:
             self.time_s = (due_ns - self.start_ns) / NANOSECONDS
+            self._sampler.sample(self.time_s, self.setpoint)
         else:
             elapsed_s = (due_ns - self._stop_ns) / NANOSECONDS
-            self.time_s, rate, _ = self._stop_plan.at(elapsed_s)
-        self._sampler.sample(self.time_s, self._position, self._velocity)
-        if rate != 1.0:
-            self._velocity *= rate
-        self._held[0] = self._position
+            self.time_s, rate, deceleration = self._stop_plan.at(elapsed_s)
+            self._sampler.sample(self.time_s, self.setpoint)
+            _, velocity, acceleration = self.setpoint
+            acceleration *= rate**2
+            acceleration -= velocity * deceleration
+            velocity *= rate
+        self._held[0] = self.setpoint[0]
         self._recover(due_ns, due_ns - time_ns)
         if self.stall_recovery.active:
             return None
@@ -137,7 +139,7 @@ class StreamedTrajectory:
 
     def _recover(self, due_ns: int, period_ns: int) -> None:
         """Continue from the position after an underrun; request a fault when too far off."""
-        found = self.stall_recovery.lay_over(self.setpoint, due_ns, period_ns / NANOSECONDS)
+        found = self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS)
         if found and self.stall_recovery.is_far.any():
             self._completion.request(Outcome.FAULT, self._deviation_text())
 

@@ -12,6 +12,9 @@ from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.execution_phase import Phase, PhaseState
 from robotd.control.fault_monitor import STALL_S, FaultMonitor
 from robotd.control.joint_tracking import JointTracking, Progress
+from robotd.control.setpoint_source import SetpointSource
+from robotd.control.source_slot import PREEMPTED
+from robotd.control.stall_recovery import StallRecovery
 from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_source import TrajectorySource
 from robotd.device.drivers import AxisDriver
@@ -22,15 +25,14 @@ from robotd.motion import JointLimits, MotionState, Tolerances, Trajectory
 __all__ = ["PREEMPTED", "Outcome", "Progress", "TrajectoryExecution"]
 
 REST_TIMEOUT_S = 2.0  # after that a joint that still moves is reported, not waited for
-PREEMPTED = "preempted by a new goal"
 TOLERANCES = frozenset({Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
 
 
 class TrajectoryExecution:
     """Execution of one trajectory, made by ``TrajectoryFollower.follow``.
 
-    Advanced by the control loop, awaited by one worker. Any thread may call ``cancel``,
-    ``preempt``, ``wait`` and ``progress``; the rest belongs to the control loop.
+    A ``SetpointSource``: advanced by the control loop, awaited by one worker. Any thread may
+    call ``cancel``, ``wait`` and ``progress``; the rest belongs to the control loop.
 
     Args:
         source: makes the joints move.
@@ -43,7 +45,7 @@ class TrajectoryExecution:
 
     Attributes:
         trajectory: as above.
-        columns: index of its joints among the device's axes.
+        columns, setpoint, completion: as of every ``SetpointSource``.
     """
 
     def __init__(
@@ -58,10 +60,11 @@ class TrajectoryExecution:
     ) -> None:
         self.trajectory = trajectory
         self.columns = columns(axes)
-        self._source, self._completion = source, completion
+        self.setpoint, self.completion = source.setpoint, completion
+        self._source = source
         self._axes, self._limits, self._tolerances = axes, limits, tolerances
         self._stopped_velocity = stopped_velocity
-        self._tracking = JointTracking(source.setpoint)
+        self._tracking = JointTracking(source.setpoint[:2])
         self._monitor = FaultMonitor(trajectory.names, axes, streamed=source.streams)
         self._state = PhaseState(source.start_ns)
         self._advanced_ns = source.start_ns
@@ -103,19 +106,14 @@ class TrajectoryExecution:
         return cls(source, completion, trajectory, axes, limits, tolerances, stopped_velocity)
 
     @property
-    def streams(self) -> bool:
-        """The control loop sends its setpoints."""
-        return self._source.streams
-
-    @property
     def start_ns(self) -> int:
         """Monotonic time of the trajectory's time 0."""
         return self._source.start_ns
 
     @property
-    def setpoint(self) -> FloatArray:
-        """(2, m) position and velocity for the end of the period."""
-        return self._source.setpoint
+    def stall_recovery(self) -> StallRecovery | None:
+        """Deviation from its path after an underrun, where setpoints are streamed."""
+        return self._source.stall_recovery
 
     @property
     def max_error(self) -> FloatArray:
@@ -125,45 +123,39 @@ class TrajectoryExecution:
     @property
     def ending(self) -> tuple[Outcome, str] | None:
         """Outcome and message of the requested end, None: none requested."""
-        return self._completion.requested
+        return self.completion.requested
 
     @property
     def outcome(self) -> Outcome | None:
         """Result; None until it has ended."""
-        return self._completion.outcome
+        return self.completion.outcome
 
     @property
     def message(self) -> str:
         """Reason of ``outcome``, "" until it has ended."""
-        return self._completion.message
+        return self.completion.message
 
     @property
     def done(self) -> bool:
         """It has ended: ``outcome`` is set."""
-        return self._completion.event.is_set()
+        return self.completion.done
 
     @property
     def on_path(self) -> bool:
         """It follows its path or reached its end; a successor may continue it."""
-        if self.outcome is None:
-            return self.ending is None
-        return self.outcome is Outcome.SUCCEEDED
+        return self.completion.goes_on
 
     def cancel(self) -> None:
         """Request a controlled stop, which ends at standstill; no effect after the end."""
-        self._completion.request(Outcome.CANCELED, "canceled by the client")
-
-    def preempt(self) -> None:
-        """Request a controlled stop because a new goal waits."""
-        self._completion.request(Outcome.PREEMPTED, PREEMPTED)
+        self.completion.request(Outcome.CANCELED, "canceled by the client")
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Block until it has ended; return False after ``timeout_s`` (None: no limit)."""
-        return self._completion.event.wait(timeout_s)
+        return self.completion.event.wait(timeout_s)
 
     def wait_until(self, deadline_ns: int, clock: Clock) -> None:
         """Block until it has ended, or until ``deadline_ns`` on ``clock``."""
-        wait_for_event(self._completion.event, deadline_ns, clock)
+        wait_for_event(self.completion.event, deadline_ns, clock)
 
     def progress(self) -> Progress:
         """Return the values of one control period: path at ``time_s`` and measurement."""
@@ -180,23 +172,25 @@ class TrajectoryExecution:
         """Start: it was submitted and will run. Follower."""
         self._source.begin()
 
-    def take_over(self, running: TrajectoryExecution) -> None:
-        """Continue from the setpoint that the joints are reaching with ``running``. Mixer."""
-        self._source.take_over(running._source)
-        self._advanced_ns = running._advanced_ns
+    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
+        """Continue from the setpoint that the joints are reaching with ``running``. Slot."""
+        self._source.take_over(running)
+        self._advanced_ns = advanced_ns
 
     def sent(self, due_ns: int) -> None:
-        """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``. Mixer."""
+        """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``. Slot."""
         self._source.sent(due_ns)
 
-    def finish(self, outcome: Outcome, message: str) -> None:
-        """End at once, also while joints move; no effect after the end. Mixer."""
-        self._completion.finish(outcome, message)
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
+        """Check the measured values of ``time_ns`` and compute the next setpoint.
 
-    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
-        """Check the measured values of ``time_ns`` and compute the next setpoint."""
-        if self.outcome is not None:
-            return
+        Returns False where the device computes it.
+        """
+        if not self.done:
+            self._run_period(time_ns, period_ns, image)
+        return self._source.streams
+
+    def _run_period(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
         pause_ns, self._advanced_ns = time_ns - self._advanced_ns, time_ns
         self._observe(image, time_ns)
         self._check_drives(image, pause_ns)
@@ -224,9 +218,9 @@ class TrajectoryExecution:
 
     def _check_drives(self, image: ProcessImage, pause_ns: int) -> None:
         """End with a fault when a drive does not follow, also during a stop."""
-        if self._monitor.is_faulty(image) and not self._completion.is_fault:
+        if self._monitor.is_faulty(image) and not self.completion.is_fault:
             text = self._monitor.describe(image, self._source.time_s, pause_ns)
-            self._completion.escalate(text)
+            self.completion.escalate(text)
 
     def _check_path(self, time_ns: int, pause_ns: int) -> None:
         """Check the path tolerance; begin to stop when an end is requested."""
@@ -238,7 +232,7 @@ class TrajectoryExecution:
                 self._source.time_s, desired[0], measured[0], desired[1], measured[1]
             )
             if violation is not None:
-                self._completion.request(Outcome.PATH_TOLERANCE, str(violation))
+                self.completion.request(Outcome.PATH_TOLERANCE, str(violation))
         if self.ending is not None:
             self._state.enter(self._source.stop(time_ns), time_ns)
 
@@ -250,9 +244,9 @@ class TrajectoryExecution:
             self.trajectory.duration_s + over_s, desired[0], measured[0], measured[1]
         )
         if self._state.settle(violation is None and self._source.on_path):
-            self.finish(Outcome.SUCCEEDED, self._success_text())
+            self.completion.finish(Outcome.SUCCEEDED, self._success_text())
         elif violation and over_s > self._tolerances.goal_time_s:
-            self._completion.request(Outcome.GOAL_TOLERANCE, str(violation))
+            self.completion.request(Outcome.GOAL_TOLERANCE, str(violation))
             self._state.enter(Phase.RESTING, time_ns)
 
     def _rest(self, time_ns: int, image: ProcessImage) -> None:
@@ -269,7 +263,7 @@ class TrajectoryExecution:
             stuck = outcome in TOLERANCES and not moving
             if stuck and self._source.return_command(time_ns, self._tracking.measured[0]):
                 return
-            self.finish(outcome, f"{message}; joints still move" if moving else message)
+            self.completion.finish(outcome, f"{message}; joints still move" if moving else message)
 
     def _success_text(self) -> str:
         worst = int(np.argmax(self.max_error))

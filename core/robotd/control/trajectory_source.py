@@ -6,6 +6,8 @@ from typing import Protocol
 
 from robotd.arrays import FloatArray
 from robotd.control.execution_phase import Phase
+from robotd.control.setpoint_source import SetpointSource
+from robotd.control.stall_recovery import StallRecovery
 from robotd.device.process_image import ProcessImage
 from robotd.motion import MotionState
 
@@ -20,7 +22,8 @@ class TrajectorySource(Protocol):
         streams: the control loop sends ``setpoint``.
         start_ns: monotonic time of the trajectory's time 0.
         time_s: trajectory time of ``setpoint``.
-        setpoint: (2, m) position and velocity for the end of the period.
+        setpoint: (3, m) position, velocity and acceleration for the end of the period.
+        stall_recovery: of the setpoints, None where the device makes them.
     """
 
     streams: bool
@@ -28,13 +31,17 @@ class TrajectorySource(Protocol):
     time_s: float
     setpoint: FloatArray
 
+    @property
+    def stall_recovery(self) -> StallRecovery | None:
+        """Deviation of the setpoints from the path after an underrun."""
+
     def begin(self) -> None:
         """Start: the execution was submitted and will run. Worker."""
 
     def splice_state(self, time_ns: int) -> MotionState | None:
         """Return the state at ``time_ns`` for a successor; None: it has to wait. Any thread."""
 
-    def take_over(self, running: TrajectorySource) -> None:
+    def take_over(self, running: SetpointSource) -> None:
         """Continue from the setpoint that the joints are reaching with ``running``."""
 
     def sent(self, due_ns: int) -> None:

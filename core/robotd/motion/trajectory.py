@@ -76,34 +76,35 @@ class Sampler:
     """Reader of one trajectory, period by period. One owner thread; ``sample`` allocates no array.
 
     One product per sample: the powers of the time since the knot, times a matrix that holds
-    the coefficients of position and velocity side by side.
+    the coefficients of position, velocity and acceleration side by side.
     """
 
     def __init__(self, trajectory: Trajectory) -> None:
         segments, order, joints = trajectory.coefficients.shape
         factors = np.arange(order - 1, 0, -1.0)[:, None]
-        wide = np.zeros((segments, order, 2 * joints))
-        wide[:, :, :joints] = trajectory.coefficients
-        wide[:, 1:, joints:] = trajectory.coefficients[:, :-1] * factors
+        wide = np.zeros((segments, order, 3, joints))
+        wide[:, :, 0] = trajectory.coefficients
+        for derivative in (1, 2):
+            wide[:, 1:, derivative] = wide[:, :-1, derivative - 1] * factors
         self.trajectory = trajectory
-        self._segments = list(wide)
+        self._segments = list(wide.reshape(segments, order, 3 * joints))
         self._breaks: list[float] = trajectory.breaks.tolist()
         self._end_s = trajectory.duration_s
         self._segment = 0
         self._powers = np.zeros(order)
         self._descending = tuple(range(order - 1, -1, -1))
-        self._out = np.zeros(2 * joints)
-        self._position, self._velocity = self._out.reshape(2, joints)
+        self._out = np.zeros(3 * joints)
+        self._motion = self._out.reshape(3, joints)
 
-    def sample(self, time_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
-        """Write the state at ``time_s`` into the arrays (m,). Cycle: yes.
+    def sample(self, time_s: float, out: FloatArray) -> None:
+        """Write position, velocity and acceleration at ``time_s`` into ``out`` (3, m). Cycle: yes.
 
         Times before 0 give the start, times from the duration on the rest position. Going
         forward from period to period costs least; any other order is right too.
         """
         if time_s >= self._end_s:
-            position_out[:] = self.trajectory.final_position
-            velocity_out[:] = 0.0
+            out[0] = self.trajectory.final_position
+            out[1:] = 0.0
             return
         breaks, segment, powers = self._breaks, self._segment, self._powers
         time_s = max(time_s, 0.0)
@@ -115,5 +116,4 @@ class Sampler:
             powers[index] = power
             power *= since_knot
         np.dot(powers, self._segments[segment], self._out)
-        position_out[:] = self._position
-        velocity_out[:] = self._velocity
+        out[:] = self._motion

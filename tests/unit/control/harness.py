@@ -98,6 +98,7 @@ class Harness:
         self.connection = self.robot.connection
         self.follower = self.robot.follower
         self.mixer = self.robot.control_loop._mixer
+        self.slot = self.robot.joint_motion._slot
         self.simulation: Simulation = self.connection._driver.wrapped.simulation  # type: ignore[attr-defined]
         self.faults = Faults(self.simulation)
         self.setpoints = Setpoints()

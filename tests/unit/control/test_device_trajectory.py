@@ -41,6 +41,7 @@ class Harness:
         self.axes.image.servo_on[:] = True
         self.image = ProcessImage(2)
         self.mixer = SetpointMixer(self.axes, 2, 1e9 / PERIOD_NS)
+        self.slot = self.mixer.slot()
         self.time_ns = 1_000_000_000
         rows = ([[0.0, 0.0], [0.0, 0.0]],) if velocities else ()
         request = TrajectoryRequest.from_rows(
@@ -59,7 +60,7 @@ class Harness:
             LIMITS.stopped_velocity(SETTINGS),
         )
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
-        assert self.mixer.submit(execution, None)
+        assert self.slot.submit(execution, None)
         execution.begin()
         return execution
 
@@ -107,7 +108,7 @@ def test_never_streams() -> None:
     harness = Harness()
     harness.axes.stream = lambda position, velocity: pytest.fail("streamed")  # type: ignore[method-assign]
     execution = harness.run()
-    harness.mixer.release()  # ends the execution's thread
+    harness.slot.release()  # ends the execution's thread
     assert execution.done
 
 

@@ -11,8 +11,8 @@ import pytest
 from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness
 from tests.unit.motion.helpers import peaks_of
 
-from robotd.control import trajectory_follower
-from robotd.control.setpoint_mixer import ABANDONED, NOT_RUNNING
+from robotd.control import joint_motion, trajectory_follower
+from robotd.control.source_slot import ABANDONED, NOT_RUNNING
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import NotReady
 
@@ -115,7 +115,7 @@ def test_a_waiting_goal_that_starts_meanwhile_is_not_skipped(
     with harness.goal(FAR) as first:
         harness.run(0.5)
         with harness.goal(HOME, seconds=1.5, start_in_s=0.7) as second:
-            harness.until(lambda: harness.mixer.running is first and first.done)
+            harness.until(lambda: harness.slot.running is first and first.done)
             # At rest now; while this one is planned the second one takes over and moves.
             while_planning(lambda: harness.run(0.6))
             with harness.goal((0.2, 0.2, 0.2), seconds=1.5) as third:
@@ -147,7 +147,7 @@ def test_planning_that_is_always_too_late_is_rejected(
 ) -> None:
     with harness.goal(FAR, seconds=30.0) as first:
         harness.run(0.2)
-        delays_s = [trajectory_follower.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
+        delays_s = [joint_motion.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
         starts = while_planning(*[partial(harness.run, delay_s) for delay_s in delays_s])
         with pytest.raises(NotReady, match="did not go on as planned for, 8 times"):
             harness.goal(HOME).__enter__()
@@ -159,7 +159,7 @@ def test_planning_that_is_always_too_late_is_rejected(
 def test_a_stop_that_takes_too_long_is_not_waited_for(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trajectory_follower, "STOP_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(joint_motion, "STOP_TIMEOUT_S", 0.05)
     with harness.goal(FAR) as execution:
         harness.run(0.5)
         execution.cancel()

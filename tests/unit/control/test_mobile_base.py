@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from structlog.testing import capture_logs
 
+from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, FakeClock, MonotonicClock
 from robotd.control.mobile_base import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, Operation
-from robotd.errors import InvalidArgument, NotReady
+from robotd.errors import InvalidArgument, LateSetpoint, NotReady
 from robotd.motion.diff_drive import ORIGIN, PlanarTwist, Pose, along_arc
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
@@ -91,7 +92,7 @@ class Harness:
     def settle(self) -> None:
         """Wait until the base's thread has claimed or released the wheels."""
         base = self.base
-        self.wait(lambda: base._streaming or (base._free.is_set() and not base._wake.is_set()))
+        self.wait(lambda: base.moving or base._worker.settled)
 
     def wait(self, condition: Callable[[], bool]) -> None:
         """Wait for another thread; periods run meanwhile, as it may wait for the image."""
@@ -185,7 +186,7 @@ def test_without_commands_it_stops_on_its_arc_in_time(harness: Harness) -> None:
         braking_s = 0.8 / limits.linear.deceleration + limits.smoothing()
         start_s = harness.clock.now_ns() / 1e9 - COMMAND_S
         previous = harness.twist.linear
-        while harness.base._streaming:
+        while harness.base.moving:
             harness.step()
             assert harness.twist.linear <= previous + 1e-6
             assert harness.twist.angular == pytest.approx(harness.twist.linear / 2, abs=1e-6)
@@ -211,7 +212,7 @@ def test_zero_commands_claim_and_log_nothing(harness: Harness) -> None:
             harness.base.command(0.0, 0.0)
             harness.settle()
             harness.run(COMMAND_S)
-    assert not harness.base._streaming
+    assert not harness.base.moving
     assert logs == []
     harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
 
@@ -354,3 +355,24 @@ def test_wheels_are_put_into_velocity_mode(descriptor: RobotDescriptor) -> None:
         assert list(harness.robot.image.mode) == [CommandMode.VELOCITY] * 2
         harness.drive(0.5, 0.0, 0.5)
         assert harness.twist.linear > 0.1
+
+
+def test_a_setpoint_that_was_not_sent_leaves_no_jump(harness: Harness) -> None:
+    """The next setpoint is one step from the last one that the device has."""
+    sent: list[float] = []
+    mixer = harness.robot.control_loop._mixer
+    stream, periods = mixer._driver.stream, iter(range(10**6))
+
+    def late(position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+        if next(periods) % 3:
+            raise LateSetpoint
+        sent.append(float(velocity[0]))
+        stream(position, velocity, due_ns)
+
+    mixer._driver.stream = late  # type: ignore[method-assign]
+    harness.drive(0.8, 0.0, 3.0)
+    settings = harness.base.settings
+    step = settings.acceleration_m_s2 * harness.period_s / settings.wheel_radius_m
+    assert max(sent) == pytest.approx(0.8 / settings.wheel_radius_m)
+    assert np.diff(sent).max() <= step * (1.0 + 1e-9)
+    assert mixer.late > 50

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness
 from tests.unit.motion.helpers import peaks_of
 
-from robotd.control.setpoint_mixer import PREEMPTED, SPLICE_LOST
+from robotd.control.source_slot import PREEMPTED, SPLICE_LOST
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.state import Operation
 from robotd.errors import NotReady

@@ -89,16 +89,18 @@ def test_the_sampler_gives_what_scipy_gives_in_any_order_of_times(
     curve = PPoly(trajectory.coefficients.transpose(1, 0, 2), trajectory.breaks)
     sampler = Sampler(trajectory)
     for time_s in times:
-        position, velocity = np.full((2, 3), np.nan)
-        sampler.sample(time_s, position, velocity)
+        position, velocity, acceleration = out = np.full((3, 3), np.nan)
+        sampler.sample(time_s, out)
         if time_s >= trajectory.duration_s:
             np.testing.assert_array_equal(position, trajectory.final_position)
             assert not velocity.any()
+            assert not acceleration.any()
             continue
         within = max(time_s, 0.0)
         scale = 1.0 + np.abs(trajectory.coefficients).max()
         np.testing.assert_allclose(position, curve(within), atol=1e-13 * scale)
         np.testing.assert_allclose(velocity, curve(within, 1), atol=1e-12 * scale)
+        np.testing.assert_allclose(acceleration, curve(within, 2), atol=1e-11 * scale)
 
 
 @settings(max_examples=20)
@@ -106,19 +108,20 @@ def test_the_sampler_gives_what_scipy_gives_in_any_order_of_times(
 def test_state_and_samples_agree(asked: TrajectoryRequest, start: MotionState) -> None:
     trajectory = planned(asked, start=start)
     sampler = Sampler(trajectory)
-    position, velocity = np.zeros((2, 3))
+    position, velocity, acceleration = out = np.zeros((3, 3))
     for time_s in np.arange(0.0, trajectory.duration_s + 0.1, 0.05):
-        sampler.sample(time_s, position, velocity)
+        sampler.sample(time_s, out)
         state = trajectory.state_at(time_s)
         np.testing.assert_allclose(position, state.position, atol=1e-9)
         np.testing.assert_allclose(velocity, state.velocity, atol=1e-8)
+        np.testing.assert_allclose(acceleration, state.acceleration, atol=1e-7)
 
 
 def test_a_sample_goes_into_parts_of_larger_arrays_too() -> None:
     trajectory = planned(request([1.0], rows(1.0)))
-    image = np.full(8, np.nan)
-    Sampler(trajectory).sample(0.5, image[::2][:3], np.zeros(3))
-    np.testing.assert_allclose(image[[0, 2, 4]], 0.5)
+    image = np.full((3, 8), np.nan)
+    Sampler(trajectory).sample(0.5, image[:, ::2][:, :3])
+    np.testing.assert_allclose(image[0, [0, 2, 4]], 0.5)
 
 
 def test_a_trajectory_cannot_be_changed() -> None:

@@ -1,0 +1,63 @@
+"""Reads the process image each period and judges the age of its values."""
+
+from __future__ import annotations
+
+from robotd.clock import NANOSECONDS
+from robotd.device.drivers import AxisDriver
+from robotd.device.process_image import ProcessImage
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+
+log = get_logger("cycle")
+
+
+class ImageReader:
+    """Fills the process image from the driver. Control-loop thread.
+
+    Args:
+        driver: of the axes.
+        image: the live process image.
+        stale_after_s: age of values that are not trusted any more.
+
+    Attributes:
+        failure: reason of the last read that failed; None: it succeeded.
+    """
+
+    def __init__(self, driver: AxisDriver, image: ProcessImage, stale_after_s: float) -> None:
+        self.failure: str | None = None
+        self._driver, self._image = driver, image
+        self._stale_after_ns = round(stale_after_s * NANOSECONDS)
+        self._since_ns = 0  # first read of this communication
+
+    def read(self, time_ns: int) -> None:
+        """Fill the image for the period ``time_ns``; an exception is logged once."""
+        image = self._image
+        self._since_ns = self._since_ns or time_ns
+        image.begin_write()
+        try:
+            self._driver.read(image)
+            image.stamp_ns = time_ns
+            self.failure = None
+        except Exception as error:
+            expected = isinstance(error, RobotdError)
+            if self.failure is None and not expected:
+                log.error("reading the process image failed", reason=str(error))
+                log.debug("traceback of the failed read", exc_info=error)
+            self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
+        finally:
+            image.end_write()
+
+    def staleness(self, time_ns: int) -> str | None:
+        """Return why the values are too old to be trusted; None: they are fresh."""
+        age_ns = time_ns - max(self._image.fresh_ns, self._since_ns)
+        if age_ns <= self._stale_after_ns:
+            return None
+        return self.failure or f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
+
+    def forget(self) -> bool:
+        """Clear the image after the end of communication; return False when it was cleared."""
+        if not self._since_ns:
+            return False
+        self._since_ns = 0
+        self._image.forget()
+        return True

@@ -1,0 +1,160 @@
+"""Claim of the joints, and their handover from one setpoint source to the next."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import TypeVar
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS, Clock, wait_until
+from robotd.clock.simulated import held
+from robotd.control.completion import Outcome
+from robotd.control.setpoint_source import SetpointSource
+from robotd.control.source_slot import PREEMPTED, SourceSlot
+from robotd.device.axes import Axes
+from robotd.device.state import CommandMode
+from robotd.errors import NotReady
+from robotd.motion import MotionState
+
+OWNER = "follow_joint_trajectory"
+LEAD_S = 0.03  # planning time of a source that takes over from a moving one
+STOP_TIMEOUT_S = 10.0  # of a controlled stop
+MOVED_RAD = 1e-6  # change of a command that counts as motion
+PLANNINGS = 8  # of one source, each with twice the lead of the one before
+
+Source = TypeVar("Source", bound=SetpointSource)
+Planner = Callable[[MotionState], Callable[[int], Source]]
+
+
+class JointMotion:
+    """Starts setpoint sources for the joints, one at a time; a newer one takes over.
+
+    The joints are claimed from the first ``start`` until every source is released. Any worker
+    thread may call; sources are planned one after the other.
+
+    Args:
+        axes: of the robot.
+        slot: of the joints.
+        joint_axes: axis of each joint.
+        clock: of the control loop.
+
+    Attributes:
+        lock: held while a source is planned and submitted; re-entrant.
+    """
+
+    def __init__(
+        self, axes: Axes, slot: SourceSlot, joint_axes: Sequence[int], clock: Clock
+    ) -> None:
+        self.lock = threading.RLock()
+        self._axes, self._slot = axes, slot
+        self._joint_axes = list(joint_axes)
+        self._clock = clock
+        self._claim = ExitStack()
+        self._active = 0
+
+    def start(self, plan: Planner[Source], start_ns: int = 0) -> Source:
+        """Plan a source from the present motion and submit it; ``release`` has to follow.
+
+        Planning is repeated while the running source has changed meanwhile.
+
+        Args:
+            plan: returns, for the state to start from, a function that makes the source for a
+                start time. It raises what rejects the request; a running source continues then.
+            start_ns: earliest start, monotonic; 0: as soon as possible.
+
+        Raises:
+            NotReady: a joint cannot be commanded now.
+        """
+        with self.lock, held(self._clock):  # simulated time must not outrun planning
+            try:
+                source = self._submit(plan, start_ns)
+            except BaseException:
+                if self._active == 0:
+                    self._claim.close()
+                raise
+            self._active += 1
+            return source
+
+    def release(self, source: SetpointSource) -> None:
+        """Stop ``source`` and wait for its end; the last one releases the joints."""
+        source.completion.request(Outcome.CANCELED, "canceled by the client")
+        self._await_end(source, STOP_TIMEOUT_S)
+        with self.lock:
+            self._active -= 1
+            if self._active == 0:
+                self._slot.release()
+                self._claim.close()
+
+    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
+        """Stop the active sources and wait for their ends.
+
+        After ``timeout_s`` it returns while the joints may still move.
+        """
+        active = self._slot.active
+        for source in active:
+            source.completion.request(Outcome.CANCELED, "canceled by the client")
+        for source in active:
+            self._await_end(source, timeout_s)
+
+    def command(self) -> FloatArray:
+        """Return (m,) position commands of the joints, in rad or m."""
+        return self._axes.image.position_command[self._joint_axes]
+
+    def _submit(self, plan: Planner[Source], start_ns: int) -> Source:
+        lead_s = LEAD_S
+        for _ in range(PLANNINGS):
+            running = self._slot.running
+            if running is None or running.completion.done:
+                after, source = None, self._plan_from_rest(plan, running, start_ns)
+            else:
+                after, source = running, self._plan_splice(plan, running, start_ns, lead_s)
+                lead_s *= 2.0
+            if source is not None and self._slot.submit(source, after):
+                return source
+        raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
+
+    def _plan_splice(
+        self, plan: Planner[Source], running: SetpointSource, start_ns: int, lead_s: float
+    ) -> Source | None:
+        """Plan from the motion of ``running``; None after its standstill where that is needed."""
+        splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns)
+        state = running.splice_state(splice_ns)
+        if state is not None:
+            return plan(state)(splice_ns)
+        if running.completion.goes_on:
+            # It has to stop first, but not for a request that would be rejected anyway.
+            plan(MotionState.at_rest(self.command()))(splice_ns)
+            running.completion.request(Outcome.PREEMPTED, PREEMPTED)
+        if not self._await_end(running, STOP_TIMEOUT_S):
+            raise NotReady("the joints did not come to rest after the last trajectory")
+        return None
+
+    def _plan_from_rest(
+        self, plan: Planner[Source], running: SetpointSource | None, start_ns: int
+    ) -> Source | None:
+        """Plan from standstill and claim the axes; None when they have moved meanwhile."""
+        state = self._rest_state()
+        make = plan(state)
+        if not self._slot.release_after(running):
+            return None
+        # Claim again: after a fault the device has taken axes out of the stream.
+        self._claim.close()
+        self._claim.enter_context(self._axes.claimed(OWNER, self._joint_axes))
+        if (np.abs(self.command() - state.position) > MOVED_RAD).any():
+            return None
+        earliest_ns = max(self._slot.next_start_ns, self._clock.now_ns())
+        return make(max(earliest_ns, start_ns))
+
+    def _rest_state(self) -> MotionState:
+        """Return the commanded position; a plan from the measured one would jump."""
+        for axis in self._joint_axes:
+            if error := self._axes.rejection(axis, CommandMode.POSITION, OWNER):
+                raise error
+        return MotionState.at_rest(self.command())
+
+    def _await_end(self, source: SetpointSource, timeout_s: float) -> bool:
+        return wait_until(lambda: source.completion.done, timeout_s, self._clock)

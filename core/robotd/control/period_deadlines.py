@@ -1,0 +1,71 @@
+"""Deadlines of the control periods: lateness, missed ones, and waiting for the next."""
+
+from __future__ import annotations
+
+import time
+
+from robotd.clock import Clock
+from robotd.control.loop_statistics import LoopStatistics
+
+AHEAD_NS = 120_000  # other threads begin no work in this time before a period
+WAITS, WAIT_S = 6, 5e-5  # in fact 0.1 ms each: wake-up latency of the system
+
+
+class PeriodDeadlines:
+    """Deadlines of one control loop. Control-loop thread, except ``wait_while_imminent``.
+
+    Args:
+        clock: of the control loop.
+        period_ns: between two deadlines.
+        imminent: other threads wait for a period; not in simulated time.
+
+    Attributes:
+        stats: of the periods.
+    """
+
+    def __init__(self, clock: Clock, period_ns: int, *, imminent: bool) -> None:
+        self.stats = LoopStatistics()
+        self._clock, self._period_ns = clock, period_ns
+        self._imminent = imminent
+        self._due_ns = 0  # of the next or current period; 0: no thread has to wait for it
+        self._late_ns = 0  # of deadlines missed since the last period
+        self._start_ns = 0  # of the current period
+
+    def overrun(self, time_ns: int) -> int:
+        """Count and return the deadlines from ``time_ns`` on that are missed.
+
+        A deadline that has passed by more than half a period is missed: its setpoint would come
+        too late, and its SYNC so close to the next one that drives would count the two as one.
+        """
+        period_ns = self._period_ns
+        missed = max(0, (self._clock.now_ns() - time_ns + period_ns // 2 - 1) // period_ns)
+        self.stats.missed += missed
+        return missed
+
+    def begin(self, deadline_ns: int) -> tuple[int, bool]:
+        """Return the deadline of the next period from ``deadline_ns`` on, and whether it is due.
+
+        A period whose start is late is skipped, never made up for in a burst.
+        """
+        self._start_ns = self._clock.now_ns()
+        self._late_ns = max(self._late_ns, self._start_ns - deadline_ns)
+        missed = self.overrun(deadline_ns)
+        deadline_ns += missed * self._period_ns
+        return deadline_ns, not missed or deadline_ns <= self._start_ns
+
+    def end(self) -> None:
+        """Record the current period."""
+        self.stats.record(self._late_ns, self._start_ns, self._clock.now_ns())
+        self._late_ns = 0
+
+    def expect(self, deadline_ns: int) -> None:
+        """Set the next deadline; 0: there is none."""
+        if self._imminent:
+            self._due_ns = deadline_ns
+
+    def wait_while_imminent(self) -> None:
+        """Wait while a period is imminent or running, 1 ms at most. Any other thread."""
+        for _ in range(WAITS):
+            if not self._due_ns or self._clock.now_ns() < self._due_ns - AHEAD_NS:
+                return
+            time.sleep(WAIT_S)

@@ -1,0 +1,61 @@
+"""Interface of everything that moves axes by setpoints: trajectories, streams, jogs, the base."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.control.completion import Completion
+from robotd.control.stall_recovery import StallRecovery
+from robotd.device.process_image import ProcessImage
+from robotd.motion import MotionState
+
+
+class SetpointSource(Protocol):
+    """Motion of m axes: position, velocity and acceleration for each control period.
+
+    A worker makes it and submits it to the ``SourceSlot`` of its axes; from then on it belongs to
+    the control loop. It starts at rest, or continues the motion of another source (``take_over``).
+    It ends with an outcome and a reason, its ``completion``, of its own accord or because a client
+    requests it. After a success its setpoint holds the axes until a successor comes or the slot is
+    released. Control-loop thread, except ``splice_state`` and ``completion``.
+
+    Attributes:
+        columns: index of its axes among those of the device.
+        start_ns: due time of its first setpoint, at the earliest.
+        setpoint: (3, m) position, velocity and acceleration for the end of the period, in rad or m
+            and s; position NaN for axes in velocity mode.
+        completion: requested end, outcome, and the event to wait for.
+        stall_recovery: deviation from its path after an underrun, which a successor continues;
+            None: it keeps none.
+    """
+
+    columns: slice | IntArray
+    setpoint: FloatArray
+    completion: Completion
+
+    @property
+    def start_ns(self) -> int:
+        """Due time of its first setpoint, at the earliest."""
+
+    @property
+    def stall_recovery(self) -> StallRecovery | None:
+        """Deviation from its path after an underrun."""
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """Return the state at ``time_ns`` for a successor to plan from. Any thread.
+
+        None: a successor has to wait until it has ended.
+        """
+
+    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
+        """Continue from the setpoint of ``running``, made in the period ``advanced_ns``."""
+
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
+        """Compute the setpoint for ``time_ns + period_ns``; return False when it has none.
+
+        Also called after its end, until it is replaced or released.
+        """
+
+    def sent(self, due_ns: int) -> None:
+        """Note that ``setpoint`` was handed to the device; not called for a late one."""

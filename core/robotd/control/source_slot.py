@@ -1,0 +1,152 @@
+"""Running setpoint source of a group of axes, its successor, and the handover between them."""
+
+from __future__ import annotations
+
+import threading
+
+from robotd.arrays import FloatArray
+from robotd.control.completion import Outcome
+from robotd.control.setpoint_source import SetpointSource
+from robotd.device.process_image import ProcessImage
+
+PREEMPTED = "preempted by a new goal"
+ABANDONED = "the joints did not come to rest in time"
+NOT_RUNNING = "the control loop is not running"
+SPLICE_LOST = "the running trajectory was stopped before this one could take over"
+
+
+class SourceSlot:
+    """Decides which source moves its axes in each period. Made by ``SetpointMixer.slot``.
+
+    ``submit``, ``release_after`` and ``release`` are for the worker that has claimed the axes;
+    ``advance``, ``sent`` and ``device_lost`` for the mixer.
+
+    Args:
+        period_ns: of the control loop.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self._running: SetpointSource | None = None
+        self._next: SetpointSource | None = None
+        self._due_ns = 0
+        self._lost: str | None = NOT_RUNNING
+        self._handover = threading.Lock()
+
+    @property
+    def running(self) -> SetpointSource | None:
+        """Source that moves the axes, or holds them after its end."""
+        return self._running
+
+    @property
+    def active(self) -> list[SetpointSource]:
+        """Running source and its successor, without those that have ended."""
+        sources = (self._running, self._next)
+        return [each for each in sources if each is not None and not each.completion.done]
+
+    @property
+    def next_start_ns(self) -> int:
+        """Earliest start of a source from rest that is submitted now."""
+        return self._due_ns + self.period_ns
+
+    def submit(self, source: SetpointSource, after: SetpointSource | None) -> bool:
+        """Run ``source``: at once from rest, else from its ``start_ns`` on.
+
+        The axes must be in streaming. Where the device is lost, it ends with a fault at once.
+
+        Args:
+            source: takes the place of a waiting one.
+            after: the moving source that it continues; None: it begins at rest.
+
+        Returns:
+            False, without effect, when its start time has passed, or ``after`` is no longer the
+            running one or is ending: plan again.
+        """
+        with self._handover:
+            if self._lost is not None:
+                source.completion.finish(Outcome.FAULT, self._lost)
+                return True
+            goes_on = after is None or after.completion.goes_on
+            if self._running is not after or not goes_on or source.start_ns < self._due_ns:
+                return False
+            self._drop_next(Outcome.PREEMPTED, PREEMPTED)
+            if after is None:
+                self._running = source
+            else:
+                self._next = source
+            return True
+
+    def release_after(self, running: SetpointSource | None) -> bool:
+        """Stop holding the axes after ``running``, which has ended.
+
+        Returns False, without effect, when another source runs by now.
+        """
+        with self._handover:
+            if self._running is not running:
+                return False
+            self._drop_next(Outcome.PREEMPTED, PREEMPTED)
+            self._running = None
+            return True
+
+    def release(self) -> None:
+        """Stop streaming; after the last source has ended, before ``end_stream``."""
+        with self._handover:
+            self._drop(Outcome.FAULT, ABANDONED)
+
+    def advance(self, time_ns: int, image: ProcessImage, setpoints: FloatArray) -> bool:
+        """Write the setpoint due a period after ``time_ns`` into ``setpoints``; False: none.
+
+        Args:
+            time_ns: of the present period.
+            image: of the present period.
+            setpoints: (2, n) position and velocity of the device's n axes.
+        """
+        advanced_ns = self._due_ns - self.period_ns
+        self._due_ns, self._lost = time_ns + self.period_ns, None
+        if self._next is not None:
+            with self._handover:
+                self._take_over(advanced_ns)
+        source = self._running
+        if source is None or source.completion.outcome is Outcome.FAULT:
+            # After a fault the axes are at the position where the device stopped them.
+            return False
+        if not source.advance(time_ns, self.period_ns, image):
+            return False
+        setpoints[:, source.columns] = source.setpoint[:2]
+        return True
+
+    def sent(self, due_ns: int) -> None:
+        """Note that the setpoint of this period was handed to the device."""
+        if self._running is not None:
+            self._running.sent(due_ns)
+
+    def device_lost(self, reason: str) -> None:
+        """Fail both sources: the device cannot be reached."""
+        self._lost = reason
+        with self._handover:
+            self._drop(Outcome.FAULT, reason)
+
+    def _take_over(self, advanced_ns: int) -> None:
+        """Start the successor if its time has come, or end it. Lock held."""
+        successor, running = self._next, self._running
+        if successor is None or running is None:
+            return
+        if successor.completion.requested is not None:
+            self._drop_next(*successor.completion.requested)
+        elif not running.completion.goes_on:
+            self._drop_next(Outcome.FAULT, SPLICE_LOST)
+        elif running.completion.done or self._due_ns >= successor.start_ns:
+            successor.take_over(running, advanced_ns)
+            running.completion.finish(Outcome.PREEMPTED, PREEMPTED)
+            self._running, self._next = successor, None
+
+    def _drop(self, outcome: Outcome, message: str) -> None:
+        self._drop_next(outcome, message)
+        if self._running is not None:
+            self._running.completion.finish(outcome, message)
+            self._running = None
+
+    def _drop_next(self, outcome: Outcome, message: str) -> None:
+        if self._next is not None:
+            self._next.completion.finish(outcome, message)
+            self._next = None

@@ -1,0 +1,52 @@
+"""Last commanded twist of a mobile base, its time-out, and the stop that rejects commands."""
+
+from __future__ import annotations
+
+from robotd.clock import NANOSECONDS
+from robotd.log import get_logger
+from robotd.motion.diff_drive import ZERO_TWIST, PlanarTwist
+
+log = get_logger("base")
+
+
+class TwistCommand:
+    """Twist that holds until the next one, for ``timeout_s`` at most.
+
+    ``target`` is for the control loop, the rest for any thread.
+
+    Attributes:
+        stopped: no command holds until it is False again.
+    """
+
+    def __init__(self, timeout_s: float) -> None:
+        self.stopped = False
+        self._timeout_s = timeout_s
+        self._timeout_ns = round(timeout_s * NANOSECONDS)
+        self._command = (ZERO_TWIST, 0)  # and its time of arrival
+        self._late = False
+
+    @property
+    def ended(self) -> bool:
+        """The last ``target`` was standstill because of the time-out or ``stopped``."""
+        return self._late or self.stopped
+
+    def set(self, twist: PlanarTwist, time_ns: int) -> None:
+        """Replace the command by ``twist``, which arrived at ``time_ns``."""
+        self._command = (twist, time_ns)
+
+    def moves(self, time_ns: int) -> bool:
+        """Return True when a command other than standstill holds at ``time_ns``."""
+        twist, arrival_ns = self._command
+        in_time = time_ns - arrival_ns <= self._timeout_ns
+        return twist != ZERO_TWIST and in_time and not self.stopped
+
+    def target(self, time_ns: int) -> PlanarTwist:
+        """Return the twist to reach at ``time_ns``; a time-out in motion is logged."""
+        twist, arrival_ns = self._command
+        if self.stopped:
+            return ZERO_TWIST
+        late = time_ns - arrival_ns > self._timeout_ns
+        if late and not self._late and twist != ZERO_TWIST:
+            log.warning("no command in time: the base slows to rest", timeout_s=self._timeout_s)
+        self._late = late
+        return ZERO_TWIST if late else twist

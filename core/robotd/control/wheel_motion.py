@@ -1,0 +1,97 @@
+"""Setpoint source of a differential-drive base: wheel speeds from the commanded twist."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.control.completion import Completion, Outcome
+from robotd.control.setpoint_source import SetpointSource
+from robotd.control.twist_command import TwistCommand
+from robotd.device.axes import Axes
+from robotd.device.process_image import ProcessImage, columns
+from robotd.device.state import CommandMode, Operation
+from robotd.motion import MotionState
+from robotd.motion.diff_drive import WheelPair
+from robotd.motion.twist_limits import TwistLimiter
+
+OWNER = "mobile base"
+
+
+class WheelMotion:
+    """Motion of the wheels from a claim to standstill, within the limits of the base.
+
+    A ``SetpointSource``. A setpoint that was not sent is repeated in the next period, so that the
+    speed changes by one step from the last one that the device has.
+
+    Args:
+        axes: for the reasons why a wheel cannot move.
+        wheel_axes: axes of the left and the right wheel.
+        wheels: kinematics of the pair.
+        limiter: at rest; one for each motion.
+        command: twist to reach.
+        claimed_ns: time of the claim.
+        start_ns: due time of the first setpoint, at the earliest.
+    """
+
+    stall_recovery = None
+
+    def __init__(
+        self,
+        axes: Axes,
+        wheel_axes: tuple[int, int],
+        wheels: WheelPair,
+        limiter: TwistLimiter,
+        command: TwistCommand,
+        claimed_ns: int,
+        start_ns: int,
+    ) -> None:
+        self.start_ns = start_ns
+        self.columns = columns(wheel_axes)
+        self.completion = Completion()
+        self.setpoint: FloatArray = np.zeros((3, 2))
+        self.setpoint[0] = np.nan
+        self._axes, self._wheel_axes = axes, wheel_axes
+        self._wheels, self._limiter, self._command = wheels, limiter, command
+        self._claimed_ns = claimed_ns
+        self._sent = True
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """Return None: nothing but the base moves its wheels."""
+        return None
+
+    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
+        """Do nothing: it starts at rest."""
+
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
+        """Compute the wheel speeds one step further; False after its end."""
+        if self.completion.done:
+            return False
+        if (loss := self._loss(time_ns, image)) is not None:
+            self.completion.finish(Outcome.FAULT, loss)
+            return False
+        twist = self._command.target(time_ns)
+        if self._sent:
+            if self._limiter.at_rest and self._command.ended:
+                self.completion.finish(Outcome.SUCCEEDED, "at rest")
+                return False
+            speeds = np.array(self._wheels.speeds(self._limiter.step(twist)))
+            self.setpoint[2] = (speeds - self.setpoint[1]) * (NANOSECONDS / period_ns)
+            self.setpoint[1] = speeds
+        self._sent = False
+        return True
+
+    def sent(self, due_ns: int) -> None:
+        """Note that the device has the setpoint."""
+        self._sent = True
+
+    def _loss(self, time_ns: int, image: ProcessImage) -> str | None:
+        """Return the reason why the claimed wheels cannot move; None: they can."""
+        for axis in self._wheel_axes:
+            if error := self._axes.rejection(axis, CommandMode.VELOCITY, OWNER):
+                return str(error)
+            # Values from before the claim cannot show it yet.
+            if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
+                return f"{self._axes.names[axis]} was stopped by something else"
+        return None
