@@ -15,6 +15,7 @@ from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
 from robotd.control.control_loop import ControlLoop
 from robotd.control.joint_motion import JointMotion
 from robotd.control.mobile_base import MobileBase, wheel_limits
+from robotd.control.recovery import Recovery, Report
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
@@ -26,6 +27,7 @@ from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
+from robotd.device.reconnector import Reconnector
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported, reason_of
@@ -135,6 +137,11 @@ class Robot:
             self.connection.on_ready(self.base.on_ready)
             self.control_loop.every(descriptor.cycle.rate_hz, "wheel odometry", self.base.track)
         self.connection.before_stop = self._stop_and_disable
+        self._reconnector = Reconnector(self.connection)
+        used = (*self.joint_axes, *self.wheel_axes)
+        self._recovery = Recovery(
+            self.connection, self.axes, self.fieldbus, used, self._enable, clock
+        )
 
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: cycle, device, communication, parameters, then the servos.
@@ -153,7 +160,11 @@ class Robot:
         self.control_loop.start()
         if self.base is not None:
             self.base.start()
-        self.connection.start()
+        try:
+            self.connection.start()
+        finally:
+            if self.descriptor.engine.reconnect:
+                self._reconnector.start()
         if enable and self.connection.commandable:
             self.enable_joints()
 
@@ -185,7 +196,7 @@ class Robot:
         return injector
 
     def enable_joints(self) -> None:
-        """Clear alarm, then servo on, axis by axis: the start-up's and the recovery's way.
+        """Clear alarm, then servo on, axis by axis, as at start-up.
 
         Wheels are put into velocity mode before.
         """
@@ -201,6 +212,26 @@ class Robot:
         if results:
             log.info("servos on", axes=len(results))
 
+    @property
+    def problems(self) -> list[str]:
+        """Reasons why axes cannot move, root cause first; empty without one. Any thread."""
+        return self._recovery.problems()
+
+    def recover(self, report: Report = lambda line: None) -> None:
+        """Reconnect, clear alarms, switch servos on and verify, as far as needed. Nothing moves.
+
+        Any worker; seconds where the device needs them. The steps are logged too.
+
+        Args:
+            report: called with the cause, and with each step when it begins or has ended.
+
+        Raises:
+            NotReady: another recovery runs, axes are not at rest, or the robot is shutting down.
+            ConnectError: the step that failed, with the reason of each axis.
+            RobotdError: the device cannot be opened or started.
+        """
+        self._recovery.run(report)
+
     def shutdown(self) -> None:
         """Stop motion in a controlled way, servos off, stop communication, close.
 
@@ -208,6 +239,8 @@ class Robot:
         """
         if isinstance(self.clock, PacedClock):
             self.clock.resume()
+        self.connection.abort_start()
+        self._reconnector.stop()
         try:
             self.connection.shutdown()
         except RobotdError as error:

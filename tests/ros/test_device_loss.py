@@ -9,12 +9,14 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Bool
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 from tests.canopen.drives_process import DrivesProcess, write_robot
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
 
 pytestmark = pytest.mark.ros
+
+SWITCHED_ON = "servos on: joint1, joint2, joint3, joint4, joint5, joint6"
 
 
 def lines_with(process: RobotProcess, text: str) -> list[str]:
@@ -47,10 +49,8 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
             status, output, _ = robotd(process.domain, "status")
             assert status == 1
             assert "start communication" in output
-            answer = client.call(SetBool, "/wmx/engine/set_comm", data=True)
-            assert answer.message == "Communicating"
+            check_recovered(process)
             wait_until(lambda: ready[-1].data, "ready again")
-            assert robotd(process.domain, "servo", "on")[0] == 0
             report = json.loads(robotd(process.domain, "status", "--json")[1])
             assert (report["ready"], report["reason"], report["remedy"]) == (True, "", "")
             assert len(lines_with(process, "device lost")) == 1
@@ -61,6 +61,20 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
         assert "Traceback" not in process.output
 
 
+def check_recovered(process: RobotProcess) -> None:
+    """The command names the cause and reports its steps; a second one finds nothing wrong."""
+    status, output, error = robotd(process.domain, "recover")
+    assert (status, error) == (0, ""), output
+    found, *steps = output.splitlines()
+    assert found.startswith("found: engine is not ready (state Unknown): ")
+    assert "(node " in found
+    assert steps[0] == "reconnecting"
+    assert steps[1].startswith("reconnected after ")
+    assert steps[-2] == SWITCHED_ON
+    assert steps[-1].startswith("verified: 6 axes on, no alarm")
+    assert robotd(process.domain, "recover")[1].startswith("nothing is wrong")
+
+
 def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
     """The cause is in the log line, the status, every command's answer and the diagnostics."""
     [line] = lines_with(process, "device lost")
@@ -68,11 +82,11 @@ def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
     status, output, error = robotd(process.domain, "status")
     assert (status, error) == (1, "")
     assert cause in output
-    assert "set_comm" in output
+    assert "robotd recover" in output
     report = json.loads(robotd(process.domain, "status", "--json")[1])
     assert (report["state"], report["ready"], report["axes"]) == ("Unknown", False, None)
     assert cause in report["reason"]
-    assert report["remedy"].endswith("robotd servo on")
+    assert report["remedy"] == "robotd recover"
     for command in (["servo", "on"], ["servo", "on", "2"], ["move", "joint1=0.1"]):
         status, _, error = robotd(process.domain, *command)
         assert status == 1, f"{command}: {error}"
@@ -81,6 +95,33 @@ def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
     level, message = engine_diagnostics(client)
     assert level == DiagnosticStatus.ERROR
     assert cause in message
+
+
+def test_drives_that_come_late_or_back_are_reconnected_with_servos_off(tmp_path: Path) -> None:
+    drives = DrivesProcess()
+    changes = ("engine.reconnect=true", "engine.open_tries=1", "engine.open_retry_s=0.3")
+    arguments = [word for change in changes for word in ("--set", change)]
+    robot = str(write_robot(tmp_path))
+    with RobotProcess(*arguments, robot=robot, backend="canopen") as process:
+        client = Client(process.domain)
+        try:
+            process.wait_output("the robot did not start")
+            answer = client.call(Trigger, "/robotd/recover")
+            assert (answer.success, "do not answer as expected" in answer.message) == (False, True)
+            ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
+            for _ in range(2):
+                drives.start()
+                wait_until(lambda: ready and ready[-1].data, "ready without a command")
+                answer = client.call(Trigger, "/robotd/recover")
+                assert answer.success, answer.message
+                assert SWITCHED_ON in answer.message  # robotd had left them off
+                drives.stop()
+                wait_until(lambda: not ready[-1].data, "not ready")
+        finally:
+            drives.stop()
+            client.close()
+        assert process.end() == 0
+        assert "Traceback" not in process.output
 
 
 def test_a_slow_start_says_what_it_is_doing(tmp_path: Path) -> None:

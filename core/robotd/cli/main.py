@@ -17,6 +17,7 @@ COMMANDS = {
     "move": "Move joints of the running arm.",
     "gripper": "Open or close the gripper of the running robot.",
     "servo": "Switch the servos of the running robot.",
+    "recover": "Bring the running robot back after a fault. Nothing moves.",
     "sim": "Scenarios and faults for the simulation.",
     "conform": "Run the conformance checks on a backend. Axes move.",
     "wmx": "Readiness of a machine for the WMX backend.",

@@ -64,6 +64,11 @@ class EngineSettings(Section):
 
     open_tries: int = Field(5, ge=1, le=1000, description="Attempts to open the device.")
     open_retry_s: NotNegative = Field(2.0, description="Pause between two attempts.")
+    reconnect: bool = Field(
+        False,
+        description="Reconnect a lost device, and one that comes late, every `open_retry_s`. "
+        "Servos stay off.",
+    )
     communication_timeout_s: Positive = Field(
         10.0, description="Time for the cyclic exchange to begin."
     )

@@ -114,6 +114,10 @@ class Axes:
         groups = (tuple(group) for group in self._driver.servo_groups)
         return next((group for group in groups if axis in group), (axis,))
 
+    def owner(self, axis: int) -> str:
+        """Return the owner that has claimed ``axis``; "" without one. Any thread."""
+        return self._owners.get(axis, "")
+
     def check_axes(self, axes: Sequence[int]) -> None:
         """Raise NotReady before the device is ready, else as ``check_numbers``. Any thread.
 

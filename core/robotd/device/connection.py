@@ -73,6 +73,7 @@ class Connection:
         self._hang = ""
         self._start_failure = ""
         self._prepared = False  # communication was started here, and the parameters are in force
+        self._wanted = False
         self._ready = False
         self._ready_lock = threading.RLock()
         self.scaling_lock = threading.Lock()
@@ -131,6 +132,11 @@ class Connection:
         return self._prepared
 
     @property
+    def lost(self) -> bool:
+        """True while communication should run and axes cannot be commanded."""
+        return self._wanted and not self._ready and not self._ending.is_set()
+
+    @property
     def fault(self) -> str:
         """Reason for the lack of communication; "" if there is none."""
         if self._hang:
@@ -160,7 +166,7 @@ class Connection:
 
         Raises the last error when every try has failed; returns early when it is asked to end.
         """
-        tries = self.settings.open_tries
+        self._wanted, tries = True, self.settings.open_tries
         for attempt in range(1, tries + 1):
             try:
                 with self.step.running(f"opening the device, try {attempt} of {tries}"):
@@ -207,6 +213,17 @@ class Connection:
                 finally:
                     self.update_ready()
 
+    def restore(self) -> None:
+        """Open the device and start communication, as far as they are missing. One try.
+
+        Nothing moves, no servo is switched on. Raises as ``open`` and ``start_communication`` do.
+        """
+        with self._lock:
+            if self._driver.state() is ConnectionState.SHUTDOWN:  # ended by another program
+                self.close()
+            self.open()
+            self.start_communication()
+
     def start_communication(self) -> None:
         """Begin the cyclic exchange and apply the parameter file. Nothing moves.
 
@@ -215,6 +232,7 @@ class Connection:
         """
         with self._lock:
             self.require_alive()
+            self._wanted = True
             if self._driver.state() is ConnectionState.IDLE:
                 raise NotReady("device is not open")
             self._check_parameters_file()
@@ -239,7 +257,7 @@ class Connection:
                     self._end_communication()
                     log.info("communication stopped")
             finally:
-                self._prepared, self._start_failure = False, ""
+                self._prepared, self._wanted, self._start_failure = False, False, ""
                 self.update_ready()
 
     def scan_network(self) -> str:

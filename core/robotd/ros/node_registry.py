@@ -46,6 +46,7 @@ BUILT_IN = {
 }
 
 
+OPERATOR_NODE = "robotd"  # made beside the others of every robot
 SIMULATION_NODE = "robotd_sim"  # made beside the others on a simulation that can fail
 
 

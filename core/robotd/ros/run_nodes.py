@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
@@ -15,11 +15,13 @@ from robotd.ros.host import RosHost
 from robotd.ros.middleware import announce_often, check_overrides
 from robotd.ros.node_registry import (
     BUILT_IN,
+    OPERATOR_NODE,
     SIMULATION_NODE,
     known_nodes,
     make_node,
     select_nodes,
 )
+from robotd.ros.nodes.operator_node import OperatorNode
 
 if TYPE_CHECKING:
     from robotd.scenario import FaultSchedule
@@ -47,15 +49,16 @@ def run_nodes(
     host.on_hang = lambda reason: robot.bring_to_rest()  # no client could stop it by ROS any more
     chosen = select_nodes(names, registry)
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
+    nodes.append(OperatorNode(robot, host))
     if faults is not None:
         from robotd.ros.nodes.simulation_node import SimulationNode
 
         nodes.append(SimulationNode(robot, host, nodes, faults))
-    own = {*BUILT_IN, SIMULATION_NODE}
-    check_overrides(nodes, own, {*known_nodes(registry), SIMULATION_NODE}, host.args)
+    added = {OPERATOR_NODE, SIMULATION_NODE}
+    check_overrides(nodes, {*BUILT_IN, *added}, {*known_nodes(registry), *added}, host.args)
     for node in nodes:
         host.add_node(node)
-    with Diagnostics(nodes, robot) if nodes else nullcontext():
+    with Diagnostics(nodes, robot):
         yield nodes
 
 

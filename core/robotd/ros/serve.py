@@ -126,7 +126,7 @@ def _run(
 ) -> None:
     """Start the robot, wait, shut it down; in threads, so that signals are handled."""
     enable = any(node.enables_servos for node in nodes)
-    may_repeat = any(node.keeps_failed_start for node in nodes)
+    may_repeat = robot.descriptor.engine.reconnect or any(node.keeps_failed_start for node in nodes)
     start = _in_thread("robotd-start", lambda: _start(robot, enable, events))
     failure: Exception | None = None
     try:
@@ -137,9 +137,8 @@ def _run(
                 if ready is not None:
                     ready()
             elif may_repeat and isinstance(event.error, RobotdError):
-                log.error(
-                    "the robot did not start; the engine services can", reason=str(event.error)
-                )
+                advice = "robotd recover"
+                log.error("the robot did not start", reason=str(event.error), advice=advice)
             else:
                 failure = event.error
                 break

@@ -8,14 +8,12 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 from wmx_ros2_message.srv import SetEngine
 
-from robotd.device.state import ConnectionState
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.services import add_service
 
 READY = "wmx/engine/ready"
-_PACKAGES = {"SetBool": "std_srvs", "SetEngine": "wmx_ros2_message"}
 
 
 class WmxEngineNode(Node):
@@ -62,21 +60,12 @@ class WmxEngineNode(Node):
         return response
 
     def _remedy(self) -> str:
-        """The commands that bring the device back; "" where waiting or nothing helps."""
+        """The command that brings the device back; "" where waiting or nothing helps."""
         connection = self._connection
         if connection.ending or (connection.step.text and not connection.established):
             return ""
-        calls = []
-        if connection.state is ConnectionState.SHUTDOWN:
-            calls.append(self._command("wmx/engine/set_device", "SetEngine", "false"))
-        if connection.state in (ConnectionState.SHUTDOWN, ConnectionState.IDLE):
-            calls.append(self._command("wmx/engine/set_device", "SetEngine", "true"))
-        calls.append(self._command("wmx/engine/set_comm", "SetBool", "true"))
-        return ", then ".join([*calls, "robotd servo on"])
-
-    def _command(self, service: str, kind: str, data: str) -> str:
-        name = self.resolve_service_name(service)
-        return f"ros2 service call {name} {_PACKAGES[kind]}/srv/{kind} '{{data: {data}}}'"
+        namespace = self.get_namespace()
+        return f"robotd recover{f' --ros-args -r __ns:={namespace}' if namespace != '/' else ''}"
 
     def _scan_network(self, request: Any, response: Any) -> Any:
         response.success = True

@@ -1,0 +1,231 @@
+"""Recovery after a fault: cause, reconnection, alarms, servos, verification."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from robotd.clock import Clock, wait_until
+from robotd.device.axes import Axes, each
+from robotd.device.connection import Connection
+from robotd.device.fieldbus import Fieldbus
+from robotd.device.process_image import ProcessImage
+from robotd.errors import ConnectError, NotReady, RobotdError, reason_of
+from robotd.log import get_logger
+
+log = get_logger("recovery")
+
+READY_S = 1.0  # for values to be fresh after communication has started
+NOTHING_WRONG = "nothing is wrong: the robot takes commands"
+
+Report = Callable[[str], None]
+
+
+def problems(connection: Connection, image: ProcessImage, names: Sequence[str],
+             used: Sequence[int]) -> list[str]:  # fmt: skip
+    """Return the reasons why axes cannot move, root cause first; empty without one.
+
+    Args:
+        connection: of the device; while it is not ready, nothing is known of the axes.
+        image: consistent copy.
+        names: of all axes.
+        used: axes that are switched on at start; others count with an alarm only.
+    """
+    if not connection.commandable:
+        return ["; ".join(line.strip() for line in connection.rejection.splitlines())]
+    if image.controller_fault:
+        return [image.controller_fault]
+    faulty = [axis for axis in range(len(names)) if image.amp_alarm[axis]]
+    faulty += [axis for axis in used if image.offline[axis] and axis not in faulty]
+    found = [f"{names[axis]}: {image.fault(axis)}" for axis in faulty]
+    off = [names[axis] for axis in used if not image.servo_on[axis] and axis not in faulty]
+    return [*found, f"servo off: {', '.join(off)}"] if off else found
+
+
+class Recovery:
+    """Brings a robot back to where it takes commands, step by step. Nothing moves.
+
+    Cause → connection → rest → alarms → servos → verification. The first step that fails ends it.
+    Servos are switched on as at start: at the measured position, without a jump.
+
+    Args:
+        connection, axes, fieldbus: of the robot.
+        used: axes that are switched on at start.
+        enable: switches one axis on.
+        clock: to wait by.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        axes: Axes,
+        fieldbus: Fieldbus,
+        used: Sequence[int],
+        enable: Callable[[int], None],
+        clock: Clock,
+    ) -> None:
+        self._connection, self._axes, self._fieldbus = connection, axes, fieldbus
+        self._used, self._enable, self._clock = list(used), enable, clock
+        self._running = threading.Lock()
+
+    def problems(self) -> list[str]:
+        """Return the reasons why axes cannot move, root cause first. Any thread."""
+        image = self._axes.image.copy()
+        return problems(self._connection, image, self._axes.names, self._used)
+
+    def run(self, report: Report = lambda line: None) -> None:
+        """Recover; a worker, seconds where the device needs them.
+
+        Args:
+            report: called with each step when it begins or has ended, in the same thread.
+
+        Raises:
+            NotReady: another recovery runs, or the robot is being shut down.
+            ConnectError: the step that failed, with the reason of each axis.
+            RobotdError: the device cannot be opened or started.
+        """
+        if not self._running.acquire(blocking=False):
+            raise NotReady("another recovery is running")
+        try:
+            self._connection.require_alive()
+            self._recover(lambda line: _tell(report, line))
+        finally:
+            self._running.release()
+
+    def _recover(self, report: Report) -> None:
+        found = self.problems()
+        for problem in found or [NOTHING_WRONG]:
+            report(f"found: {problem}" if found else problem)
+        if not found:
+            return
+        if not self._connection.ready:
+            self._reconnect(report)
+        before = self._axes.image.copy().position
+        self._join_offline(report)
+        self._await_rest()
+        self._clear_alarms(report)
+        self._switch_on(report)
+        self._verify(before, report)
+
+    def _reconnect(self, report: Report) -> None:
+        report("reconnecting")
+        began_s = time.monotonic()
+        self._connection.restore()
+        if not self._becomes_ready():
+            report(f"no fresh values ({self._connection.reason}): closing and opening the device")
+            self._connection.close()
+            self._connection.restore()
+        if not self._becomes_ready():
+            raise NotReady(self._connection.rejection)
+        report(f"reconnected after {time.monotonic() - began_s:.1f} s")
+
+    def _becomes_ready(self) -> bool:
+        connection = self._connection
+        timeout_s = READY_S + connection.settings.stale_after_s
+        fresh = wait_until(lambda: connection.ready, timeout_s, self._clock)
+        return fresh and wait_until(lambda: bool(self._axes.image.stamp_ns), timeout_s, self._clock)
+
+    def _join_offline(self, report: Report) -> None:
+        """Let drives join the bus again where the backend can do that at run time."""
+        image, timeout_s = self._axes.image, self._connection.settings.servo_timeout_s
+        # After a start a drive may need some periods.
+        wait_until(lambda: not image.offline[self._used].any(), READY_S, self._clock)
+        offline = [axis for axis in self._used if image.offline[axis]]
+        if not offline:
+            return
+        report(f"connecting again: {self._names(offline)}")
+        for bus in range(self._fieldbus.buses):
+            try:
+                self._fieldbus.start_hot_connect(bus)
+            except RobotdError as error:
+                report(f"fieldbus {bus}: {error}")
+        wait_until(lambda: not image.offline[offline].any(), timeout_s, self._clock)
+        _raise_failures(
+            "drives are offline: check their power and cables",
+            {self._axes.names[axis]: image.fault(axis) for axis in offline if image.offline[axis]},
+        )
+
+    def _await_rest(self) -> None:
+        """Wait until faulty axes are at rest and released by the source that moved them."""
+        axes, image = self._axes, self._axes.image
+        faulty = [
+            axis
+            for axis in range(len(axes))
+            if image.amp_alarm[axis] or (axis in self._used and not image.servo_on[axis])
+        ]
+        timeout_s = self._connection.settings.servo_timeout_s
+        if faulty:
+            axes.rest(faulty, timeout_s)
+        owned = {axis for axis in faulty if axes.owner(axis)}
+        if not wait_until(lambda: not any(map(axes.owner, owned)), timeout_s, self._clock):
+            axis = min(axis for axis in owned if axes.owner(axis))
+            raise NotReady(f"{axes.names[axis]}: in use by {axes.owner(axis)}")
+
+    def _clear_alarms(self, report: Report) -> None:
+        image = self._axes.image
+        self._run_each(
+            [axis for axis in range(len(self._axes)) if image.amp_alarm[axis]],
+            "alarms cleared",
+            "alarms cannot be cleared",
+            self._axes.clear_alarm,
+            report,
+        )
+
+    def _switch_on(self, report: Report) -> None:
+        image = self._axes.image
+        self._run_each(
+            [axis for axis in self._used if not image.servo_on[axis]],
+            "servos on",
+            "servos cannot be switched on",
+            self._enable,
+            report,
+        )
+
+    def _run_each(
+        self,
+        axes: Sequence[int],
+        done: str,
+        failed: str,
+        command: Callable[[int], None],
+        report: Report,
+    ) -> None:
+        if not axes:
+            return
+        results = each(axes, command)
+        good = [axis for axis, error in results.items() if error is None]
+        if good:
+            report(f"{done}: {self._names(good)}")
+        _raise_failures(
+            failed,
+            {
+                self._axes.names[axis]: reason_of(error)
+                for axis, error in results.items()
+                if error is not None
+            },
+        )
+
+    def _verify(self, before: np.ndarray, report: Report) -> None:
+        left = self.problems()
+        if left:
+            raise NotReady(f"not recovered: {'; '.join(left)}")
+        moved = np.abs(self._axes.image.copy().position - before)[self._used]
+        known = moved[np.isfinite(moved)]
+        most = f"; largest change of position {known.max():.4f} rad or m" if len(known) else ""
+        on = f"{len(self._used)} axes on, no alarm" if self._used else "no alarm"
+        report(f"verified: {on}{most}")
+
+    def _names(self, axes: Sequence[int]) -> str:
+        return ", ".join(self._axes.names[axis] for axis in axes)
+
+
+def _raise_failures(message: str, failures: dict[str, str]) -> None:
+    if failures:
+        raise ConnectError(message, failures)
+
+
+def _tell(report: Report, line: str) -> None:
+    log.info("recovery", step=line)
+    report(line)

@@ -1,0 +1,49 @@
+"""Operator commands for a running robot: recovery."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from robotd.errors import DeviceTimeout, OperationError
+from robotd.ros.client.ros_client import LATCHED, RosClient
+from robotd.ros.node_registry import OPERATOR_NODE
+
+
+def recover(client: RosClient, on_step: Callable[[str], None]) -> None:
+    """Recover the robot; ``on_step`` is called with each step as it is reported.
+
+    Raises:
+        DeviceTimeout: no robot answers, or it has gone in between.
+        OperationError: the reason of the step that failed.
+    """
+    service = client.node.create_client(Trigger, f"{OPERATOR_NODE}/recover")
+    with client.listen(String, f"{OPERATOR_NODE}/recovery", LATCHED) as report:
+        client.wait(service.service_is_ready, f"service {service.service_name}")
+        before = report.wait()  # the report of the last recovery, empty before the first
+        answer = service.call_async(Trigger.Request())
+        printed: list[str] = []
+        seen_s = time.monotonic()
+        while not answer.done():
+            client.spin()
+            if report.newest is not before:
+                _print_new(report.newest.data, printed, on_step)
+            if service.service_is_ready():
+                seen_s = time.monotonic()
+            elif time.monotonic() - seen_s > client.timeout_s:
+                raise DeviceTimeout("the robot has gone during the recovery")
+        response = answer.result()
+        if not response.success:
+            raise OperationError(response.message)
+        _print_new(response.message, printed, on_step)
+
+
+def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) -> None:
+    """Call ``on_step`` for the lines of ``text`` beyond those in ``printed``."""
+    for line in text.splitlines()[len(printed) :]:
+        if not line.startswith("failed; "):  # the response has it too
+            on_step(line)
+        printed.append(line)
