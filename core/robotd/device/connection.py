@@ -7,26 +7,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 from robotd.descriptor import EngineSettings
-from robotd.descriptor.files import is_file
 from robotd.device.drivers import DeviceDriver
+from robotd.device.parameters_file import ParametersFile
+from robotd.device.readiness import Readiness, ReadyListener
 from robotd.device.startup_step import StartupStep
 from robotd.device.state import ConnectionState
 from robotd.errors import (
     ConnectError,
-    DescriptorError,
     NotReady,
-    OperationError,
     RobotdError,
-    Unsupported,
 )
 from robotd.log import get_logger
 
 log = get_logger("engine")
 
-ReadyListener = Callable[[bool], None]
-
 ENDING = "the robot is being shut down: nothing is started or switched on any more"
-ANSWER_S = 1.0  # longest wait for a device that another thread is asking for its state
 
 
 class Connection:
@@ -39,7 +34,7 @@ class Connection:
     Attributes:
         before_stop: called before communication is stopped on purpose: brings motion to rest.
         step: the step that a start-up is in.
-        scaling_lock: held while the scale of axes may change, and while a servo is switched on.
+        parameters: parameter file, and the lock of the scale of axes.
 
     Args:
         driver: the backend's device, not connected yet.
@@ -58,12 +53,10 @@ class Connection:
         *,
         has_parameters: bool = True,
     ) -> None:
-        self.parameters_file = parameters_file
+        self.parameters = ParametersFile(driver, parameters_file, backend, has=has_parameters)
         self.settings = settings
         self._driver = driver
         self._backend = backend
-        self._has_parameters = has_parameters
-        self._parameters_loaded = False
         self._lock = threading.RLock()
         self._ending = threading.Event()
         self._closed = False
@@ -72,12 +65,8 @@ class Connection:
         self._stale_reason = ""
         self._hang = ""
         self._start_failure = ""
-        self._prepared = False  # communication was started here, and the parameters are in force
-        self._wanted = False
-        self._ready = False
-        self._ready_lock = threading.RLock()
-        self.scaling_lock = threading.Lock()
-        self._listeners: list[ReadyListener] = []
+        self._wanted = False  # communication should run
+        self._readiness = Readiness()
         self.before_stop: Callable[[], None] = _nothing
 
     @property
@@ -98,7 +87,7 @@ class Connection:
 
         Communication that ``start_communication`` has not brought about does not count.
         """
-        return self._ready
+        return self._readiness.ready
 
     @property
     def ending(self) -> bool:
@@ -108,7 +97,7 @@ class Connection:
     @property
     def commandable(self) -> bool:
         """True while motion may start: ready, and no request to end has come."""
-        return self._ready and not self._ending.is_set()
+        return self._readiness.ready and not self._ending.is_set()
 
     @property
     def rejection(self) -> str:
@@ -121,7 +110,7 @@ class Connection:
     @property
     def reason(self) -> str:
         """Reason for not being ready: the start-up step or the fault; may be ""."""
-        return self.fault if self._prepared else self.step.text or self.fault
+        return self.fault if self._readiness.prepared else self.step.text or self.fault
 
     @property
     def established(self) -> bool:
@@ -129,12 +118,12 @@ class Connection:
 
         While it is, a device that is not ready has been lost.
         """
-        return self._prepared
+        return self._readiness.prepared
 
     @property
     def lost(self) -> bool:
         """True while communication should run and axes cannot be commanded."""
-        return self._wanted and not self._ready and not self._ending.is_set()
+        return self._wanted and not self._readiness.ready and not self._ending.is_set()
 
     @property
     def fault(self) -> str:
@@ -142,12 +131,12 @@ class Connection:
         if self._hang:
             return self._hang
         if self.state is ConnectionState.COMMUNICATING:
-            return "" if self._prepared or self._ready else self._unprepared()
+            return "" if self._readiness.prepared or self._readiness.ready else self._unprepared()
         return self._driver_fault() or self._undone_start() or self._stale_reason
 
     def require_ready(self) -> None:
         """Raise NotReady, with the reason, unless axes can be commanded."""
-        if not self._ready:
+        if not self._readiness.ready:
             raise NotReady(self.rejection)
 
     def require_alive(self) -> None:
@@ -157,9 +146,7 @@ class Connection:
 
     def on_ready(self, listener: ReadyListener) -> None:
         """Call ``listener(ready)`` now and on every change, from the thread that causes it."""
-        with self._ready_lock:
-            self._listeners.append(listener)
-            listener(self._ready)
+        self._readiness.add(listener)
 
     def start(self) -> None:
         """The whole start-up: open with retries, scan, start communication.
@@ -198,7 +185,7 @@ class Connection:
                 self._start_failure = str(error)
                 raise
             self._start_failure = ""
-            self._parameters_loaded = False
+            self.parameters.forget()
             log.info("device open", backend=self._backend)
 
     def close(self) -> None:
@@ -235,7 +222,7 @@ class Connection:
             self._wanted = True
             if self._driver.state() is ConnectionState.IDLE:
                 raise NotReady("device is not open")
-            self._check_parameters_file()
+            self.parameters.check()
             try:
                 self._begin_communication()
                 self._start_failure = ""
@@ -257,7 +244,7 @@ class Connection:
                     self._end_communication()
                     log.info("communication stopped")
             finally:
-                self._prepared, self._wanted, self._start_failure = False, False, ""
+                self._readiness.prepared, self._wanted, self._start_failure = False, False, ""
                 self.update_ready()
 
     def scan_network(self) -> str:
@@ -273,18 +260,14 @@ class Connection:
         Returns the driver's note: what the file leaves out, "" where that is nothing. Raises
         what ``DeviceDriver.load_parameters`` does.
         """
-        if not self._has_parameters:
-            raise Unsupported("parameter files", self._backend)
-        if not is_file(path):
-            raise OperationError(f"parameter file {path} does not exist, or is no file")
+        self.parameters.require(path)
         with self._lock:
             self.require_ready()
-            return self._load_parameters(path)
+            return self.parameters.load(path)
 
     def dump_parameters(self, axis: int) -> str:
         """The parameters of one axis in force, as text for people."""
-        if not self._has_parameters:
-            raise Unsupported("parameter files", self._backend)
+        self.parameters.require()
         return self._driver.dump_parameters(axis)
 
     def abort_start(self) -> None:
@@ -317,47 +300,31 @@ class Connection:
         A cycle that goes on after all says by ``set_stale`` how old the values are.
         """
         self._stale, self._hang = True, reason
-        if self._ready:
-            self._ready = False
-            for listener in self._listeners:
-                _tell(listener, False)
+        self._readiness.withdraw()
 
     def update_ready(self) -> ConnectionState:
-        """Recompute ``ready`` from the device's state and tell the listeners of a change.
-
-        Returns the state. What a listener raises is logged.
-        """
-        # One thread at a time: else an older answer of the device could overwrite a newer one.
-        if not self._ready_lock.acquire(timeout=ANSWER_S):
-            return ConnectionState.UNKNOWN  # whoever asks does not get an answer either
-        try:
-            state = self.state
-            ready = state is ConnectionState.COMMUNICATING and self._prepared
-            if ready is not self._ready:
-                self._ready = ready
-                for listener in self._listeners:
-                    _tell(listener, ready)
-            return state
-        finally:
-            self._ready_lock.release()
+        """Recompute ``ready`` from the device's state, which is returned."""
+        return self._readiness.update(lambda: self.state)
 
     def _begin_communication(self) -> None:
         before = self._driver.state()
-        if self._prepared and before is ConnectionState.COMMUNICATING:
+        if self._readiness.prepared and before is ConnectionState.COMMUNICATING:
             return
-        self._prepared = False
+        self._readiness.prepared = False
         try:
             if before is not ConnectionState.COMMUNICATING:
                 with self.step.running("starting communication"):
                     self._driver.start_communication(self.settings.communication_timeout_s)
             self.require_alive()
-            self._apply_parameters_file()
+            if self.parameters.due:
+                with self.step.running("loading parameters"):
+                    self.parameters.apply()
         except Exception:
             # A device that partly communicated, or for other programs, goes on as before.
             if before is ConnectionState.RUNNING:
                 self._undo_start()
             raise
-        self._prepared = True
+        self._readiness.prepared = True
 
     def _undo_start(self) -> None:
         try:
@@ -369,7 +336,7 @@ class Connection:
         try:
             self.before_stop()
         finally:
-            self._prepared = False
+            self._readiness.prepared = False
             self._driver.stop_communication(self.settings.communication_timeout_s)
 
     def _driver_fault(self) -> str:
@@ -386,34 +353,6 @@ class Connection:
         if self._start_failure:
             return f"it communicates although its start failed: {self._start_failure}"
         return "communication was not started by robotd, so its parameters are not in force"
-
-    def _check_parameters_file(self) -> None:
-        path = self.parameters_file
-        if path is not None and self._has_parameters and not is_file(path):
-            raise DescriptorError("parameter file does not exist", path=path)
-
-    def _apply_parameters_file(self) -> None:
-        if self.parameters_file is None or self._parameters_loaded or not self._has_parameters:
-            return
-        with self.step.running("loading parameters"):
-            self._load_parameters(self.parameters_file)
-        self._parameters_loaded = True
-
-    def _load_parameters(self, path: Path) -> str:
-        with self.scaling_lock:
-            note = self._driver.load_parameters(path) or ""  # None of a driver that has none
-        if note:
-            log.warning("parameters loaded", file=str(path), note=note)
-        else:
-            log.info("parameters loaded", file=str(path))
-        return note
-
-
-def _tell(listener: ReadyListener, ready: bool) -> None:
-    try:
-        listener(ready)
-    except Exception:
-        log.exception("a listener of the engine failed", ready=ready)
 
 
 def _nothing() -> None:

@@ -142,10 +142,10 @@ def test_axis_numbers_are_in_range_and_unique_or_rejected(
 ) -> None:
     axes = harness.axes
     if index and len(set(index)) == len(index) and set(index) <= set(range(len(axes))):
-        axes.check_numbers(index)
+        axes.arguments.check_numbers(index)
     else:
         with pytest.raises(InvalidArgument, match="axis"):
-            axes.check_numbers(index)
+            axes.arguments.check_numbers(index)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 2.0**31])

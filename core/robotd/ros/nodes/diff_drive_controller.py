@@ -49,7 +49,7 @@ class DiffDriveController(Node):
         parameters = Parameters(self, robot.descriptor)
         self._base.configure(drive_settings(parameters, drive))
         if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
-            robot.connection.parameters_file = path
+            robot.connection.parameters.path = path
         self._take_commands(host, parameters)
         self._publish_state(parameters, robot)
         publish_description(self, robot, parameters)

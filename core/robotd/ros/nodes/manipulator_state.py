@@ -42,7 +42,7 @@ class ManipulatorState(Node):
         if topic := parameters.topic("gazebo_joint_topic", "positions as a bare array"):
             topics.add_positions(topic)
         if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
-            robot.connection.parameters_file = path
+            robot.connection.parameters.path = path
         publish_description(self, robot, parameters)
         parameters.done()
         robot.control_loop.every(rate_hz, "joint states", topics.publish)

@@ -1,0 +1,44 @@
+"""Wait until the process image shows the effect of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robotd.clock import Clock, wait_until
+from robotd.device.connection import Connection
+from robotd.device.process_image import ProcessImage
+
+SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
+
+
+class CommandEffect:
+    """Lets the image, a period behind the device, catch up with commands. Workers only.
+
+    Args:
+        image: the live process image.
+        connection: no wait lasts longer than the device is ready.
+        clock: to wait by.
+    """
+
+    def __init__(self, image: ProcessImage, connection: Connection, clock: Clock) -> None:
+        self._image, self._connection, self._clock = image, connection, clock
+        self._commanded_ns = 0
+
+    def note_motion(self) -> None:
+        """Note that a motion command was given now."""
+        self._commanded_ns = self._clock.now_ns()
+
+    def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Wait until ``condition``, by which the next command is judged; not for long."""
+        wait_until(lambda: condition() or not self._connection.ready, SHOWN_S, self._clock)
+
+    def wait_for_motion(self) -> None:
+        """Wait for an image that is newer than the last motion command."""
+        self._wait_for_newer(self._commanded_ns)
+
+    def wait_for_next(self) -> None:
+        """Wait for an image that was read after now."""
+        self._wait_for_newer(self._clock.now_ns())
+
+    def _wait_for_newer(self, time_ns: int) -> None:
+        self.wait_for(lambda: self._image.stamp_ns > time_ns)
