@@ -62,6 +62,7 @@ class TrajectoryFollower:
             np.array([joint.velocity for joint in joints]),
             np.array([joint.acceleration for joint in joints]),
             tuple(joint.unit for joint in joints),
+            np.array([joint.jerk for joint in joints]),
         )
         self._motion = motion
         self._clock = clock

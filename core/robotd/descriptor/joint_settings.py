@@ -11,6 +11,8 @@ from pydantic_core import PydanticCustomError
 
 from robotd.descriptor.section import Axis, Name, Positive, Problem, Section
 
+FULL_ACCELERATION_S = 0.05  # from standstill, of a joint without a jerk limit
+
 
 class JointType(StrEnum):
     """Kind of a joint, in the words of URDF."""
@@ -26,14 +28,14 @@ _REQUIRED = {
     JointType.CONTINUOUS: _TURNING,
     JointType.PRISMATIC: ("lower_m", "upper_m", "velocity_m_s", "acceleration_m_s2"),
 }
-_EFFORT = {
-    JointType.REVOLUTE: "rated_torque_nm",
-    JointType.CONTINUOUS: "rated_torque_nm",
-    JointType.PRISMATIC: "rated_force_n",
+_OPTIONAL = {
+    JointType.REVOLUTE: ("jerk_rad_s3", "rated_torque_nm"),
+    JointType.CONTINUOUS: ("jerk_rad_s3", "rated_torque_nm"),
+    JointType.PRISMATIC: ("jerk_m_s3", "rated_force_n"),
 }
 _OTHER_UNIT = {
     **dict(zip(_REQUIRED[JointType.REVOLUTE], _REQUIRED[JointType.PRISMATIC], strict=True)),
-    "rated_torque_nm": "rated_force_n",
+    **dict(zip(_OPTIONAL[JointType.REVOLUTE], _OPTIONAL[JointType.PRISMATIC], strict=True)),
 }
 _OTHER_UNIT |= {linear: turning for turning, linear in _OTHER_UNIT.items()}
 
@@ -73,6 +75,10 @@ class JointSettings(Section):
         description="Highest acceleration and deceleration; the ramp of a controlled stop;"
         " required unless prismatic.",
     )
+    jerk_rad_s3: Positive | None = Field(
+        None,
+        description="Highest jerk of streamed motion; null: `acceleration_rad_s2` within 0.05 s.",
+    )
     rated_torque_nm: Positive | None = Field(
         None, description="Torque at 100 % of the drive's rating; null reports the effort as NaN."
     )
@@ -88,6 +94,7 @@ class JointSettings(Section):
     acceleration_m_s2: Positive | None = Field(
         None, validate_default=True, description="As `acceleration_rad_s2`; required if prismatic."
     )
+    jerk_m_s3: Positive | None = Field(None, description="As `jerk_rad_s3`, of a prismatic joint.")
     rated_force_n: Positive | None = Field(
         None, description="Force at 100 % of the drive's rating, of a prismatic joint."
     )
@@ -118,6 +125,11 @@ class JointSettings(Section):
         return self._limit("acceleration_rad_s2", math.inf)
 
     @property
+    def jerk(self) -> float:
+        """Highest jerk of streamed motion in ``unit``/s³."""
+        return self._limit("jerk_rad_s3", self.acceleration / FULL_ACCELERATION_S)
+
+    @property
     def rated_effort(self) -> float | None:
         """N·m or N at 100 % of the drive's rating; None: not known."""
         return self.rated_force_n if self.type is JointType.PRISMATIC else self.rated_torque_nm
@@ -141,9 +153,9 @@ class JointSettings(Section):
         if value is None:
             if key in _REQUIRED[kind]:
                 raise PydanticCustomError("missing", "missing")
-        elif key not in (*_REQUIRED[kind], _EFFORT[kind]):
+        elif key not in (*_REQUIRED[kind], *_OPTIONAL[kind]):
             other = _OTHER_UNIT[key]
-            known = other in (*_REQUIRED[kind], _EFFORT[kind])
+            known = other in (*_REQUIRED[kind], *_OPTIONAL[kind])
             hint = f"use {other}" if known else "use type: revolute for a joint with an end"
             what = f"a {kind} joint has no such key; {hint}"
             raise PydanticCustomError("robotd", "{what}", {"what": what})

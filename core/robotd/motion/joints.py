@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.descriptor.joint_settings import FULL_ACCELERATION_S
 from robotd.descriptor.model import TrajectorySettings
 
 
@@ -19,6 +20,8 @@ class JointLimits:
         lower, upper: position limits in rad or m; -inf and inf where there is none.
         velocity, acceleration: positive, in rad/s and rad/s² (m/s, m/s²); inf where unlimited.
         units: of position, "rad" or "m", one per joint.
+        jerk: positive, in rad/s³ (m/s³), of streamed motion; empty: the acceleration limit is
+            reached in ``FULL_ACCELERATION_S``.
 
     Raises:
         ValueError: a shape is wrong, a range is empty or a limit is not positive.
@@ -30,6 +33,7 @@ class JointLimits:
     velocity: FloatArray
     acceleration: FloatArray
     units: tuple[str, ...] = field(default=())
+    jerk: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -37,13 +41,15 @@ class JointLimits:
             raise ValueError(f"joint names {self.names} are not unique")
         if not self.units:
             object.__setattr__(self, "units", ("rad",) * count)
-        for name in ("lower", "upper", "velocity", "acceleration", "units"):
+        if not len(self.jerk):
+            object.__setattr__(self, "jerk", self.acceleration / FULL_ACCELERATION_S)
+        for name in ("lower", "upper", "velocity", "acceleration", "units", "jerk"):
             if np.shape(getattr(self, name)) != (count,):
                 raise ValueError(f"{name} limits do not match {count} joints")
         if not (self.lower < self.upper).all():
             raise ValueError("a lower position limit is not below its upper one")
-        if not ((self.velocity > 0).all() and (self.acceleration > 0).all()):
-            raise ValueError("velocity and acceleration limits must be positive")
+        if not all((each > 0).all() for each in (self.velocity, self.acceleration, self.jerk)):
+            raise ValueError("velocity, acceleration and jerk limits must be positive")
 
     def start_tolerance(self, settings: TrajectorySettings) -> FloatArray:
         """Return ``start_tolerance_rad`` or ``_m`` of each joint; shape (m,)."""
