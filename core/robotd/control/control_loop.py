@@ -63,7 +63,12 @@ class ControlLoop:
         self._tasks = PeriodicTasks(self.period_ns, image)
         self._reader = ImageReader(driver, image, stale_after_s)
         self._loss = DeviceLoss(connection, image)
-        self._deadlines = PeriodDeadlines(self._clock, self.period_ns, imminent=not self._simulated)
+        self._deadlines = PeriodDeadlines(
+            self._clock,
+            self.period_ns,
+            skips_start=not mixer.extrapolates,
+            imminent=not self._simulated,
+        )
         self._thread = ControlThread(
             self._clock,
             self.period_ns,
@@ -130,8 +135,7 @@ class ControlLoop:
             self._thread.begin_work()
             self.step(deadline_ns)
             self._thread.end_work()
-            self._deadlines.end()
-            deadline_ns = max(deadline_ns + self.period_ns, self._mixer.due_ns)
+            deadline_ns = self._deadlines.end()
         self._deadlines.expect(deadline_ns)
         return deadline_ns
 
@@ -168,16 +172,13 @@ class ControlLoop:
             self._lose(state, f"communication has ended (engine state {state.value})")
             if self._reader.forget():
                 self._connection.set_stale(False)
-            self._loss.report(time_ns)
+            self._loss.report(self._deadlines.nominal(time_ns))
             return
-        self._reader.read(time_ns)
-        if self._is_fresh(time_ns):
-            # Setpoints for deadlines that a slow read has missed would be late, with a device
-            # whose every read is slow all of them.
-            missed = self._deadlines.overrun(time_ns) if self._mixer.extrapolates else 0
-            self._mixer.advance(time_ns + missed * self.period_ns, self._image)
-        self._loss.report(time_ns)
-        self._tasks.run(time_ns, first=False)
+        nominal_ns = self._reader.read(lambda: self._deadlines.nominal(time_ns))
+        if self._is_fresh(time_ns):  # by the time when the read began: a slow one is no loss
+            self._mixer.advance(nominal_ns, self._image)
+        self._loss.report(nominal_ns)
+        self._tasks.run(nominal_ns, first=False)
 
     def _is_fresh(self, time_ns: int) -> bool:
         """Check the age of the values; stale values make the connection not ready."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from robotd.clock import NANOSECONDS
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
@@ -29,14 +31,19 @@ class ImageReader:
         self._stale_after_ns = round(stale_after_s * NANOSECONDS)
         self._since_ns = 0  # first read of this communication
 
-    def read(self, time_ns: int) -> None:
-        """Fill the image for the period ``time_ns``; an exception is logged once."""
+    def read(self, nominal: Callable[[], int]) -> int:
+        """Fill the image and return the nominal time of the period.
+
+        An exception of the driver is logged once.
+
+        Args:
+            nominal: returns that time; called after the driver's ``read``, which may be slow.
+        """
         image = self._image
-        self._since_ns = self._since_ns or time_ns
         image.begin_write()
         try:
             self._driver.read(image)
-            image.stamp_ns = time_ns
+            image.stamp_ns = time_ns = nominal()
             self.failure = None
         except Exception as error:
             expected = isinstance(error, RobotdError)
@@ -44,8 +51,11 @@ class ImageReader:
                 log.error("reading the process image failed", reason=str(error))
                 log.debug("traceback of the failed read", exc_info=error)
             self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
+            time_ns = nominal()
         finally:
             image.end_write()
+        self._since_ns = self._since_ns or time_ns
+        return time_ns
 
     def staleness(self, time_ns: int) -> str | None:
         """Return why the values are too old to be trusted; None: they are fresh."""

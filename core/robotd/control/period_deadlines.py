@@ -17,46 +17,58 @@ class PeriodDeadlines:
     Args:
         clock: of the control loop.
         period_ns: between two deadlines.
+        skips_start: a period whose start has come too late is skipped, for devices that hold:
+            its SYNC would be so close to the next one that drives count the two as one. False:
+            it begins at once, for devices that extrapolate.
         imminent: other threads wait for a period; not in simulated time.
 
     Attributes:
         stats: of the periods.
     """
 
-    def __init__(self, clock: Clock, period_ns: int, *, imminent: bool) -> None:
+    def __init__(self, clock: Clock, period_ns: int, *, skips_start: bool, imminent: bool) -> None:
         self.stats = LoopStatistics()
         self._clock, self._period_ns = clock, period_ns
-        self._imminent = imminent
+        self._skips_start, self._imminent = skips_start, imminent
         self._due_ns = 0  # of the next or current period; 0: no thread has to wait for it
         self._late_ns = 0  # of deadlines missed since the last period
         self._start_ns = 0  # of the current period
-
-    def overrun(self, time_ns: int) -> int:
-        """Count and return the deadlines from ``time_ns`` on that are missed.
-
-        A deadline that has passed by more than half a period is missed: its setpoint would come
-        too late, and its SYNC so close to the next one that drives would count the two as one.
-        """
-        period_ns = self._period_ns
-        missed = max(0, (self._clock.now_ns() - time_ns + period_ns // 2 - 1) // period_ns)
-        self.stats.missed += missed
-        return missed
+        self._deadline_ns = 0  # of the current period
+        self._nominal_ns = 0  # its nominal time; 0: not fixed yet
 
     def begin(self, deadline_ns: int) -> tuple[int, bool]:
         """Return the deadline of the next period from ``deadline_ns`` on, and whether it is due.
 
-        A period whose start is late is skipped, never made up for in a burst.
+        Missed deadlines are skipped, never made up for in a burst.
         """
         self._start_ns = self._clock.now_ns()
         self._late_ns = max(self._late_ns, self._start_ns - deadline_ns)
-        missed = self.overrun(deadline_ns)
-        deadline_ns += missed * self._period_ns
-        return deadline_ns, not missed or deadline_ns <= self._start_ns
+        missed = self._overrun(deadline_ns) if self._skips_start else 0
+        self._deadline_ns, self._nominal_ns = deadline_ns + missed * self._period_ns, 0
+        return self._deadline_ns, not missed or self._deadline_ns <= self._start_ns
 
-    def end(self) -> None:
-        """Record the current period."""
+    def nominal(self, time_ns: int) -> int:
+        """Return the nominal time of the period that began at the deadline ``time_ns``.
+
+        For devices that extrapolate it is fixed when the image has been read: setpoints for
+        deadlines that a late start or a slow read has missed would be late, too.
+        """
+        missed = 0 if self._skips_start else self._overrun(time_ns)
+        self._nominal_ns = time_ns + missed * self._period_ns
+        return self._nominal_ns
+
+    def end(self) -> int:
+        """Record the current period; return the next deadline."""
         self.stats.record(self._late_ns, self._start_ns, self._clock.now_ns())
         self._late_ns = 0
+        return (self._nominal_ns or self.nominal(self._deadline_ns)) + self._period_ns
+
+    def _overrun(self, time_ns: int) -> int:
+        """Count the deadlines from ``time_ns`` on that have passed by more than half a period."""
+        period_ns = self._period_ns
+        missed = max(0, (self._clock.now_ns() - time_ns + period_ns // 2 - 1) // period_ns)
+        self.stats.missed += missed
+        return missed
 
     def expect(self, deadline_ns: int) -> None:
         """Set the next deadline; 0: there is none."""

@@ -16,7 +16,7 @@ from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import ConnectionState
+from robotd.device.state import ConnectionState, Underrun
 from robotd.errors import OperationError
 from robotd.testing.fakes import FakeAxes, FakeDevice
 
@@ -24,12 +24,17 @@ PERIOD_NS = 2_000_000
 TIMEOUT_S = 10.0
 
 
+class Axes(FakeAxes):
+    underrun = Underrun.EXTRAPOLATE
+
+
 class Harness:
     """Control loop over fakes; ``run`` steps it."""
 
-    def __init__(self) -> None:
+    def __init__(self, underrun: Underrun = Underrun.EXTRAPOLATE) -> None:
         self.clock = FakeClock()
-        self.device, self.driver = FakeDevice(), FakeAxes(2)
+        self.device, self.driver = FakeDevice(), Axes(2)
+        self.driver.underrun = underrun
         self.connection = Connection(self.device, EngineSettings(), None, "fake")
         self.image = ProcessImage(2)
         self.control_loop = ControlLoop(
@@ -304,8 +309,9 @@ def test_a_requested_stop_is_not_logged_as_a_loss(harness: Harness) -> None:
     assert not [line for line in logs if line["event"] in ("device lost", "device is back")]
 
 
-def test_a_period_that_would_begin_in_its_second_half_is_skipped(harness: Harness) -> None:
-    """Drives count two SYNCs close to each other as one."""
+def test_a_period_that_would_begin_in_its_second_half_is_skipped() -> None:
+    """Drives that hold count two SYNCs close to each other as one."""
+    harness = Harness(Underrun.HOLD)
     times_ns: list[int] = []
     harness.control_loop.every(500.0, "task", lambda image: times_ns.append(image.stamp_ns))
     deadline_ns = harness.clock.now_ns()
@@ -320,3 +326,30 @@ def test_a_period_that_would_begin_in_its_second_half_is_skipped(harness: Harnes
     report = harness.control_loop.stats.report()
     assert (report.cycles, report.missed) == (1, 2)
     assert report.lateness_max_us == pytest.approx(1.6 * PERIOD_NS / 1000)
+
+
+def test_a_late_period_of_a_device_that_extrapolates_begins_at_once(harness: Harness) -> None:
+    """Its setpoint is due at the deadline after the next: nothing has to wait for it."""
+    times_ns: list[int] = []
+    harness.control_loop.every(500.0, "task", lambda image: times_ns.append(image.stamp_ns))
+    deadline_ns = harness.clock.now_ns()
+    harness.clock.advance(1.6 * PERIOD_NS * 1e-9)
+    harness.driver.image.fresh_ns = harness.clock.now_ns()
+    assert harness.control_loop.period(deadline_ns) == deadline_ns + 3 * PERIOD_NS
+    assert times_ns == [deadline_ns + 2 * PERIOD_NS]
+    report = harness.control_loop.stats.report()
+    assert (report.cycles, report.missed) == (1, 2)
+
+
+def test_deadlines_are_not_made_up_for_without_communication(harness: Harness) -> None:
+    harness.device.current = ConnectionState.RUNNING
+    deadline_ns = harness.clock.now_ns()
+    harness.clock.advance(100.0 * PERIOD_NS * 1e-9)
+    assert harness.control_loop.period(deadline_ns) == deadline_ns + 101 * PERIOD_NS
+
+
+def test_deadlines_are_not_made_up_for_after_an_exception(harness: Harness) -> None:
+    harness.device.state = _broken  # type: ignore[method-assign]
+    deadline_ns = harness.clock.now_ns()
+    harness.clock.advance(100.0 * PERIOD_NS * 1e-9)
+    assert harness.control_loop.period(deadline_ns) == deadline_ns + 101 * PERIOD_NS
