@@ -15,8 +15,7 @@ pytestmark = pytest.mark.ros
 def test_a_robot_bears_them_and_works_afterwards(kind: str) -> None:
     seen = endure(kind, 2.0)
     assert not seen.problem, seen.problem
-    good, sent = seen.goals
-    assert good == sent
+    assert not seen.failures
 
 
 @pytest.mark.parametrize("name", ["/wmx/engine/get_status", "/wmx/engine/scan_network"])

@@ -8,13 +8,8 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
-from hypothesis import settings
 
 Install = Callable[..., Path]
-
-# How long an example takes is for the benchmarks: on a busy machine every deadline is missed.
-settings.register_profile("robotd", deadline=None)
-settings.load_profile("robotd")
 
 BACKEND = """
     from robotd.api import BackendInfo, hookimpl

@@ -35,6 +35,7 @@ class Seen:
         lateness_p50_us, lateness_p99_us, lateness_max_us: of the cycle meanwhile.
         memory_mib: more than before.
         goals: of an honest client meanwhile, that ended well, and all of them.
+        failures: why the others did not end well.
         problem: empty when all was as it should be; lateness is not part of it.
     """
 
@@ -44,6 +45,7 @@ class Seen:
     lateness_max_us: float
     memory_mib: float
     goals: tuple[int, int]
+    failures: tuple[str, ...]
     problem: str
 
 
@@ -75,7 +77,7 @@ def endure(kind: str, seconds: float) -> Seen:
                 client.wait_engine()
                 problem = swing(client, 0)  # whatever is made once is made now
                 before = vitals(robot.process.pid).rss_mib
-                window, goals = _misbehave(kind, seconds, robot, client)
+                window, reasons = _misbehave(kind, seconds, robot, client)
                 problem = problem or _afterwards(client)
                 more = vitals(robot.process.pid).rss_mib - before
             finally:
@@ -88,7 +90,9 @@ def endure(kind: str, seconds: float) -> Seen:
         problem = problem or f"exit status {status}"
     if more > MEMORY_MIB:
         problem = problem or f"{more:.0f} MiB more memory, the limit is {MEMORY_MIB:g} MiB"
-    return Seen(kind, *lateness, round(more, 2), goals, problem)
+    failures = tuple(filter(None, reasons))
+    goals = len(reasons) - len(failures), len(reasons)
+    return Seen(kind, *lateness, round(more, 2), goals, failures, problem)
 
 
 def _afterwards(client: Client) -> str:
@@ -100,10 +104,10 @@ def _afterwards(client: Client) -> str:
 
 def _misbehave(
     kind: str, seconds: float, robot: RobotProcess, client: Client
-) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Begin and end in monotonic ns, and the honest client's goals: ended well, sent."""
+) -> tuple[tuple[int, int], list[str]]:
+    """Begin and end in monotonic ns, and why each goal of the honest client failed, if it did."""
     command = [sys.executable, "-m", "tools.endurance.rude", kind, str(robot.domain)]
-    good = sent = 0
+    reasons: list[str] = []
     with Program(command, fresh_environment(robot.domain), started="misbehaving") as rude:
         began_ns = time.monotonic_ns()
         if kind == "deaf":
@@ -115,12 +119,11 @@ def _misbehave(
             if kind == "crowd":
                 time.sleep(0.1)  # a thousand goals preempt every other
                 continue
-            sent += 1
-            good += not swing(client, sent)
+            reasons.append(swing(client, len(reasons) + 1))
         ended_ns = time.monotonic_ns()
         assert kind == "vanish" or rude._process.poll() is None, "the client misbehaved no longer"
         os.kill(rude.pid, signal.SIGKILL)
-    return (began_ns, ended_ns), (good, sent)
+    return (began_ns, ended_ns), reasons
 
 
 def _table(seen: Sequence[Seen]) -> list[list[str]]:

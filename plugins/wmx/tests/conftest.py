@@ -8,12 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ["WMX_STANDIN_SHM"] = f"wmx-test-{os.getpid()}"
 
 from standin_build import SDK, SITE, build_plugin, build_standin
 from standin_port import port
+
+settings.register_profile("wmx", deadline=None, derandomize=True)  # as tests/conftest.py
+settings.load_profile("wmx")
 
 
 def pytest_sessionstart() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from robotd.descriptor import TrajectorySettings
@@ -12,6 +12,7 @@ from robotd.motion.digits import distinct
 
 
 @given(st.floats(allow_nan=False), st.floats(allow_nan=False))
+@example(0.0, -0.0)
 def test_texts_differ_when_the_numbers_do(value: float, limit: float) -> None:
     texts = distinct(value, limit)
     assert (texts[0] == texts[1]) == (value == limit)
@@ -19,7 +20,7 @@ def test_texts_differ_when_the_numbers_do(value: float, limit: float) -> None:
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(0.1, 10.0))
 def test_numbers_that_are_far_apart_stay_short(value: float, share: float) -> None:
-    assert distinct(value, 2.0 * value + share)[0] == f"{value:.5g}"
+    assert distinct(value, 2.0 * value + share)[0] == f"{value + 0.0:.5g}"
 
 
 def test_a_move_just_beyond_its_limit() -> None:

@@ -1,4 +1,4 @@
-"""Missing setpoints: a streaming axis behaves as ``AxisDriver.underrun`` says, in real time."""
+"""Missing setpoints: a streaming axis behaves as ``AxisDriver.underrun`` says."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class InterruptedStream:
 
 
 def test_an_axis_without_setpoints_does_what_underrun_says(make_harness: MakeHarness) -> None:
-    harness = make_harness(real_time=True)
+    harness = make_harness()
     if harness.robot.axes.trajectories_on_device:
         pytest.skip("positions are not streamed: trajectories run on the device")
     harness.up()
