@@ -5,7 +5,7 @@ The one file that sees every step of the path.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
 from robotd.control.control_loop import ControlLoop
 from robotd.control.joint_motion import JointMotion
 from robotd.control.mobile_base import MobileBase, wheel_limits
+from robotd.control.motion_stop import MotionStop
 from robotd.control.recovery import Recovery, Report
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_follower import TrajectoryFollower
@@ -122,6 +123,12 @@ class Robot:
         )
         guard = SoftLimitGuard(self.axes, driver, 1.0 / descriptor.cycle.rate_hz)
         self.control_loop.every(descriptor.cycle.rate_hz, "travel", guard.look)
+        self._motion_stop = MotionStop(
+            self.axes, driver, mixer, self.connection, clock, *self._stop_input()
+        )
+        self.control_loop.every(
+            descriptor.cycle.rate_hz, "stop", self._motion_stop.enforce, first=True
+        )
         self.joint_motion = JointMotion(self.axes, mixer.slot(), self.joint_axes, clock)
         self.follower = TrajectoryFollower(
             self.joint_motion,
@@ -135,6 +142,7 @@ class Robot:
         self.wheel_axes = drive.axes if drive else ()
         if self.base is not None:
             self.connection.on_ready(self.base.on_ready)
+            self.axes.stop_latch.on_change(self.base.on_stop)
             self.control_loop.every(descriptor.cycle.rate_hz, "wheel odometry", self.base.track)
         self.connection.before_stop = self._stop_and_disable
         self._reconnector = Reconnector(self.connection)
@@ -215,7 +223,32 @@ class Robot:
     @property
     def problems(self) -> list[str]:
         """Reasons why axes cannot move, root cause first; empty without one. Any thread."""
-        return self._recovery.problems()
+        return [*self._recovery.problems(), *filter(None, [self.axes.stop_latch.rejection])]
+
+    def stop(self, reason: str = "by the operator") -> None:
+        """Stop all motion on its path; no motion starts until ``reset``. Any worker.
+
+        Returns at standstill. No safety function: it needs this program, the computer, the bus and
+        the drives to work.
+
+        Args:
+            reason: told to every client whose motion ends or is rejected.
+
+        Raises:
+            DeviceTimeout: axes still move after a quick stop; motion stays stopped.
+        """
+        self._motion_stop.stop(reason, self.descriptor.engine.shutdown_s)
+
+    def reset(self) -> str:
+        """Allow motion again after ``stop`` or the stop input; return what was reset. Any worker.
+
+        Nothing moves: each client has to command motion anew.
+
+        Raises:
+            NotReady: the stop input forbids motion.
+            DeviceTimeout: axes still move.
+        """
+        return self._motion_stop.reset(self.descriptor.engine.shutdown_s)
 
     def recover(self, report: Report = lambda line: None) -> None:
         """Reconnect, clear alarms, switch servos on and verify, as far as needed. Nothing moves.
@@ -231,6 +264,8 @@ class Robot:
             RobotdError: the device cannot be opened or started.
         """
         self._recovery.run(report)
+        if stopped := self.axes.stop_latch.rejection:
+            report(stopped)
 
     def shutdown(self) -> None:
         """Stop motion in a controlled way, servos off, stop communication, close.
@@ -251,6 +286,15 @@ class Robot:
             self.control_loop.stop()
             if isinstance(self.clock, PacedClock):
                 self.clock.end()
+
+    def _stop_input(self) -> tuple[Callable[[], bool] | None, str]:
+        """Return the check of the stop input, for the control loop, and its name."""
+        settings = self.descriptor.stop_input
+        if settings is None:
+            return None, ""
+        watch = self.io.input_watcher(settings.input_byte, settings.input_bit)
+        name = f"stop input {settings.input_byte}.{settings.input_bit}"
+        return (watch if settings.motion_level else lambda: not watch()), name
 
     def _enable(self, axis: int) -> None:
         self.axes.clear_alarm(axis)

@@ -17,6 +17,8 @@ COMMANDS = {
     "move": "Move joints of the running arm.",
     "gripper": "Open or close the gripper of the running robot.",
     "servo": "Switch the servos of the running robot.",
+    "stop": "Stop all motion of the running robot, until a reset.",
+    "reset": "Allow motion again after a stop. Nothing moves.",
     "recover": "Bring the running robot back after a fault. Nothing moves.",
     "sim": "Scenarios and faults for the simulation.",
     "conform": "Run the conformance checks on a backend. Axes move.",

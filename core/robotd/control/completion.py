@@ -15,6 +15,7 @@ class Outcome(Enum):
     PREEMPTED = auto()
     PATH_TOLERANCE = auto()
     GOAL_TOLERANCE = auto()
+    STOPPED = auto()  # by the operator or a stop input
     FAULT = auto()
 
 

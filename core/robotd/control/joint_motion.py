@@ -67,7 +67,7 @@ class JointMotion:
             start_ns: earliest start, monotonic; 0: as soon as possible.
 
         Raises:
-            NotReady: a joint cannot be commanded now.
+            NotReady: motion is stopped, or a joint cannot be commanded now.
         """
         with self.lock, held(self._clock):  # simulated time must not outrun planning
             try:
@@ -107,6 +107,7 @@ class JointMotion:
     def _submit(self, plan: Planner[Source], start_ns: int) -> Source:
         lead_s = LEAD_S
         for _ in range(PLANNINGS):
+            self._axes.stop_latch.check()
             running = self._slot.running
             if running is None or running.completion.done:
                 after, source = None, self._plan_from_rest(plan, running, start_ns)

@@ -87,7 +87,8 @@ class MobileBase:
 
         Raises:
             InvalidArgument: a number is not finite.
-            NotReady: the base was stopped by ``stop``.
+            NotReady: the base was stopped by ``stop``, motion is stopped, or it was and the client
+                has sent neither a zero twist nor nothing for ``command_timeout_s`` since.
         """
         if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
             raise InvalidArgument(
@@ -95,7 +96,15 @@ class MobileBase:
             )
         if self._command.stopped:
             raise NotReady("the base is being stopped")
-        self._command.set(PlanarTwist(linear_m_s, angular_rad_s), self._clock.now_ns())
+        twist, now_ns = PlanarTwist(linear_m_s, angular_rad_s), self._clock.now_ns()
+        accepted = self._command.is_accepted(twist, now_ns)
+        self._axes.stop_latch.check()
+        if not accepted:
+            pause_s = self.settings.command_timeout_s
+            raise NotReady(
+                f"motion was stopped: send a zero twist, or none for {pause_s:g} s, first"
+            )
+        self._command.set(twist, now_ns)
         if not self.moving:
             self._worker.wake()
 
@@ -125,6 +134,10 @@ class MobileBase:
     def track(self, image: ProcessImage) -> None:
         """Update the odometry, once a period. Control-loop thread."""
         self._odometry.track(image)
+
+    def on_stop(self, reason: str) -> None:
+        """Drop the command when motion is stopped, and when it is allowed again. Any thread."""
+        self._command.require_neutral()
 
     def on_ready(self, ready: bool) -> None:
         """Accept commands, and continue from new wheel positions, when the engine is ready."""

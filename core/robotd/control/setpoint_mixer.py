@@ -6,6 +6,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
+from robotd.control.completion import Outcome
 from robotd.control.source_slot import SourceSlot
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
@@ -46,6 +47,17 @@ class SetpointMixer:
         slot = SourceSlot(self.period_ns)
         self._slots.append(slot)
         return slot
+
+    @property
+    def active(self) -> bool:
+        """A source moves axes, or waits to. Any thread."""
+        return any(slot.active for slot in self._slots)
+
+    def end_all(self, outcome: Outcome, reason: str) -> None:
+        """Request the end of all sources, each by its own controlled stop. Any thread."""
+        for slot in self._slots:
+            for source in slot.active:
+                source.completion.request(outcome, reason)
 
     def advance(self, time_ns: int, image: ProcessImage) -> None:
         """Run one period, with setpoints due at ``time_ns + period_ns``."""

@@ -24,6 +24,7 @@ class TwistCommand:
         self._timeout_ns = round(timeout_s * NANOSECONDS)
         self._command = (ZERO_TWIST, 0)  # and its time of arrival
         self._late = False
+        self._neutral, self._seen_ns = True, 0  # time of the last command, accepted or not
 
     @property
     def ended(self) -> bool:
@@ -33,6 +34,21 @@ class TwistCommand:
     def set(self, twist: PlanarTwist, time_ns: int) -> None:
         """Replace the command by ``twist``, which arrived at ``time_ns``."""
         self._command = (twist, time_ns)
+
+    def require_neutral(self) -> None:
+        """Drop the command; accept none until a zero twist or a pause.
+
+        The pause has to be as long as the time-out. After a stop, a client that still sends its
+        last command must not move the base.
+        """
+        self._command, self._neutral = (ZERO_TWIST, 0), self._seen_ns == 0
+
+    def is_accepted(self, twist: PlanarTwist, time_ns: int) -> bool:
+        """Return False for a command that continues one from before ``require_neutral``."""
+        paused = time_ns - self._seen_ns > self._timeout_ns
+        self._neutral |= paused or twist == ZERO_TWIST
+        self._seen_ns = time_ns
+        return self._neutral
 
     def moves(self, time_ns: int) -> bool:
         """Return True when a command other than standstill holds at ``time_ns``."""

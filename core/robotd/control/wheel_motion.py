@@ -13,7 +13,7 @@ from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage, columns
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import MotionState
-from robotd.motion.diff_drive import WheelPair
+from robotd.motion.diff_drive import ZERO_TWIST, WheelPair
 from robotd.motion.twist_limits import TwistLimiter
 
 OWNER = "mobile base"
@@ -71,10 +71,11 @@ class WheelMotion:
         if (loss := self._loss(time_ns, image)) is not None:
             self.completion.finish(Outcome.FAULT, loss)
             return False
-        twist = self._command.target(time_ns)
+        ending = self.completion.requested
+        twist = ZERO_TWIST if ending else self._command.target(time_ns)
         if self._sent:
-            if self._limiter.at_rest and self._command.ended:
-                self.completion.finish(Outcome.SUCCEEDED, "at rest")
+            if self._limiter.at_rest and (ending or self._command.ended):
+                self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
             speeds = np.array(self._wheels.speeds(self._limiter.step(twist)))
             self.setpoint[2] = (speeds - self.setpoint[1]) * (NANOSECONDS / period_ns)

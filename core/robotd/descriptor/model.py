@@ -137,6 +137,16 @@ class GripperSettings(Section):
             yield ("closed_m",), "must differ from open_m", self.closed_m
 
 
+class StopInputSettings(Section):
+    """An input that stops all motion, such as a contact of a safety relay."""
+
+    input_byte: int = Field(ge=0, lt=8000, description="Byte of the input image.")
+    input_bit: int = Field(ge=0, le=7, description="Bit in that byte.")
+    motion_level: int = Field(
+        1, ge=0, le=1, description="Level that allows motion; with 1 a broken wire stops."
+    )
+
+
 class TrajectorySettings(Section):
     """Conditions for a trajectory to be accepted and to count as finished."""
 
@@ -208,6 +218,9 @@ class RobotDescriptor(Section):
         "joint or wheel, plus 1.",
     )
     gripper: GripperSettings | None = Field(None, description="Gripper; null when there is none.")
+    stop_input: StopInputSettings | None = Field(
+        None, description="Input that stops all motion until a reset; null when there is none."
+    )
     trajectory: TrajectorySettings = Field(
         TrajectorySettings(), description="Rules for trajectories."
     )

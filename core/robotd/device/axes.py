@@ -17,6 +17,7 @@ from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation, Underrun
+from robotd.device.stop_latch import StopLatch
 from robotd.errors import DeviceTimeout, NotReady, Unsupported
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
@@ -61,6 +62,7 @@ class Axes:
 
     Attributes:
         arguments: checks that do not depend on the state of the device.
+        stop_latch: no motion starts while it is engaged.
         jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
     """
 
@@ -79,6 +81,7 @@ class Axes:
         self.limits = tuple(limits)
         self.names = tuple(names)
         self.arguments = AxisArguments(names)
+        self.stop_latch = StopLatch()
         self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver
         self._connection = connection
@@ -186,6 +189,7 @@ class Axes:
     def home(self, axis: int) -> None:
         """Make the present position of one idle axis its home position."""
         self._check_axis(axis)
+        self.stop_latch.check()
         self._require(Capability.HOMING, "homing")
         self._check_idle(axis, "homing")
         with self.arguments.naming(axis):
@@ -251,6 +255,10 @@ class Axes:
             names = ", ".join(self.names[axis] for axis in self._moving(axes))
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
 
+    def wait_for_motion(self) -> None:
+        """Wait for an image that shows the last move or jog, if it was accepted."""
+        self._effect.wait_for_motion()
+
     @contextmanager
     def claimed(
         self, owner: str, axes: Sequence[int], mode: CommandMode = CommandMode.POSITION
@@ -309,6 +317,7 @@ class Axes:
 
     def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
         self.check_axes(axes)
+        self.stop_latch.check()
         for axis in axes:
             if error := self.rejection(axis, mode):
                 raise error

@@ -59,6 +59,15 @@ class Io:
         _check_range("output", byte, 1, driver.output_bytes)
         return lambda: bool(driver.read_outputs(byte, 1)[0] & mask)
 
+    def input_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
+        """A check-free reader of one input bit for the cycle; meaningless while not ready."""
+        driver, mask = self._maybe_driver, 1 << bit
+        if driver is None:
+            raise Unsupported("digital inputs", self._backend)
+        _check_bit(bit)
+        _check_range("input", byte, 1, driver.input_bytes)
+        return lambda: bool(driver.read_inputs(byte, 1)[0] & mask)
+
     def _driver(self) -> IoDriver:
         if self._maybe_driver is None:
             raise Unsupported("digital I/O", self._backend)

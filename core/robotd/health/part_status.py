@@ -138,6 +138,13 @@ def cycle_status(
     return Status("cycle", Level.OK, f"{rate_hz:g} Hz", values)
 
 
+def motion_status(stopped: str) -> Status:
+    """Status of the motion of all axes; ``stopped``: reason of a stop, or ""."""
+    if stopped:
+        return Status("motion", Level.WARN, f"stopped: {stopped}")
+    return Status("motion", Level.OK, "allowed")
+
+
 def gripper_status(state: ConnectionState, *, closed: bool) -> Status:
     """Status of the gripper: its command; no sensor measures its position."""
     if state is not ConnectionState.COMMUNICATING:

@@ -15,6 +15,7 @@ from robotd.health.part_status import (
     engine_status,
     fieldbus_status,
     gripper_status,
+    motion_status,
     unknown_status,
 )
 from robotd.robot import Robot
@@ -37,11 +38,11 @@ class Health:
         flags = (image.servo_on, image.amp_alarm, image.offline, image.alarm_code,
                  image.negative_limit, image.positive_limit, image.mode)  # fmt: skip
         gripper = robot.gripper is not None and robot.gripper.is_commanded_closed
-        states = (robot.connection.state, robot.connection.ready, gripper)
+        states = (robot.connection.state, robot.connection.ready, gripper, self._stopped)
         return (*states, *(array.tobytes() for array in flags))
 
     def statuses(self) -> list[Status]:
-        """Of the engine, each axis, each fieldbus, the cycle, and the gripper."""
+        """Of the engine, each axis, each fieldbus, the cycle, motion, and the gripper."""
         robot = self._robot
         state, now_ns = robot.connection.state, robot.clock.now_ns()
         connection = robot.connection
@@ -53,10 +54,14 @@ class Health:
         for axis, name in enumerate(robot.axes.names):
             found.append(axis_status(name, axis, image, state, used=axis in used))
         found += [self._fieldbus(master, state, now_ns) for master in range(len(self._lost))]
-        found.append(self._control_loop(now_ns))
+        found += [self._control_loop(now_ns), motion_status(self._stopped)]
         if robot.gripper is not None:
             found.append(gripper_status(state, closed=robot.gripper.is_commanded_closed))
         return found
+
+    @property
+    def _stopped(self) -> str:
+        return self._robot.axes.stop_latch.reason
 
     def _fieldbus(self, master: int, state: ConnectionState, now_ns: int) -> Status:
         part = "fieldbus" if len(self._lost) == 1 else f"fieldbus {master}"

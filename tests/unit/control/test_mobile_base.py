@@ -376,3 +376,37 @@ def test_a_setpoint_that_was_not_sent_leaves_no_jump(harness: Harness) -> None:
     assert max(sent) == pytest.approx(0.8 / settings.wheel_radius_m)
     assert np.diff(sent).max() <= step * (1.0 + 1e-9)
     assert mixer.late > 50
+
+
+def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(harness: Harness) -> None:
+    harness.drive(0.8, 0.4, 2.0)
+    harness.robot.axes.stop_latch.engage("by the operator")
+    previous = harness.twist.linear
+    while harness.base.moving:
+        harness.step()
+        assert previous - 2.0 * harness.period_s < harness.twist.linear <= previous + 1e-6
+        assert harness.twist.angular == pytest.approx(harness.twist.linear / 2, abs=1e-6)
+        previous = harness.twist.linear
+    assert previous == pytest.approx(0.0, abs=1e-3)
+    harness.settle()
+    with pytest.raises(NotReady, match="motion is stopped: by the operator; robotd reset"):
+        harness.base.command(0.8, 0.4)
+    harness.robot.axes.stop_latch.release()
+    for _ in range(20):  # the client goes on as before
+        harness.run(COMMAND_S)
+        with pytest.raises(NotReady, match=r"send a zero twist, or none for 0\.5 s, first"):
+            harness.base.command(0.8, 0.4)
+    assert not harness.base.moving
+    harness.base.command(0.0, 0.0)
+    harness.drive(0.8, 0.4, 0.5)
+    assert harness.twist.linear > 0.1
+
+
+def test_after_a_stop_a_pause_as_long_as_the_time_out_is_neutral_too(harness: Harness) -> None:
+    harness.drive(0.8, 0.4, 1.0)
+    harness.robot.axes.stop_latch.engage("by the operator")
+    harness.run(1.0)
+    harness.settle()
+    harness.robot.axes.stop_latch.release()
+    harness.drive(0.8, 0.4, 0.5)
+    assert harness.twist.linear > 0.1

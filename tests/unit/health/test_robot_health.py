@@ -219,6 +219,7 @@ def test_a_robot_tells_of_all_its_parts(robot: Robot) -> None:
         **dict.fromkeys(robot.joint_names, Level.WARN),  # servos are off
         "fieldbus": Level.OK,
         "cycle": Level.STALE,
+        "motion": Level.OK,
         "gripper": Level.OK,
     }
 
@@ -228,6 +229,7 @@ def test_an_idle_engine_leaves_nothing_known(robot: Robot) -> None:
     robot.connection.close()
     found = levels(health)
     assert found.pop("engine") is Level.WARN
+    assert found.pop("motion") is Level.OK
     assert set(found.values()) == {Level.STALE}
 
 

@@ -31,7 +31,7 @@ def status(ctx: click.Context, /, *, as_json: bool, timeout_s: float) -> None:
 
 
 def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> ExitCode:
-    """Print the state; OK when the robot takes commands, else FAILED."""
+    """Print the state; OK when the robot takes motion commands, else FAILED."""
     with robot_client(ros_args, timeout_s) as client:
         report = import_ros("client.status_client").read_report(client)
     if as_json:
@@ -42,10 +42,12 @@ def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> Exit
         if report.reason:
             click.echo(field("reason", [report.reason]))
         if report.remedy:
-            click.echo(field("remedy", report.remedy.split(", then ")))
+            click.echo(field("remedy", [report.remedy]))
+        if report.stopped:
+            click.echo(field("motion", [warning(f"stopped: {report.stopped}"), "robotd reset"]))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
-    return ExitCode.OK if report.ready else ExitCode.FAILED
+    return ExitCode.OK if report.ready and not report.stopped else ExitCode.FAILED
 
 
 def _table(axes: Sequence[AxisReport]) -> list[str]:

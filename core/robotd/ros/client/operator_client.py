@@ -1,4 +1,4 @@
-"""Operator commands for a running robot: recovery."""
+"""Operator commands for a running robot: recovery, stop and reset."""
 
 from __future__ import annotations
 
@@ -11,6 +11,21 @@ from std_srvs.srv import Trigger
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.client.ros_client import LATCHED, RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
+
+
+def stop(client: RosClient) -> str:
+    """Stop all motion; return the answer of the robot, which is at rest then.
+
+    Raises:
+        DeviceTimeout: no robot answers in time; it may still be coming to rest.
+        OperationError: axes still move.
+    """
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/stop").message)
+
+
+def reset(client: RosClient) -> str:
+    """Allow motion again; return the answer of the robot. Raises as ``stop`` does."""
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/reset").message)
 
 
 def recover(client: RosClient, on_step: Callable[[str], None]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
@@ -15,6 +15,7 @@ from wmx_ros2_message.srv import SetAxis
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.client.ros_client import LATCHED, RosClient
+from robotd.ros.node_registry import OPERATOR_NODE
 
 GRIPPER = "wmx/set_gripper"
 AXIS_STATE = "wmx/axis/state"
@@ -51,7 +52,8 @@ class RobotReport:
     Attributes:
         state: the engine's, in the words of ``get_status``.
         reason: why axes cannot be commanded; "" while they can.
-        remedy: the commands that help, "" where none is needed or known.
+        remedy: the command that helps, "" where none is needed or known.
+        stopped: why all motion is stopped until a reset; "" while it is allowed.
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
     """
@@ -60,6 +62,7 @@ class RobotReport:
     ready: bool
     reason: str
     remedy: str
+    stopped: str
     axes: tuple[AxisReport, ...] | None
 
 
@@ -68,6 +71,7 @@ def read_report(client: RosClient) -> RobotReport:
     with (
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
+        client.listen(String, f"{OPERATOR_NODE}/stopped", LATCHED) as stopped,
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
@@ -77,7 +81,7 @@ def read_report(client: RosClient) -> RobotReport:
             lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
         )
         reports = axis_reports(axes.wait()) if published else None
-        return RobotReport(state, is_ready, reason, remedy, reports)
+        return RobotReport(state, is_ready, reason, remedy, stopped.wait().data, reports)
 
 
 def require_ready(client: RosClient) -> None:

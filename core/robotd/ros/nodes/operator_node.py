@@ -5,26 +5,53 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from robotd.errors import RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
-from robotd.ros.nodes.ready_topic import LATCHED
-from robotd.ros.services import add_service
+from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
+from robotd.ros.services import add_service, add_subscription
 
 
 class OperatorNode(Node):
-    """Services for the operator of a robot: recovery."""
+    """Services for the operator of a robot: recovery, and the stop of all motion."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(OPERATOR_NODE, context=host.context)
         self._recovery = _RecoveryService(self, robot, host)
+        self._stop = _StopServices(self, robot, host)
+
+
+class _StopServices:
+    """``~/stop`` as service and topic, ``~/reset``, and the reason of the stop on ``~/stopped``."""
+
+    def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
+        self._robot = robot
+        self._publisher = node.create_publisher(String, "~/stopped", LATCHED)
+        add_service(node, host, Trigger, "~/stop", self._stop, urgent=True)
+        add_service(node, host, Trigger, "~/reset", self._reset)
+        add_subscription(node, host, Empty, "~/stop", self._engage, 1)
+        robot.axes.stop_latch.on_change(self._publish)
+
+    def _stop(self, request: Any, response: Any) -> Any:
+        self._robot.stop("by a client of the stop service")
+        response.success, response.message = True, "stopped, at rest"
+        return response
+
+    def _engage(self, message: Any) -> None:
+        """Executor thread: the control loop brings everything to rest."""
+        self._robot.axes.stop_latch.engage("by a message on the stop topic")
+
+    def _reset(self, request: Any, response: Any) -> Any:
+        response.success, response.message = True, self._robot.reset()
+        return response
+
+    def _publish(self, reason: str) -> None:
+        publish_if_alive(self._publisher, String(data=reason))
 
 
 class _RecoveryService:
@@ -51,7 +78,4 @@ class _RecoveryService:
 
     def _report(self, line: str) -> None:
         self._lines.append(line)
-        try:
-            self._publisher.publish(String(data="\n".join(self._lines)))
-        except (InvalidHandle, RCLError):
-            return  # the node is gone
+        publish_if_alive(self._publisher, String(data="\n".join(self._lines)))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
+from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 
@@ -37,7 +40,10 @@ class ReadyTopic:
     def _publish(self) -> None:
         """Publish the value that is current under the lock. Any thread."""
         with self._lock:
-            try:
-                self._publisher.publish(Bool(data=self._connection.ready))
-            except (InvalidHandle, RCLError):
-                return  # the node is gone; the engine outlives it where a program has both
+            publish_if_alive(self._publisher, Bool(data=self._connection.ready))
+
+
+def publish_if_alive(publisher: Publisher, message: Any) -> None:
+    """Publish, unless the node is gone; the robot outlives it where a program has both."""
+    with suppress(InvalidHandle, RCLError):
+        publisher.publish(message)

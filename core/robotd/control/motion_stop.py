@@ -1,0 +1,104 @@
+"""Controlled stop of all motion, by command or by an input. No safety function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robotd.clock import Clock, wait_until
+from robotd.control.completion import Outcome
+from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.device.axes import Axes
+from robotd.device.connection import Connection
+from robotd.device.drivers import AxisDriver
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import Operation
+from robotd.errors import DeviceTimeout, NotReady
+
+BY_DEVICE = (Operation.POSITION, Operation.VELOCITY, Operation.HOMING)
+QUICK_STOP_S = 1.0  # for what a controlled stop has not brought to rest
+
+
+class MotionStop:
+    """Ends all motion while the latch is engaged, and engages it by an input.
+
+    Setpoint sources come to rest along their paths, moves, jogs and homing by their own ramps.
+
+    Args:
+        axes: of the robot; their latch counts.
+        driver: stops what the device moves by itself; the control loop may call its ``stop``.
+        mixer: source slots of all groups of axes.
+        connection: of the device; the input counts while it is ready.
+        clock: to wait by.
+        allows_motion: returns the state of the stop input, in the control loop; None: no input.
+        input_name: for texts.
+    """
+
+    def __init__(
+        self,
+        axes: Axes,
+        driver: AxisDriver,
+        mixer: SetpointMixer,
+        connection: Connection,
+        clock: Clock,
+        allows_motion: Callable[[], bool] | None = None,
+        input_name: str = "",
+    ) -> None:
+        self._axes, self._driver, self._mixer = axes, driver, mixer
+        self._connection, self._clock = connection, clock
+        self._allows_motion, self._input_name = allows_motion, input_name
+
+    @property
+    def at_rest(self) -> bool:
+        """No source is active, and the device moves no axis by itself. Any thread."""
+        operations = self._axes.image.operation.tolist()
+        moving = (*BY_DEVICE, Operation.STOPPING)
+        return not self._mixer.active and not any(each in moving for each in operations)
+
+    def enforce(self, image: ProcessImage) -> None:
+        """Check the input, and request the end of all motion while stopped. Control loop."""
+        latch = self._axes.stop_latch
+        if not latch.reason and self._is_forbidden():
+            latch.engage(f"{self._input_name} forbids motion")
+        if latch.reason:
+            self._mixer.end_all(Outcome.STOPPED, f"stopped: {latch.reason}")
+            operations = image.operation.tolist()
+            moved = [axis for axis, each in enumerate(operations) if each in BY_DEVICE]
+            if moved:
+                self._driver.stop(moved)
+
+    def stop(self, reason: str, timeout_s: float) -> None:
+        """Engage the latch and wait for standstill. Any worker.
+
+        What does not stand in time, because its ramp is too gentle, gets a quick stop.
+
+        Raises:
+            DeviceTimeout: axes still move after the quick stop; the latch stays engaged.
+        """
+        self._axes.stop_latch.engage(reason)
+        if not self._connection.ready:
+            return
+        self._axes.wait_for_motion()
+        if not wait_until(lambda: self.at_rest, timeout_s, self._clock):
+            self._axes.rest(range(len(self._axes)), QUICK_STOP_S, quick=True)
+
+    def reset(self, timeout_s: float) -> str:
+        """Allow motion again; returns what was reset, as text. Any worker. Nothing moves.
+
+        Raises:
+            NotReady: the input forbids motion.
+            DeviceTimeout: axes still move after ``timeout_s``.
+        """
+        latch = self._axes.stop_latch
+        if not latch.reason:
+            return "motion was not stopped"
+        if self._is_forbidden():
+            raise NotReady(f"{self._input_name} forbids motion: release it first")
+        if not wait_until(lambda: self.at_rest, timeout_s, self._clock):
+            raise DeviceTimeout(f"axes still move after {timeout_s:g} s; motion stays stopped")
+        reason = latch.reason
+        latch.release()
+        return f"motion is allowed again; it was stopped: {reason}"
+
+    def _is_forbidden(self) -> bool:
+        allows_motion = self._allows_motion
+        return allows_motion is not None and self._connection.ready and not allows_motion()

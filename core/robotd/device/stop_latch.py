@@ -1,0 +1,68 @@
+"""Latch that forbids motion from a stop until it is reset."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from robotd.errors import NotReady
+from robotd.log import get_logger
+
+log = get_logger("stop")
+
+StopListener = Callable[[str], None]
+
+
+class StopLatch:
+    """Reason why all motion is stopped, until it is reset on purpose. Any thread.
+
+    Commands check it before they start motion; ``MotionStop`` ends the motion that runs.
+
+    Attributes:
+        reason: of the first stop since the last reset; "" while motion is allowed.
+    """
+
+    def __init__(self) -> None:
+        self.reason = ""
+        self._lock = threading.Lock()
+        self._listeners: list[StopListener] = []
+
+    @property
+    def rejection(self) -> str:
+        """Text with which a motion command is rejected; "" while motion is allowed."""
+        reason = self.reason
+        return f"motion is stopped: {reason}; robotd reset allows it again" if reason else ""
+
+    def check(self) -> None:
+        """Raise NotReady while motion is stopped."""
+        if self.reason:
+            raise NotReady(self.rejection)
+
+    def on_change(self, listener: StopListener) -> None:
+        """Call ``listener(reason)`` now and on every change, from the thread that causes it.
+
+        It must not block: the control loop may cause a stop.
+        """
+        with self._lock:
+            self._listeners.append(listener)
+            listener(self.reason)
+
+    def engage(self, reason: str) -> None:
+        """Forbid motion; a later reason does not replace the first."""
+        self._set(reason, only_if_free=True)
+
+    def release(self) -> None:
+        """Allow motion again; nothing starts to move."""
+        self._set("", only_if_free=False)
+
+    def _set(self, reason: str, *, only_if_free: bool) -> None:
+        with self._lock:
+            if self.reason == reason or (only_if_free and self.reason):
+                return
+            self.reason = reason
+            if reason:
+                log.warning("motion stopped", reason=reason)
+            else:
+                log.info("motion allowed again")
+            for listener in self._listeners:
+                listener(reason)

@@ -1,0 +1,94 @@
+"""Node robotd: the operator's stop, reset and recovery, by services, topics and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.test_client_commands import robotd
+from tests.ros.test_trajectory import goal, pose, position
+from wmx_ros2_message.msg import AxisPose
+
+pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
+
+BY_SERVICE = "by a client of the stop service"
+
+
+@pytest.fixture(scope="module")
+def joints(client: Client) -> list[Any]:
+    return client.listen(JointState, "/joint_states")
+
+
+@pytest.fixture(scope="module")
+def stopped(client: Client) -> list[Any]:
+    messages = client.listen(String, "/robotd/stopped", LATCHED)
+    wait_until(lambda: messages, "the latched message")
+    return messages
+
+
+@pytest.fixture(autouse=True)
+def allowed_at_zero(client: Client) -> Iterator[None]:
+    yield
+    assert client.call(Trigger, "/robotd/reset").success
+    assert client.send_goal(goal((1.5, pose(0.0)))).result()[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_stop_ends_a_goal_and_the_next_is_rejected_until_the_reset(
+    cr3a: RobotProcess, client: Client, joints: list[Any], stopped: list[Any]
+) -> None:
+    assert stopped[-1].data == ""
+    sent = client.send_goal(goal((10.0, pose(1.0))))
+    client.next(joints, lambda message: message.position[0] > 0.05)
+    assert robotd(cr3a.domain, "stop")[:2] == (0, "stopped, at rest\n")
+    status, result = sent.result()
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.error_string.startswith(f"stopped: {BY_SERVICE}")
+    wait_until(lambda: stopped[-1].data == BY_SERVICE, "the reason on the topic")
+    status, result = client.send_goal(goal((1.0, pose(0.0)))).result()
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.error_string == f"motion is stopped: {BY_SERVICE}; robotd reset allows it again"
+    code, output, _ = robotd(cr3a.domain, "status")
+    assert (code, f"stopped: {BY_SERVICE}" in output) == (1, True)
+    assert robotd(cr3a.domain, "reset")[0] == 0
+    wait_until(lambda: stopped[-1].data == "", "the reset on the topic")
+
+
+def test_a_message_on_the_stop_topic_stops_moves_of_single_axes(
+    client: Client, joints: list[Any], stopped: list[Any]
+) -> None:
+    diagnostics = client.listen(DiagnosticArray, "/diagnostics")
+    stop = client.publisher(Empty, "/robotd/stop")
+    moves = client.publisher(AxisPose, "/wmx/axis/position")
+    move = AxisPose(index=[0], target=[1.0], velocity=[0.2], acc=[5.0], dec=[5.0])
+    moves.publish(move)
+    client.next(joints, lambda message: message.position[0] > 0.05)
+    stop.publish(Empty())
+    wait_until(lambda: stopped[-1].data == "by a message on the stop topic", "the reason")
+    client.next(joints, lambda message: abs(message.velocity[0]) < 1e-3)
+    here = position(joints)[0]
+    assert 0.05 < here < 0.9
+    moves.publish(move)
+    client.next(
+        diagnostics,
+        lambda message: any(
+            each.name.endswith(": motion") and each.level == DiagnosticStatus.WARN
+            for each in message.status
+        ),
+    )
+    client.next(joints)
+    assert position(joints)[0] == pytest.approx(here, abs=5e-3)
+
+
+def test_a_recovery_of_a_sound_robot_changes_nothing(client: Client) -> None:
+    response = client.call(Trigger, "/robotd/recover")
+    assert (response.success, response.message) == (
+        True,
+        "nothing is wrong: the robot takes commands",
+    )
