@@ -166,6 +166,7 @@ def test_a_parameter_file_that_a_backend_ignores_is_mentioned(
     robotd: Robotd, install: Install, edit: Edit
 ) -> None:
     install("bare")
+    edit("robot.yaml", "    wmx_gripper_topic: wmx/set_gripper\n", "")
     path = edit("robot.yaml", "default_variant: intel", "gripper: null\ndefault_variant: intel")
     text = path.read_text(encoding="utf-8")
     start, end = text.index("gripper:\n"), text.index("trajectory:")
@@ -205,3 +206,61 @@ def test_a_value_for_a_backend_that_is_not_in_use_is_rejected(robotd: Robotd) ->
     result = robotd("check", "--robot", "cr3a", "--set", "backends.canopen.sdo_timeout_s=1")
     assert result.exit_code == ExitCode.CONFIGURATION
     assert "--set: backends.canopen.sdo_timeout_s: the backend in use is 'sim'" in result.output
+
+
+def test_missing_unknown_and_wrong_ros_parameters_are_reported_at_once(
+    robotd: Robotd, edit: Edit
+) -> None:
+    """Each with file and line, without ROS."""
+    edit("robot.yaml", "encoder_joint_topic: joint_states", "joint_feedback_rate: 100000")
+    edit("robot.yaml", "wmx_gripper_topic:", "wmx_griper_topic:")
+    path = edit("robot.yaml", "ros_parameters:\n", "ros_parameters:\n  wmx_io_node: {speed: 100}\n")
+    first = path.read_text("utf-8").splitlines().index("ros_parameters:") + 1
+    result = robotd("check", "--robot", str(path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    for text in (
+        f":{first + 1}: wmx_io_node.speed: the node has no such parameter",
+        f":{first + 3}: manipulator_state.joint_feedback_rate: 100000 is outside 1 to 500",
+        "manipulator_state.encoder_joint_topic: missing",
+        "follow_joint_trajectory_server.wmx_gripper_topic: missing",
+        f":{first + 5}: follow_joint_trajectory_server.wmx_griper_topic: the node has no such",
+        "did you mean 'wmx_gripper_topic'?",
+    ):
+        assert text in result.stdout
+    assert result.stdout.splitlines()[-1] == "5 problems"
+
+
+def test_a_node_for_which_the_robot_lacks_joints_is_reported(
+    robotd: Robotd, tmp_path: Path
+) -> None:
+    path = tmp_path / "bare.yaml"
+    path.write_text("schema: 1\nname: bare\naxes: 1\nnodes: [manipulator_state]\n", "utf-8")
+    result = robotd("check", "--robot", str(path))
+    assert "manipulator_state.joint_number: bare has no joints" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("parameter", "text"),
+    [
+        ("rate: 0", "rate: 0 is outside 1 to"),
+        ("wheel_radius: -0.1", "wheel_radius: -0.1 is not above 0"),
+        ("publish_tf: 1", "publish_tf: 1 is not true or false"),
+        ("linear.x.max_jerk: -1.0", "linear.x.max_jerk: -1.0 is below 0"),
+        ("pose_covariance_diagonal: [1.0]", "1 numbers instead of 6"),
+        ("encoder_odometry_topic: 'odom enc'", "'odom enc' is not a ROS name"),
+        ("odom_frame_id: 7", "odom_frame_id: 7 is not a text"),
+        ("left_axis: 5", "left_axis: 5 contradicts drive.left_axis"),
+        ("wmx_param_file_path: /nowhere.xml", "file '/nowhere.xml' does not exist"),
+        ("acc_time: soon", "'soon' is not a number with a decimal point"),
+    ],
+)
+def test_a_wrong_parameter_of_a_base_is_reported(
+    robotd: Robotd, tmp_path: Path, parameter: str, text: str
+) -> None:
+    path = tmp_path / "robot.yaml"
+    section = f"ros_parameters:\n  diff_drive_controller:\n    {parameter}\n"
+    baymax = Path(next(iter(robotd_robots.__path__))) / "baymax" / "robot.yaml"
+    path.write_text(f"extends: {baymax}\nname: base\n{section}", "utf-8")
+    result = robotd("check", "--robot", str(path))
+    assert text in result.stdout
+    assert f"{path}:" in result.stdout

@@ -9,10 +9,10 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from robotd.errors import DescriptorError, RobotdError
+from robotd.node_settings.base_settings import DiffDriveSettings, read_diff_drive
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import TypeMismatchCheck
-from robotd.ros.nodes.drive_parameters import drive_settings
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.odometry_topics import OdometryFrames, OdometryTopics
 from robotd.ros.nodes.rejection_log import RejectionLog
@@ -22,12 +22,6 @@ from robotd.ros.services import add_service, add_subscription
 NAME = "diff_drive_controller"
 COMMAND_DEPTH = 1  # only the newest twist means anything
 ECHO_DEPTH = 10
-RATE_HZ = 10
-
-# Wheels measure x, y and yaw; sideways they do not slip; of the rest they know nothing.
-NOT_MEASURED = 1e6
-POSE_VARIANCES = (1e-3, 1e-3, NOT_MEASURED, NOT_MEASURED, NOT_MEASURED, 1e-2)
-TWIST_VARIANCES = (1e-3, 1e-3, NOT_MEASURED, NOT_MEASURED, NOT_MEASURED, 1e-2)
 
 
 class DiffDriveController(Node):
@@ -41,66 +35,53 @@ class DiffDriveController(Node):
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
-        drive = robot.descriptor.drive
-        if robot.base is None or drive is None:
+        self._rejections = RejectionLog()
+        if robot.base is None:
             raise DescriptorError(f"{NAME} needs a drive, which {robot.descriptor.name} has not")
         self._base = robot.base
-        self._rejections = RejectionLog()
         parameters = Parameters(self, robot.descriptor)
-        self._base.configure(drive_settings(parameters, drive))
-        if path := parameters.file("wmx_param_file_path", "parameter file; empty: the robot's"):
-            robot.connection.parameters.path = path
-        self._take_commands(host, parameters)
-        self._publish_state(parameters, robot)
-        publish_description(self, robot, parameters)
+        settings = read_diff_drive(parameters, robot.descriptor)
         parameters.done()
+        self._base.configure(settings.drive)
+        if settings.parameters_file:
+            robot.connection.parameters.path = settings.parameters_file
+        self._take_commands(host, settings)
+        self._publish_state(settings, robot)
+        publish_description(self, settings.description)
         add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
 
-    def _take_commands(self, host: RosHost, parameters: Parameters) -> None:
-        stamped = parameters.flag("use_stamped_vel", False, "take TwistStamped instead of Twist")
-        topic = parameters.topic("cmd_vel_topic", "commands", required=True)
-        echo = parameters.topic("encoder_vel_topic", "echo of the commands", required=True)
-        self._topic = topic
-        self._echo = self.create_publisher(Twist, echo, ECHO_DEPTH)
-        if stamped:
+    def _take_commands(self, host: RosHost, settings: DiffDriveSettings) -> None:
+        self._topic = settings.commands
+        self._echo = self.create_publisher(Twist, settings.echo, ECHO_DEPTH)
+        if settings.stamped:
             taken, handler = TwistStamped, lambda message: self._command(message.twist)
         else:
             taken, handler = Twist, self._command
-        subscription = add_subscription(self, host, taken, topic, handler, COMMAND_DEPTH)
+        subscription = add_subscription(self, host, taken, self._topic, handler, COMMAND_DEPTH)
         self._offered = TypeMismatchCheck(
             self,
             subscription,
             f"geometry_msgs/msg/{taken.__name__}",
-            f"publish {taken.__name__}, or set use_stamped_vel to {str(not stamped).lower()}",
+            f"publish {taken.__name__}, or set use_stamped_vel to"
+            f" {str(not settings.stamped).lower()}",
         )
 
-    def _publish_state(self, parameters: Parameters, robot: Robot) -> None:
-        frames = OdometryFrames(
-            parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
-            parameters.text("base_frame_id", "base_link", "frame of the base"),
-            self._variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
-            self._variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
-        )
-        highest = int(robot.descriptor.cycle.rate_hz)
-        rate_hz = parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz")
+    def _publish_state(self, settings: DiffDriveSettings, robot: Robot) -> None:
         topics = OdometryTopics(
             self,
             robot,
-            frames,
-            parameters.topic("encoder_omega_topic", "speeds of the wheels", required=True),
-            parameters.topic("encoder_odometry_topic", "odometry", required=True),
-            publish_tf=parameters.flag("publish_tf", False, "publish odom → base on tf"),
+            OdometryFrames(
+                settings.odom_frame,
+                settings.base_frame,
+                settings.pose_variances,
+                settings.twist_variances,
+            ),
+            settings.wheel_speeds,
+            settings.odometry,
+            publish_tf=settings.publish_tf,
         )
-        robot.control_loop.every(rate_hz, "odometry", topics.publish)
-        self.rates_hz = dict.fromkeys(topics.topics, float(rate_hz))
-
-    def _variances(
-        self, parameters: Parameters, name: str, default: tuple[float, ...]
-    ) -> tuple[float, ...]:
-        values = parameters.numbers(name, default, "variances of x, y, z, roll, pitch, yaw")
-        if min(values) < 0.0:
-            raise parameters.error(name, f"{min(values)} is below 0")
-        return values
+        robot.control_loop.every(settings.rate_hz, "odometry", topics.publish)
+        self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
 
     def _command(self, twist: Any) -> None:
         try:

@@ -16,10 +16,10 @@ from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_delay
+from robotd.node_settings.arm_settings import read_trajectory_server
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import RealTimeResultServer
-from robotd.ros.nodes.manipulator_state import declare_joints
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.trajectory_conversions import (
     duration_s,
@@ -81,21 +81,14 @@ class FollowJointTrajectoryServer(Node):
         self._executions: dict[bytes, TrajectoryExecution] = {}
         self._live = 0  # goals that have not ended; executor thread
         parameters = Parameters(self, robot.descriptor)
-        declare_joints(parameters, robot)
-        action = parameters.action("joint_trajectory_action", "name of the action")
-        gripper = parameters.topic(
-            "wmx_gripper_topic", "service that closes the gripper", required=bool(robot.gripper)
-        )
-        if gripper and robot.gripper is None:
-            what = f"{gripper!r} is given, but {robot.descriptor.name} has no gripper"
-            raise parameters.error("wmx_gripper_topic", what)
+        settings = read_trajectory_server(parameters, robot.descriptor)
         parameters.done()
-        if gripper:
-            add_service(self, host, SetBool, gripper, self._set_gripper)
+        if settings.gripper:
+            add_service(self, host, SetBool, settings.gripper, self._set_gripper)
         self._server = RealTimeResultServer(
             self,
             FollowJointTrajectory,
-            action,
+            settings.action,
             _unused,
             goal_callback=self._admit,
             handle_accepted_callback=self._accepted,
