@@ -14,6 +14,7 @@ from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
 from robotd.control.control_loop import ControlLoop
 from robotd.control.joint_motion import JointMotion
+from robotd.control.joint_stream import JointStream, JointStreams
 from robotd.control.mobile_base import MobileBase, wheel_limits
 from robotd.control.motion_stop import MotionStop
 from robotd.control.recovery import Recovery, Report
@@ -190,6 +191,18 @@ class Robot:
                 self.clock.step(time_ns)
             case _:
                 raise InvalidArgument("only simulated time can be stepped")
+
+    @cached_property
+    def stream(self) -> Callable[..., JointStream]:
+        """Opens a stream of joints; see ``JointStreams.open`` for the arguments."""
+        return JointStreams(
+            self.joint_motion,
+            self.axes,
+            self.descriptor,
+            self.follower.limits,
+            self.clock,
+            self.backend.name,
+        ).open
 
     @cached_property
     def fault_injector(self) -> FaultInjector:

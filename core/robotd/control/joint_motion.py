@@ -54,9 +54,17 @@ class JointMotion:
         self._joint_axes = list(joint_axes)
         self._clock = clock
         self._claim = ExitStack()
+        self._owner = ""  # of the claim
         self._active = 0
 
-    def start(self, plan: Planner[Source], start_ns: int = 0) -> Source:
+    def start(
+        self,
+        plan: Planner[Source],
+        start_ns: int = 0,
+        *,
+        owner: str = OWNER,
+        takeover: bool = False,
+    ) -> Source:
         """Plan a source from the present motion and submit it; ``release`` has to follow.
 
         Planning is repeated while the running source has changed meanwhile.
@@ -65,13 +73,17 @@ class JointMotion:
             plan: returns, for the state to start from, a function that makes the source for a
                 start time. It raises what rejects the request; a running source continues then.
             start_ns: earliest start, monotonic; 0: as soon as possible.
+            owner: name of the client.
+            takeover: also from the moving source of another owner.
 
         Raises:
-            NotReady: motion is stopped, or a joint cannot be commanded now.
+            NotReady: motion is stopped, a joint cannot be commanded now, or it moves for another
+                owner.
         """
         with self.lock, held(self._clock):  # simulated time must not outrun planning
             try:
-                source = self._submit(plan, start_ns)
+                self._require(owner, takeover)
+                source = self._submit(plan, start_ns, owner)
             except BaseException:
                 if self._active == 0:
                     self._claim.close()
@@ -104,17 +116,25 @@ class JointMotion:
         """Return (m,) position commands of the joints, in rad or m."""
         return self._axes.image.position_command[self._joint_axes]
 
-    def _submit(self, plan: Planner[Source], start_ns: int) -> Source:
+    def _require(self, owner: str, takeover: bool) -> None:
+        """Raise NotReady while the joints move for another owner."""
+        if self._slot.active and self._owner != owner and not takeover:
+            name = self._axes.names[self._joint_axes[0]]
+            raise NotReady(f"{name}: in use by {self._owner}")
+
+    def _submit(self, plan: Planner[Source], start_ns: int, owner: str) -> Source:
         lead_s = LEAD_S
         for _ in range(PLANNINGS):
             self._axes.stop_latch.check()
             running = self._slot.running
             if running is None or running.completion.done:
-                after, source = None, self._plan_from_rest(plan, running, start_ns)
+                after, source = None, self._plan_from_rest(plan, running, start_ns, owner)
             else:
                 after, source = running, self._plan_splice(plan, running, start_ns, lead_s)
                 lead_s *= 2.0
             if source is not None and self._slot.submit(source, after):
+                self._axes.hand_over(self._joint_axes, owner)
+                self._owner = owner
                 return source
         raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
 
@@ -135,7 +155,7 @@ class JointMotion:
         return None
 
     def _plan_from_rest(
-        self, plan: Planner[Source], running: SetpointSource | None, start_ns: int
+        self, plan: Planner[Source], running: SetpointSource | None, start_ns: int, owner: str
     ) -> Source | None:
         """Plan from standstill and claim the axes; None when they have moved meanwhile."""
         state = self._rest_state()
@@ -144,7 +164,8 @@ class JointMotion:
             return None
         # Claim again: after a fault the device has taken axes out of the stream.
         self._claim.close()
-        self._claim.enter_context(self._axes.claimed(OWNER, self._joint_axes))
+        self._claim.enter_context(self._axes.claimed(owner, self._joint_axes))
+        self._owner = owner
         if (np.abs(self.command() - state.position) > MOVED_RAD).any():
             return None
         earliest_ns = max(self._slot.next_start_ns, self._clock.now_ns())
@@ -153,7 +174,7 @@ class JointMotion:
     def _rest_state(self) -> MotionState:
         """Return the commanded position; a plan from the measured one would jump."""
         for axis in self._joint_axes:
-            if error := self._axes.rejection(axis, CommandMode.POSITION, OWNER):
+            if error := self._axes.rejection(axis, CommandMode.POSITION, self._owner):
                 raise error
         return MotionState.at_rest(self.command())
 

@@ -99,7 +99,7 @@ class StallRecovery:
         Returns True when an underrun was found: ``is_far`` then says whether it is too long.
         """
         elapsed_s = (due_ns - self._sent_ns) / NANOSECONDS
-        underrun = elapsed_s > GAP_PERIODS * period_s + self._buffer_s
+        underrun = self._is_underrun(elapsed_s, period_s)
         if underrun:
             self.active, self.pause_s = True, elapsed_s - period_s
             self._next[:] = self._sent
@@ -110,12 +110,33 @@ class StallRecovery:
         path += self._next
         return underrun
 
+    def resume(self, time_ns: int, period_s: float) -> FloatArray | None:
+        """Return (2, m) position and velocity of the device at ``time_ns`` after an underrun.
+
+        For a source that continues from there and keeps no deviation. None: no underrun, the
+        setpoint for a period later comes in time.
+        """
+        elapsed_s = (time_ns - self._sent_ns) / NANOSECONDS
+        if not self._is_underrun(elapsed_s + period_s, period_s):
+            return None
+        reached = self._sent.copy()
+        self._continue(elapsed_s, reached)
+        return reached
+
+    def accept(self) -> None:
+        """Take the present setpoint as the path: a source continues from there."""
+        self.active = False
+        self._next[:] = self._deviation[:] = 0.0
+
     def sent(self, setpoint: FloatArray, due_ns: int) -> None:
         """Note that ``setpoint``, made by ``lay_over``, has been handed to the device."""
         self._sent[:], self._sent_ns = setpoint, due_ns
         self._deviation[:] = self._next
         if self._buffered:
             self._buffered.append((due_ns, setpoint.copy()))
+
+    def _is_underrun(self, elapsed_s: float, period_s: float) -> bool:
+        return elapsed_s > GAP_PERIODS * period_s + self._buffer_s
 
     def _of_buffer(self, time_ns: int) -> FloatArray:
         """The last setpoint that was due by ``time_ns``; older ones are forgotten."""

@@ -65,6 +65,7 @@ class TrajectoryFollower:
             np.array([joint.jerk for joint in joints]),
         )
         self._motion = motion
+        self._takeover = descriptor.stream.takeover
         self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._execution = (
@@ -131,7 +132,7 @@ class TrajectoryFollower:
                 trajectory = plan(request, self.limits, self.settings, state, recent_path)
                 return partial(self._make, trajectory, tolerances)
 
-            execution = self._motion.start(planned, start_ns)
+            execution = self._motion.start(planned, start_ns, takeover=self._takeover)
             self._recent.append(execution)
             execution.begin()
             return execution

@@ -191,6 +191,19 @@ def _count_axes(data: dict[str, Any]) -> int:
     return 1 + max([*axes, *(drive.axes if drive else ())], default=-1)
 
 
+class StreamSettings(Section):
+    """Motion that a client decides while it happens: streams, jogs and commands on topics."""
+
+    timeout_s: Positive = Field(
+        0.1, description="Age of the last command at which the joints slow to rest."
+    )
+    takeover: bool = Field(
+        False,
+        description="Streams and trajectories take joints in motion from each other; false: the "
+        "second is rejected, with the owner's name.",
+    )
+
+
 class RobotDescriptor(Section):
     """One robot: what moves it, its nodes and their parameters, its backends."""
 
@@ -224,6 +237,7 @@ class RobotDescriptor(Section):
     trajectory: TrajectorySettings = Field(
         TrajectorySettings(), description="Rules for trajectories."
     )
+    stream: StreamSettings = Field(StreamSettings(), description="Streams and jogs.")
     nodes: tuple[str, ...] = Field(
         (), strict=False, description="ROS nodes that are started, by name."
     )

@@ -283,6 +283,10 @@ class Axes:
             with self._lock:
                 self._claims.give_back(axes, streams=streams)
 
+    def hand_over(self, axes: Sequence[int], owner: str) -> None:
+        """Name a new owner of ``axes``, which are claimed and stay so."""
+        self._claims.hand_over(axes, owner)
+
     def rejection(self, axis: int, mode: CommandMode, by: str = "") -> NotReady | None:
         """The error of a motion command now, of a client named ``by``; None: accepted."""
         image = self.image

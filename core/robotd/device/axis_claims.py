@@ -39,6 +39,10 @@ class AxisClaims:
             self._driver.begin_stream(axes)
         self._owners.update(dict.fromkeys(axes, owner))
 
+    def hand_over(self, axes: Sequence[int], owner: str) -> None:
+        """Change the owner of ``axes``, which are taken."""
+        self._owners.update(dict.fromkeys(axes, owner))
+
     def give_back(self, axes: Sequence[int], *, streams: bool) -> None:
         """Undo ``take``; a device that is gone is logged, not an error."""
         for axis in axes:

@@ -91,6 +91,10 @@ class SetpointLimiter:
                 self.state[:] = self._planner.at(self._elapsed_s)
         return self.state
 
+    def after(self, seconds: float) -> FloatArray:
+        """Return the setpoint ``seconds`` after the last one; not while tracking or at limits."""
+        return self._planner.at(self._elapsed_s + seconds)
+
     def track(self, reference: FloatArray, target: FloatArray, stands: BoolArray) -> FloatArray:
         """Return the next setpoint, ``state``, on ``reference`` or on the way to it.
 

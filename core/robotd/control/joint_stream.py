@@ -1,0 +1,289 @@
+"""Streams: motion of joints that a client decides while it happens."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import Clock
+from robotd.control.completion import Outcome
+from robotd.control.joint_motion import JointMotion
+from robotd.control.stream_motion import StreamMotion
+from robotd.control.stream_setpoints import StreamCommand, StreamMode
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Axes
+from robotd.errors import InvalidArgument, NotReady, Unsupported
+from robotd.log import get_logger
+from robotd.motion import JointLimits, MotionState
+
+log = get_logger("stream")
+
+OWNER = "stream"
+
+
+@dataclass(frozen=True)
+class StreamStatistics:
+    """Counts of one stream.
+
+    Attributes:
+        commands: received.
+        clipped: commands with a position or a velocity beyond a limit, which was used instead.
+        timeouts: times that the joints slowed to rest because no command came.
+    """
+
+    commands: int
+    clipped: int
+    timeouts: int
+
+
+class JointStream:
+    """Open stream of some joints, made by ``Robot.stream``; a context that closes it.
+
+    ``send`` and ``send_velocity`` may be called by any thread and never block.
+
+    Args:
+        motion: moves the joints.
+        release: stops ``motion`` and gives the joints back.
+        columns: (k,) index of the stream's joints among the m joints of ``limits``.
+        limits: of all joints.
+        clock: of the control loop.
+
+    Attributes:
+        joints: names, in the order of the values that it takes.
+    """
+
+    def __init__(
+        self,
+        motion: StreamMotion,
+        release: Callable[[StreamMotion], None],
+        columns: IntArray,
+        limits: JointLimits,
+        clock: Clock,
+    ) -> None:
+        self.joints = tuple(limits.names[column] for column in columns)
+        self._motion, self._release = motion, release
+        self._columns, self._clock = columns, clock
+        self._names = limits.names
+        self._units = tuple(limits.units[column] for column in columns)
+        self._position_limits = limits.lower[columns], limits.upper[columns]
+        self._velocity_limits = -limits.velocity[columns], limits.velocity[columns]
+        self._commands = self._clipped = 0
+        self._closed = False
+
+    @property
+    def open(self) -> bool:
+        """Commands are accepted."""
+        return self._motion.completion.requested is None and not self._motion.completion.done
+
+    @property
+    def message(self) -> str:
+        """Reason of its end, "" while it is open."""
+        completion = self._motion.completion
+        return completion.message or (completion.requested[1] if completion.requested else "")
+
+    @property
+    def statistics(self) -> StreamStatistics:
+        """Counts so far."""
+        return StreamStatistics(self._commands, self._clipped, self._motion.timeouts)
+
+    def send(self, position: Sequence[float], velocity: Sequence[float] | None = None) -> None:
+        """Move towards ``position``; positions beyond a limit are clipped and counted.
+
+        Args:
+            position: one for each of ``joints``, in rad or m.
+            velocity: at ``position``, in rad/s or m/s: the joints go on with it until the next
+                command, without a lag. None: the target stands still. Not in the mode ``smooth``.
+
+        Raises:
+            InvalidArgument: a wrong number of values, or one that is not finite.
+            NotReady: the stream has ended; with the reason.
+        """
+        target = self._values("position", position)
+        speed = None if velocity is None else self._values("velocity", velocity)
+        if speed is not None and self._motion.mode is StreamMode.SMOOTH:
+            raise InvalidArgument("velocity: a smooth stream takes positions only")
+        self._put(self._clip("position", target, *self._position_limits), speed)
+
+    def send_velocity(self, velocity: Sequence[float]) -> None:
+        """Move with ``velocity``, one for each of ``joints``, in rad/s or m/s.
+
+        Velocities beyond a limit are clipped and counted. A joint comes to rest at its position
+        limit. Raises as ``send``.
+        """
+        speed = self._values("velocity", velocity)
+        self._put(None, self._clip("velocity", speed, *self._velocity_limits))
+
+    def close(self) -> None:
+        """Slow to rest, wait, and give the joints back; a second call has no effect."""
+        if not self._closed:
+            self._closed = True
+            self._motion.completion.request(Outcome.CANCELED, "closed by the client")
+            self._release(self._motion)
+            counts = self.statistics
+            log.info(
+                "stream ended",
+                reason=self.message,
+                commands=counts.commands,
+                clipped=counts.clipped,
+                timeouts=counts.timeouts,
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _put(self, position: FloatArray | None, velocity: FloatArray | None) -> None:
+        if not self.open:
+            raise NotReady(f"the stream has ended: {self.message}")
+        self._commands += 1
+        self._motion.put(
+            StreamCommand(self._all(position), self._all(velocity), self._clock.now_ns())
+        )
+
+    def _values(self, what: str, values: Sequence[float]) -> FloatArray:
+        array = np.array(values, np.float64)
+        if array.shape != (len(self.joints),):
+            raise InvalidArgument(
+                f"{what}: {array.size} values for {len(self.joints)} joints"
+                f" ({', '.join(self.joints)})"
+            )
+        for name, value in zip(self.joints, array.tolist(), strict=True):
+            if not math.isfinite(value):
+                raise InvalidArgument(f"{name}: {what} is {value}, must be a finite number")
+        return array
+
+    def _clip(self, what: str, values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        clipped: FloatArray = np.minimum(np.maximum(values, low), high)
+        beyond = np.flatnonzero(clipped != values)
+        if len(beyond):
+            self._clipped += 1
+            if self._clipped == 1:
+                joint = int(beyond[0])
+                log.warning(
+                    "a command beyond a limit is clipped",
+                    quantity=what,
+                    joint=self.joints[joint],
+                    value=float(values[joint]),
+                    limit=float(clipped[joint]),
+                    unit=self._units[joint],
+                )
+        return clipped
+
+    def _all(self, values: FloatArray | None) -> FloatArray | None:
+        """Return (m,) values of all joints, NaN for those of others."""
+        if values is None:
+            return None
+        every: FloatArray = np.full(len(self._names), np.nan)
+        every[self._columns] = values
+        return every
+
+
+class JointStreams:
+    """Opens streams of a robot's joints, one at a time. Worker threads.
+
+    Args:
+        motion: of the joints.
+        axes: of the robot.
+        descriptor: joints, time-outs and takeover.
+        limits: of the joints.
+        clock: of the control loop.
+        backend: name, for errors.
+    """
+
+    def __init__(
+        self,
+        motion: JointMotion,
+        axes: Axes,
+        descriptor: RobotDescriptor,
+        limits: JointLimits,
+        clock: Clock,
+        backend: str,
+    ) -> None:
+        self._motion, self._axes, self._limits = motion, axes, limits
+        self._settings, self._clock, self._backend = descriptor.stream, clock, backend
+        self._joint_axes = np.array([joint.axis for joint in descriptor.joints], np.int64)
+        self._stopped_velocity = limits.stopped_velocity(descriptor.trajectory)
+        self._period_s = 1.0 / descriptor.cycle.rate_hz
+
+    def open(
+        self,
+        joints: Sequence[str] | None = None,
+        *,
+        timeout_s: float | None = None,
+        mode: str = StreamMode.TARGET,
+        owner: str = OWNER,
+        takeover: bool | None = None,
+        ends_when_silent: bool = False,
+    ) -> JointStream:
+        """Return an open stream; see ``Robot.stream``.
+
+        Args:
+            joints: in the order of the values to send; None: all.
+            timeout_s: age of the last command at which the joints slow to rest; None: the
+                descriptor's.
+            mode: ``target`` or ``smooth``.
+            owner: name of the client, for those who ask for the same joints.
+            takeover: take the joints from another owner in motion; None: as the descriptor says.
+            ends_when_silent: the stream ends ``timeout_s`` after the last command.
+
+        Raises:
+            InvalidArgument: unknown joint or mode, or a time-out that is not positive.
+            NotReady: a joint cannot be commanded now, or has another owner.
+            Unsupported: the backend streams no positions.
+        """
+        names, limits = self._limits.names, self._limits
+        wanted = names if joints is None else tuple(joints)
+        columns = _columns(wanted, names)
+        seconds = self._settings.timeout_s if timeout_s is None else timeout_s
+        if not (math.isfinite(seconds) and seconds > 0.0):
+            raise InvalidArgument(f"timeout_s is {seconds}, must be a positive number")
+        if mode not in tuple(StreamMode):
+            raise InvalidArgument(f"mode {mode!r} is unknown (available: target, smooth)")
+        if self._axes.trajectories_on_device:
+            raise Unsupported("streamed positions", self._backend)
+
+        def plan(state: MotionState) -> Callable[[int], StreamMotion]:
+            def make(start_ns: int) -> StreamMotion:
+                return StreamMotion(
+                    self._joint_axes,
+                    limits,
+                    state,
+                    start_ns,
+                    StreamMode(mode),
+                    seconds,
+                    self._period_s,
+                    self._axes.underrun,
+                    self._axes.stream_buffer_s,
+                    self._stopped_velocity,
+                    ends_when_silent=ends_when_silent,
+                )
+
+            return make
+
+        allowed = self._settings.takeover if takeover is None else takeover
+        motion = self._motion.start(plan, owner=owner, takeover=allowed)
+        return JointStream(motion, self._motion.release, columns, limits, self._clock)
+
+
+def _columns(joints: Sequence[str], known: Sequence[str]) -> IntArray:
+    if not joints:
+        raise InvalidArgument("no joint given")
+    for name in joints:
+        if name not in known:
+            raise InvalidArgument(f"joint {name} is unknown (available: {', '.join(known)})")
+    if len(set(joints)) < len(joints):
+        raise InvalidArgument(f"a joint is given twice: {', '.join(joints)}")
+    return np.array([known.index(name) for name in joints], np.int64)

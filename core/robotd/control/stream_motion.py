@@ -1,0 +1,168 @@
+"""Setpoint source that follows the commands of a stream while they arrive."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
+from robotd.control.completion import Completion, Outcome
+from robotd.control.execution_phase import Phase, PhaseState
+from robotd.control.fault_monitor import FaultMonitor
+from robotd.control.setpoint_source import SetpointSource
+from robotd.control.stall_recovery import StallRecovery
+from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
+from robotd.device.process_image import ProcessImage, columns
+from robotd.device.state import Underrun
+from robotd.motion import JointLimits, MotionState
+
+MAX_WAITING = 16  # commands in one period; older ones are dropped
+REST_TIMEOUT_S = 2.0  # for joints to follow a command at rest
+
+
+class StreamMotion:
+    """Motion of m joints towards the commands that ``put`` receives.
+
+    A ``SetpointSource``: advanced by the control loop. Without a command for ``timeout_s`` the
+    joints slow to rest; the next command continues, unless ``ends_when_silent``. It ends when a
+    client requests it, at standstill, or with a fault.
+
+    Args:
+        axes: (m,) index of each joint's axis.
+        limits: of the joints.
+        state: at the start.
+        start_ns: due time of the first setpoint, at the earliest.
+        mode: interpolation between position targets.
+        timeout_s: age of the last command at which the joints slow to rest.
+        period_s: of the control loop.
+        underrun: behaviour of the device when setpoints are missing.
+        buffer_s: duration of the setpoints that the device holds ahead, s.
+        stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
+        ends_when_silent: it ends when the joints are at rest after ``timeout_s``.
+
+    Attributes:
+        mode: as above.
+        timeouts: number of times that the joints slowed to rest without a command.
+    """
+
+    def __init__(
+        self,
+        axes: IntArray,
+        limits: JointLimits,
+        state: MotionState,
+        start_ns: int,
+        mode: StreamMode,
+        timeout_s: float,
+        period_s: float,
+        underrun: Underrun,
+        buffer_s: float,
+        stopped_velocity: FloatArray,
+        *,
+        ends_when_silent: bool,
+    ) -> None:
+        self.start_ns, self.mode, self.timeouts = start_ns, mode, 0
+        self.columns, self.completion = columns(axes), Completion()
+        self.setpoint: FloatArray = np.array([state.position, state.velocity, state.acceleration])
+        self.stall_recovery = StallRecovery(self.setpoint[:2], start_ns, limits, underrun, buffer_s)
+        self._axes, self._stopped_velocity = axes, stopped_velocity
+        self._setpoints = StreamSetpoints(limits, mode, period_s)
+        self._setpoints.reset(state)
+        self._monitor = FaultMonitor(limits.names, axes, streamed=True)
+        self._phase = PhaseState(start_ns)
+        self._timeout_ns = round(timeout_s * NANOSECONDS)
+        self._timeout_s, self._ends_when_silent = timeout_s, ends_when_silent
+        self._commands: deque[StreamCommand] = deque(maxlen=MAX_WAITING)
+        self._commanded_ns = start_ns
+        self._silent = False
+        self._advanced_ns = start_ns
+        self._due_ns = 0
+        self._settled_until_ns = 0
+        self._lock = threading.Lock()  # of the setpoints, against ``splice_state``
+
+    def put(self, command: StreamCommand) -> None:
+        """Follow ``command`` from the next period on; never blocks. Any thread."""
+        self._commands.append(command)
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """Return the state at ``time_ns``, until which commands wait. Any thread."""
+        with self._lock:
+            if not self.completion.goes_on:
+                return None
+            if not self._due_ns:
+                return MotionState.at_rest(self.setpoint[0])
+            self._setpoints.settle()
+            self._settled_until_ns = time_ns
+            return self._setpoints.after((time_ns - self._due_ns) / NANOSECONDS)
+
+    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
+        """Continue from the setpoint of ``running``, made in the period ``advanced_ns``."""
+        self.setpoint[:] = running.setpoint
+        self._setpoints.reset(MotionState(*running.setpoint))
+        self._advanced_ns = advanced_ns
+        if running.stall_recovery is not None:
+            self.stall_recovery = running.stall_recovery
+            self.stall_recovery.accept()
+
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
+        """Compute the setpoint for ``time_ns + period_ns``; holds it after the end."""
+        with self._lock:
+            if not self.completion.done:
+                self._advance(time_ns, period_ns, image)
+        return True
+
+    def sent(self, due_ns: int) -> None:
+        """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
+        self.stall_recovery.sent(self.setpoint[:2], due_ns)
+
+    def _advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
+        pause_ns, self._advanced_ns = time_ns - self._advanced_ns, time_ns
+        self._due_ns = time_ns + period_ns
+        if self._monitor.is_faulty(image) and not self.completion.is_fault:
+            seconds = (time_ns - self.start_ns) / NANOSECONDS
+            self.completion.escalate(self._monitor.describe(image, seconds, pause_ns))
+        reached = self.stall_recovery.resume(time_ns, period_ns / NANOSECONDS)
+        if reached is not None:
+            position, velocity = reached
+            self._setpoints.reset(MotionState(position, velocity, np.zeros_like(position)))
+        self._follow_commands(time_ns)
+        self.setpoint[:] = self._setpoints.advance(self._due_ns)
+        if self._phase.phase is not Phase.RUNNING:
+            self._rest(time_ns, image)
+
+    def _follow_commands(self, time_ns: int) -> None:
+        """Take what has arrived; slow to rest when nothing has, or an end was requested."""
+        if self._phase.phase is not Phase.RUNNING:
+            return
+        if self.completion.requested is None and self._due_ns > self._settled_until_ns:
+            while self._commands:
+                command = self._commands.popleft()
+                self._setpoints.follow(command)
+                self._commanded_ns, self._silent = command.time_ns, False
+            if time_ns - self._commanded_ns > self._timeout_ns and not self._silent:
+                self._silent = True
+                self.timeouts += 1
+                self._setpoints.stop()
+                if self._ends_when_silent:
+                    self.completion.request(Outcome.SUCCEEDED, self._silence())
+        if self.completion.requested is not None:
+            self._setpoints.stop()
+            self._phase.enter(Phase.STOPPING, time_ns)
+
+    def _silence(self) -> str:
+        return f"no command for {self._timeout_s:g} s"
+
+    def _rest(self, time_ns: int, image: ProcessImage) -> None:
+        """End as requested when the joints are at rest, or after ``REST_TIMEOUT_S``."""
+        if not self._setpoints.at_rest:
+            return
+        if self._phase.phase is Phase.STOPPING:
+            self._phase.enter(Phase.RESTING, time_ns)
+        fast = np.abs(image.velocity[self._axes]) > self._stopped_velocity
+        moving = bool((fast & ~image.offline[self._axes]).any())
+        over = self._phase.settle(not moving) or self._phase.age_s(time_ns) > REST_TIMEOUT_S
+        if over and self.completion.requested is not None:
+            outcome, message = self.completion.requested
+            self.completion.finish(outcome, f"{message}; joints still move" if moving else message)
