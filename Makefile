@@ -88,6 +88,8 @@ bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench $(ARGS)
 	$(say) 'tools.bench.canopen'
 	.venv/bin/python -m tools.bench.canopen
+	$(say) 'tools.bench.recorder'
+	.venv/bin/python -m tools.bench.recorder
 	$(say) 'tools.bench.middleware'
 	.venv/bin/python -m tools.bench.middleware
 	$(MAKE) -C plugins/wmx bench

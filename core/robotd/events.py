@@ -7,6 +7,7 @@ reader take the events from here; none of them has taps of its own.
 from __future__ import annotations
 
 import functools
+import itertools
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
@@ -14,7 +15,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ OWN_PROCESS = "robotd"
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
+Item = TypeVar("Item")
 
 _sender: ContextVar[str] = ContextVar("sender", default=OWN_PROCESS)
 
@@ -38,6 +40,7 @@ class EventKind(StrEnum):
     COMMAND = "command"  # of a client, accepted or rejected
     GOAL = "goal"  # a trajectory was accepted
     RESULT = "result"  # a trajectory ended
+    STOP = "stop"  # all motion was stopped until a reset, or allowed again
     FAULT = "fault"  # of an axis, the controller or the device
     STATE = "state"  # a servo, a mode, an operation or the device's state changed
     LOG = "log"  # a line of the log
@@ -76,29 +79,57 @@ class Event:
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
+class BoundedLog(Generic[Item]):
+    """Items of bounded number and memory; the oldest are dropped first. Any thread.
+
+    Attributes:
+        added: number of items since the start: the cursor behind the newest.
+        nbytes: estimate of the memory in use.
+    """
+
+    def __init__(self, max_items: int, max_bytes: int) -> None:
+        self.added = 0
+        self.nbytes = 0
+        self._max_items, self._max_bytes = max_items, max_bytes
+        self._items: deque[tuple[Item, int]] = deque()
+        self._lock = threading.Lock()
+
+    def add(self, item: Item, size: int) -> None:
+        """Add ``item`` of ``size`` bytes."""
+        with self._lock:
+            self._items.append((item, size))
+            self.nbytes += size
+            self.added += 1
+            while self.nbytes > self._max_bytes or len(self._items) > self._max_items:
+                self.nbytes -= self._items.popleft()[1]
+
+    def since(self, cursor: int) -> tuple[list[Item], int]:
+        """Return the items added after ``cursor`` that are still held, and the next cursor."""
+        with self._lock:
+            number = min(self.added - cursor, len(self._items))
+            newest = itertools.islice(reversed(self._items), number)
+            return [item for item, _ in newest][::-1], self.added
+
+
 class EventLog:
-    """Bounded log of events; the oldest are dropped first. Any thread.
+    """Bounded log of events. Any thread.
 
     Args:
         now_ns: monotonic time of the robot's clock.
 
     Attributes:
         counts: number of events of each kind and outcome since the start, also of dropped ones.
-        nbytes: estimate of the memory in use.
     """
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
         self.counts: Counter[tuple[EventKind, str]] = Counter()
         self._now_ns = now_ns
-        self._events: deque[tuple[Event, int]] = deque()
-        self.nbytes = 0
-        self._added = 0
-        self._lock = threading.Lock()
+        self._log: BoundedLog[Event] = BoundedLog(MAX_EVENTS, MAX_BYTES)
 
     @property
-    def added(self) -> int:
-        """Number of events since the start: the cursor behind the newest."""
-        return self._added
+    def nbytes(self) -> int:
+        """Estimate of the memory in use."""
+        return self._log.nbytes
 
     def add(
         self,
@@ -129,21 +160,12 @@ class EventLog:
             _sender.get() if sender is None else sender,
             data,
         )
-        size = OVERHEAD_BYTES + len(event.text) + _size(data)
-        with self._lock:
-            self.counts[kind, str(data.get("outcome", ""))] += 1
-            self._events.append((event, size))
-            self.nbytes += size
-            self._added += 1
-            while self.nbytes > MAX_BYTES or len(self._events) > MAX_EVENTS:
-                self.nbytes -= self._events.popleft()[1]
+        self.counts[kind, str(data.get("outcome", ""))] += 1
+        self._log.add(event, OVERHEAD_BYTES + len(event.text) + _size(data))
 
     def since(self, cursor: int) -> tuple[list[Event], int]:
         """Return the events added after ``cursor`` that are still held, and the next cursor."""
-        with self._lock:
-            number = min(self._added - cursor, len(self._events))
-            newest = [self._events[-index][0] for index in range(number, 0, -1)]
-            return newest, self._added
+        return self._log.since(cursor)
 
 
 class HasEvents(Protocol):

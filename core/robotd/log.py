@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from enum import StrEnum
-from typing import TextIO, cast
+from typing import Any, TextIO, cast
 
 import structlog
-from structlog.typing import FilteringBoundLogger, Processor
+from structlog.typing import EventDict, FilteringBoundLogger, Processor
 
 
 class LogFormat(StrEnum):
@@ -23,6 +24,10 @@ class LogFormat(StrEnum):
 
 
 LEVELS = ("debug", "info", "warning", "error")
+
+Listener = Callable[[Mapping[str, Any]], None]
+
+_listeners: list[Listener] = []
 
 
 def configure_logging(
@@ -37,6 +42,7 @@ def configure_logging(
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
         structlog.processors.StackInfoRenderer(),
+        _pass_on,
     ]
     if log_format is LogFormat.JSON:
         tail: list[Processor] = [
@@ -55,6 +61,19 @@ def configure_logging(
         logger_factory=structlog.PrintLoggerFactory(lossy(stream)),
         cache_logger_on_first_use=False,
     )
+
+
+def add_listener(listener: Listener) -> None:
+    """Call ``listener`` with the fields of every line, in the thread that logs. Any thread.
+
+    It must not change the fields, block, raise or log. Lines below the level are not passed on.
+    """
+    _listeners.append(listener)
+
+
+def remove_listener(listener: Listener) -> None:
+    """Undo ``add_listener``. Any thread."""
+    _listeners.remove(listener)
 
 
 def lossy(stream: TextIO) -> TextIO:
@@ -78,6 +97,12 @@ class _Lossy:
     def flush(self) -> None:
         with suppress(OSError, ValueError):
             self._stream.flush()
+
+
+def _pass_on(logger: Any, method: str, fields: EventDict) -> EventDict:
+    for listener in _listeners:
+        listener(fields)
+    return fields
 
 
 def get_logger(name: str) -> FilteringBoundLogger:

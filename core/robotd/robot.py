@@ -33,6 +33,7 @@ from robotd.device.reconnector import Reconnector
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported, reason_of
+from robotd.events import EventLog
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits
 from robotd.plugin.driver_set import Drivers
@@ -54,6 +55,8 @@ class Robot:
         joint_names: names of the joints, in the order of trajectories.
         joint_axes: axis of each joint.
         image: live process image, written by the control loop only.
+        events: commands, goals, results, faults and log lines of this robot.
+        mixer: sends the setpoints of all sources.
         engine: connection to the device.
         axes: servo, moves, jog and stop of single axes.
         io: digital inputs and outputs.
@@ -91,7 +94,7 @@ class Robot:
         self.clock = clock
         self.joint_names = tuple(joint.name for joint in descriptor.joints)
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
-        self.image = ProcessImage(descriptor.axes)
+        self.image, self.events = ProcessImage(descriptor.axes), EventLog(clock.now_ns)
         self.connection = Connection(
             drivers.device,
             descriptor.engine,
@@ -108,11 +111,12 @@ class Robot:
             capabilities,
             name,
             clock,
+            self.events,
         )
-        self.io = Io(drivers.io, self.connection, name)
+        self.io = Io(drivers.io, self.connection, name, self.events)
         self.fieldbus = Fieldbus(drivers.fieldbus, self.connection, capabilities, name)
         self.gripper = Gripper(self.io, descriptor.gripper) if descriptor.gripper else None
-        mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz, clock)
+        self.mixer = mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz, clock)
         self.control_loop = ControlLoop(
             driver,
             self.connection,

@@ -70,6 +70,7 @@ class RobotProcess:
         environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "XDG_STATE_HOME": self._exit.enter_context(tempfile.TemporaryDirectory()),
             "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{next(ENGINES)}",  # of its own
         }
         self.process = subprocess.Popen(

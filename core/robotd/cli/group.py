@@ -17,7 +17,7 @@ from robotd.errors import RobotdError
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
 COMMANDS_PACKAGE = "robotd.cli.commands"
-ROS_COMMANDS = (DEFAULT, "move", "gripper", "servo", "status", "sim")
+ROS_COMMANDS = (DEFAULT, "move", "gripper", "servo", "status", "snapshot", "record", "sim")
 
 
 class RobotdGroup(click.Group):

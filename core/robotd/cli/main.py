@@ -20,6 +20,8 @@ COMMANDS = {
     "stop": "Stop all motion of the running robot, until a reset.",
     "reset": "Allow motion again after a stop. Nothing moves.",
     "recover": "Bring the running robot back after a fault. Nothing moves.",
+    "snapshot": "Save the last seconds of the running robot.",
+    "record": "Record the running robot, or repair a recording.",
     "sim": "Scenarios and faults for the simulation.",
     "conform": "Run the conformance checks on a backend. Axes move.",
     "wmx": "Readiness of a machine for the WMX backend.",

@@ -7,6 +7,8 @@ counted and skipped, never made up for in a burst.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
 from robotd.control.control_thread import ControlThread
@@ -78,6 +80,7 @@ class ControlLoop:
             realtime_priority,
         )
         self._failing = False
+        self._observer: Callable[[], None] | None = None
 
     @property
     def stats(self) -> LoopStatistics:
@@ -102,6 +105,13 @@ class ControlLoop:
             first: before the image is read, also while the device does not communicate.
         """
         self._tasks.add(rate_hz, name, task, first=first)
+
+    def observe(self, observer: Callable[[], None]) -> None:
+        """Call ``observer`` after each period, whatever the state; one at most. Before ``start``.
+
+        It belongs to the control loop and must not block; when it raises it is not called again.
+        """
+        self._observer = observer
 
     def delay(self, seconds: float) -> None:
         """Prolong the current period by ``seconds``; for tasks that inject faults."""
@@ -136,6 +146,7 @@ class ControlLoop:
             self.step(deadline_ns)
             self._thread.end_work()
             deadline_ns = self._deadlines.end()
+            self._observe()
         self._deadlines.expect(deadline_ns)
         return deadline_ns
 
@@ -165,6 +176,14 @@ class ControlLoop:
                 log.exception("a control period failed")
             self._failing = True
             self._mixer.device_lost(f"{type(error).__name__}: {error}")
+
+    def _observe(self) -> None:
+        if self._observer is not None:
+            try:
+                self._observer()
+            except Exception:
+                self._observer = None
+                log.exception("the observer of the control loop failed")
 
     def _run(self, time_ns: int) -> None:
         state = self._connection.update_ready()

@@ -50,9 +50,15 @@ class CycleSamples:
 
 
 class LoopStatistics:
-    """Ring buffers written by the control loop; any thread may call ``report``."""
+    """Ring buffers written by the control loop; any thread may call ``report``.
+
+    Attributes:
+        cycles, missed: periods run and deadlines missed since the start.
+        last: start, lateness and execution time of the last period, ns.
+    """
 
     def __init__(self) -> None:
+        self.last = (0, 0, 0)
         self.cycles = 0
         self.missed = 0
         self._start_ns = np.zeros(WINDOW, np.int64)
@@ -65,6 +71,7 @@ class LoopStatistics:
         self._start_ns[slot] = start_ns
         self._lateness_ns[slot] = late_ns
         self._execution_ns[slot] = end_ns - start_ns
+        self.last = (start_ns, late_ns, end_ns - start_ns)
         self.cycles += 1
 
     def samples(self) -> CycleSamples:

@@ -16,6 +16,7 @@ from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
+from robotd.events import noted
 from robotd.log import get_logger
 from robotd.motion.diff_drive import PlanarTwist, Pose, WheelPair
 from robotd.motion.limits import AxisLimits
@@ -41,12 +42,14 @@ class MobileBase:
         clock: of the control loop.
 
     Attributes:
+        events: of the robot, where commands are noted.
         settings: of the descriptor, or of the ROS parameters.
         wheels: kinematics of the pair.
     """
 
     def __init__(self, axes: Axes, slot: SourceSlot, settings: DriveSettings, clock: Clock) -> None:
         self._axes, self._slot, self._clock = axes, slot, clock
+        self.events = axes.events
         self._rejection: str | None = None
         self._worker = BaseWorker(lambda: self._command.moves(clock.now_ns()), self._move)
         self.configure(settings)
@@ -79,6 +82,7 @@ class MobileBase:
         left, right = self.settings.axes
         return self.wheels.twist(float(image.velocity[left]), float(image.velocity[right]))
 
+    @noted
     def command(self, linear_m_s: float, angular_rad_s: float) -> None:
         """Set the twist until the next command, for ``command_timeout_s`` at most.
 

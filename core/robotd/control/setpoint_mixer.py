@@ -26,6 +26,7 @@ class SetpointMixer:
     Attributes:
         period_ns: of the control loop.
         due_ns: due time of the last setpoints; 0 before the first period.
+        sent_ns: due time of the last setpoints that the device got; 0 before the first.
         extrapolates: the device extrapolates missing setpoints; late ones are not sent then.
         late: number of setpoints that were not sent because they came too late.
     """
@@ -35,6 +36,7 @@ class SetpointMixer:
     ) -> None:
         self.period_ns = round(NANOSECONDS / rate_hz)
         self.due_ns = 0
+        self.sent_ns = 0
         self.late = 0
         self.extrapolates = driver.underrun is Underrun.EXTRAPOLATE
         self._driver = driver
@@ -64,6 +66,8 @@ class SetpointMixer:
         self.due_ns = time_ns + self.period_ns
         streams = [slot for slot in self._slots if slot.advance(time_ns, image, self._setpoints)]
         if streams and self._send(self.due_ns):
+            image.setpoint[:] = self._setpoints
+            self.sent_ns = self.due_ns
             for slot in streams:
                 slot.sent(self.due_ns)
 

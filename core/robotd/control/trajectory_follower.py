@@ -12,6 +12,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import held
+from robotd.control.goal_events import note_goal, note_result, noted_rejection
 from robotd.control.joint_motion import STOP_TIMEOUT_S, JointMotion
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
@@ -66,6 +67,7 @@ class TrajectoryFollower:
         )
         self._motion = motion
         self._takeover = descriptor.stream.takeover
+        self._events = axes.events
         self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._execution = (
@@ -109,11 +111,14 @@ class TrajectoryFollower:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
             NotReady: a joint cannot be commanded now.
         """
-        execution = self._start(request, tolerances or self.tolerances(), start_ns or 0)
+        with noted_rejection(self._events, request):
+            execution = self._start(request, tolerances or self.tolerances(), start_ns or 0)
+        note_goal(self._events, request, execution)
         try:
             yield execution
         finally:
             self._motion.release(execution)
+            note_result(self._events, execution)
 
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
         """Stop the active executions along their paths and wait for standstill.

@@ -185,6 +185,23 @@ class TrajectorySettings(Section):
     stopped_velocity_m_s: Positive = Field(0.005, description="The same of a prismatic joint.")
 
 
+class RecorderSettings(Section):
+    """Flight recorder: the last seconds of everything, saved when something goes wrong."""
+
+    enabled: bool = Field(True, description="False: no recording, and no memory for it.")
+    seconds: float = Field(
+        30.0, ge=5, le=600, description="Time before a fault, within 24 MiB of memory."
+    )
+    after_s: float = Field(2.0, ge=0, le=30, description="Time recorded after a fault.")
+    folder: File | None = Field(
+        None,
+        description="Folder of the recordings; null: `robotd/recordings` in "
+        "`$XDG_STATE_HOME`, which is `~/.local/state` by default.",
+    )
+    keep_files: int = Field(20, ge=1, le=10000, description="Recordings to keep, newest first.")
+    keep_mib: float = Field(500.0, ge=10, description="Size of all recordings to keep, MiB.")
+
+
 def _count_axes(data: dict[str, Any]) -> int:
     drive: DriveSettings | None = data.get("drive")
     axes = [joint.axis for joint in data.get("joints", ())]
@@ -238,6 +255,7 @@ class RobotDescriptor(Section):
         TrajectorySettings(), description="Rules for trajectories."
     )
     stream: StreamSettings = Field(StreamSettings(), description="Streams and jogs.")
+    recorder: RecorderSettings = Field(RecorderSettings(), description="Flight recorder of faults.")
     nodes: tuple[str, ...] = Field(
         (), strict=False, description="ROS nodes that are started, by name."
     )

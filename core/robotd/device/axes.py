@@ -19,6 +19,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation, Underrun
 from robotd.device.stop_latch import StopLatch
 from robotd.errors import DeviceTimeout, NotReady, Unsupported
+from robotd.events import EventLog, noted
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
 from robotd.motion.profile import Profile
@@ -59,6 +60,7 @@ class Axes:
         limits: per axis; an axis without limits (NaN) is not limited.
         names: per axis, for error texts (``joint2`` or ``axis 1``).
         clock: to wait by.
+        events: where commands are noted; None: in a log of its own.
 
     Attributes:
         arguments: checks that do not depend on the state of the device.
@@ -76,7 +78,9 @@ class Axes:
         capabilities: frozenset[Capability],
         backend: str,
         clock: Clock,
+        events: EventLog | None = None,
     ) -> None:
+        self.events = events or EventLog(clock.now_ns)
         self.image = image
         self.limits = tuple(limits)
         self.names = tuple(names)
@@ -128,6 +132,7 @@ class Axes:
         self._connection.require_ready()
         self.arguments.check_numbers(axes)
 
+    @noted
     def servo(self, axis: int, on: bool) -> None:
         """Enable (at the measured position, without a jump) or disable one servo; waits for it.
 
@@ -145,6 +150,7 @@ class Axes:
                     self._enable(axis, group)
         self._effect.wait_for(lambda: bool((self.image.servo_on[list(group)] == on).all()))
 
+    @noted
     def clear_alarm(self, axis: int) -> None:
         """Clear the amplifier alarm of one axis; waits until it is gone."""
         self._check_axis(axis)
@@ -152,6 +158,7 @@ class Axes:
             self._driver.clear_alarm(axis, self._connection.settings.servo_timeout_s)
         self._effect.wait_for(lambda: not self.image.amp_alarm[axis])
 
+    @noted
     def set_command_mode(self, axis: int, mode: int) -> None:
         """Set position (0), velocity (1) or torque (2) mode of an idle axis."""
         self._check_axis(axis)
@@ -166,6 +173,7 @@ class Axes:
             self._driver.set_command_mode(axis, CommandMode(mode))
         self._effect.wait_for(lambda: bool(self.image.mode[axis] == mode))
 
+    @noted
     def set_polarity(self, axis: int, polarity: int) -> None:
         """1 or -1, with the servo off."""
         self._check_axis(axis)
@@ -176,6 +184,7 @@ class Axes:
             self._driver.set_polarity(axis, polarity)
         self._effect.wait_for_next()
 
+    @noted
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         """Encoder counts per unit as a fraction, both parts positive, with the servo off."""
         self._check_axis(axis)
@@ -186,6 +195,7 @@ class Axes:
             self._driver.set_gear_ratio(axis, numerator, denominator)
         self._effect.wait_for_next()
 
+    @noted
     def home(self, axis: int) -> None:
         """Make the present position of one idle axis its home position."""
         self._check_axis(axis)
@@ -196,6 +206,7 @@ class Axes:
             self._driver.home(axis, self._connection.settings.homing_timeout_s)
         self._effect.wait_for_next()
 
+    @noted
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
         """Start position moves together. Returns when all are accepted, not when they end.
 
@@ -216,6 +227,7 @@ class Axes:
                     self._driver.move(move.axis, move.target, move.profile)
                 self._effect.note_motion()
 
+    @noted
     def jog(self, jogs: Sequence[Jog]) -> None:
         """Start or change velocity commands together; velocity 0 slows to rest.
 
@@ -236,10 +248,12 @@ class Axes:
                     self._driver.jog(jog.axis, jog.profile)
                 self._effect.note_motion()
 
+    @noted
     def stop(self, axes: Sequence[int]) -> None:
         """Controlled stop; never refused because of an owner. Not ready: no effect."""
         self._stop(axes, self._driver.stop)
 
+    @noted
     def quick_stop(self, axes: Sequence[int]) -> None:
         """The fastest controlled stop; never refused because of an owner."""
         self._stop(axes, self._driver.quick_stop)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 from robotd.device.connection import Connection
 from robotd.device.drivers import IoDriver
 from robotd.errors import InvalidArgument, Unsupported
+from robotd.events import EventLog, noted
 
 
 class Io:
@@ -14,12 +16,26 @@ class Io:
 
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
+        events: where commands are noted; None: in a log of its own.
     """
 
-    def __init__(self, driver: IoDriver | None, connection: Connection, backend: str) -> None:
+    def __init__(
+        self,
+        driver: IoDriver | None,
+        connection: Connection,
+        backend: str,
+        events: EventLog | None = None,
+    ) -> None:
+        self.events = events or EventLog(time.monotonic_ns)
         self._maybe_driver = driver
         self._connection = connection
         self._backend = backend
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Bytes of inputs and of outputs; 0 without digital I/O."""
+        driver = self._maybe_driver
+        return (driver.input_bytes, driver.output_bytes) if driver else (0, 0)
 
     def input_bit(self, byte: int, bit: int) -> bool:
         _check_bit(bit)
@@ -39,12 +55,14 @@ class Io:
         _check_range("output", byte, length, driver.output_bytes)
         return driver.read_outputs(byte, length)
 
+    @noted
     def set_output_bit(self, byte: int, bit: int, value: bool) -> None:
         _check_bit(bit)
         driver = self._driver()
         _check_range("output", byte, 1, driver.output_bytes)
         driver.write_output_bit(byte, bit, value)
 
+    @noted
     def set_output_bytes(self, byte: int, data: bytes) -> None:
         driver = self._driver()
         _check_range("output", byte, len(data), driver.output_bytes)

@@ -1,8 +1,12 @@
-"""Preallocated ring of control-loop frames: one copy of all values in each period."""
+"""Preallocated ring of control-loop frames in shared memory: one copy for each period."""
 
 from __future__ import annotations
 
+import mmap
+import os
 import struct
+import weakref
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +14,8 @@ from numpy.typing import NDArray
 
 from robotd.device.process_image import ProcessImage, image_type
 
-MEMORY_BYTES = 20 * 2**20  # of the frames; with the events (4 MiB) at most 24 MiB
+MEMORY_BYTES = 18 * 2**20  # of the frames; events and samples take up to 6 MiB
+COUNT_BYTES = 64  # before the first frame: number of frames written, int64
 PIECE_FRAMES = 64  # copied at once by a reader, which holds the interpreter: 10 us
 
 HEADER = (
@@ -37,20 +42,74 @@ def frame_type(axes: int) -> np.dtype[Any]:
     return np.dtype([*((name, "<i8") for name in HEADER), *blocks])
 
 
-class FrameRing:
+class FrameMemory:
+    """Frames in shared memory, for readers in this and in other processes.
+
+    Args:
+        fd: file descriptor of the memory; stays with the caller.
+        axes: number of axes of a frame.
+        capacity: number of frames.
+    """
+
+    def __init__(self, fd: int, axes: int, capacity: int) -> None:
+        self.fd, self.axes, self.capacity = fd, axes, capacity
+        self.type = frame_type(axes)
+        size = COUNT_BYTES + capacity * self.type.itemsize
+        self._memory = memoryview(mmap.mmap(fd, size))
+        self._count = self._memory[:8].cast("q")
+        self._frames: Frames = np.frombuffer(self._memory, self.type, capacity, COUNT_BYTES)
+
+    @property
+    def written(self) -> int:
+        """Number of frames since the start: the cursor behind the newest."""
+        return self._count[0]
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the memory."""
+        return self._memory.nbytes
+
+    @property
+    def oldest_ns(self) -> int:
+        """``start_ns`` of the oldest frame; 0 before the first."""
+        frames, _, _ = self.since(0, 1)
+        return int(frames["start_ns"][0]) if len(frames) else 0
+
+    def since(self, cursor: int, limit: int | None = None) -> tuple[Frames, int, int]:
+        """Return the frames after ``cursor``, the next cursor, and the number of lost frames.
+
+        Copies in pieces, so that the control loop does not wait for the interpreter. Any thread.
+
+        Args:
+            cursor: from the last call; 0 at first.
+            limit: number of frames to return at most; None: all.
+        """
+        last = self.written
+        first = max(cursor, last - self.capacity + 1)
+        if limit is not None:
+            last = min(last, first + limit)
+        copied = np.empty(max(0, last - first), self.type)
+        for begin in range(first, last, PIECE_FRAMES):
+            indices = np.arange(begin, min(begin + PIECE_FRAMES, last)) % self.capacity
+            copied[begin - first : begin - first + len(indices)] = self._frames[indices]
+        # Frames that were overwritten while they were copied.
+        torn = max(0, self.written - self.capacity + 1 - first)
+        return copied[torn:], last, first - cursor + min(torn, len(copied))
+
+
+class FrameRing(FrameMemory):
     """Last ``seconds`` of frames, fewer where they exceed the memory limit.
 
-    ``write`` belongs to the control loop; any thread may read.
+    Any thread may read.
+
+    Attributes:
+        write: copies the image behind a header, in the order of ``HEADER``. Control-loop thread.
 
     Args:
         image: process image that is copied.
         rate_hz: of the control loop.
         seconds: time to hold.
         memory_bytes: limit of the frames.
-
-    Attributes:
-        capacity: number of frames.
-        written: frames written since the start: the cursor behind the newest.
     """
 
     def __init__(
@@ -60,40 +119,28 @@ class FrameRing:
         seconds: float,
         memory_bytes: int = MEMORY_BYTES,
     ) -> None:
-        self.type = frame_type(image.axes)
-        size = self.type.itemsize
-        self.capacity = max(2, min(round(rate_hz * seconds), memory_bytes // size))
-        self.written = 0
-        self._size = size
+        size = frame_type(image.axes).itemsize
+        capacity = max(2, min(round(rate_hz * seconds), (memory_bytes - COUNT_BYTES) // size))
+        fd = os.memfd_create("robotd-frames")
+        os.ftruncate(fd, COUNT_BYTES + capacity * size)
+        super().__init__(fd, image.axes, capacity)
+        weakref.finalize(self, os.close, fd)
         # Written once, because the first access to a page costs the control loop 1 us or more.
-        self._frames: Frames = np.zeros(self.capacity, self.type)
         self._frames.view(np.uint8)[:] = 1
-        self._bytes = self._frames.view(np.uint8).data
-        self._image = image.memory
+        self.write = self._writer(image.memory)
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the frames."""
-        return int(self._frames.nbytes)
+    def _writer(self, image: memoryview) -> Callable[..., None]:
+        """Return ``write``: a closure, because attributes would double its cost."""
+        memory, count = self._memory, self._count
+        capacity, size = self.capacity, self.type.itemsize
+        written = 0
 
-    def write(self, *header: int) -> None:
-        """Copy the image behind ``header``, in the order of ``HEADER``. Control-loop thread."""
-        start = self.written % self.capacity * self._size
-        _PACK(self._bytes, start, *header)
-        self._bytes[start + _HEADER_BYTES : start + self._size] = self._image
-        self.written += 1
+        def write(*header: int) -> None:
+            nonlocal written
+            start = COUNT_BYTES + written % capacity * size
+            _PACK(memory, start, *header)
+            memory[start + _HEADER_BYTES : start + size] = image
+            written += 1
+            count[0] = written
 
-    def since(self, cursor: int) -> tuple[Frames, int, int]:
-        """Return the frames after ``cursor``, the next cursor, and the number of lost frames.
-
-        Copies in pieces, so that the control loop does not wait for the interpreter.
-        """
-        last = self.written
-        first = max(cursor, last - self.capacity + 1)
-        copied = np.empty(max(0, last - first), self.type)
-        for begin in range(first, last, PIECE_FRAMES):
-            indices = np.arange(begin, min(begin + PIECE_FRAMES, last)) % self.capacity
-            copied[begin - first : begin - first + len(indices)] = self._frames[indices]
-        # Frames that were overwritten while they were copied.
-        torn = max(0, self.written - self.capacity + 1 - first)
-        return copied[torn:], last, first - cursor + min(torn, len(copied))
+        return write

@@ -188,7 +188,9 @@ def _is_array(value: object) -> bool:
 
 
 def _octets(values: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+    """Return the bytes of ``values``, shape (rows, values), as (rows, bytes)."""
+    shape = len(values), values.shape[1] * values.itemsize
+    return np.ascontiguousarray(values).view(np.uint8).reshape(shape)
 
 
 def _json_value(value: Any) -> Any:

@@ -22,8 +22,6 @@ from robotd.recording.message_encoders import (
     dynamic_joint_state,
     joint_state,
     log_message,
-    named_values,
-    octets_message,
     string_message,
     trajectory_message,
 )
@@ -170,11 +168,12 @@ class RecordingWriter:
         )
         loop = np.stack([frames[name].astype(float) for name in LOOP_VALUES], axis=1)
         messages = [
-            *self._encoded(LOOP, start, start, np.ones(len(start), bool), loop),
             *self._encoded(JOINT_STATES, start, stamps, known, *measured),
             *self._encoded(COMMANDS, start, stamps, known, position_command, velocity_command),
             *self._encoded(SETPOINTS, start, due, sent & (due > 0), *_rows(frames["setpoint"])),
             *self._states(frames),
+            # Behind the others: a frame of a file that was cut off is complete or not there.
+            *self._encoded(LOOP, start, start, np.ones(len(start), bool), loop),
         ]
         messages.sort(key=lambda message: message[0])
         for time_ns, topic, data in messages:
@@ -188,13 +187,9 @@ class RecordingWriter:
             start_ns = int(event.data.get("start_ns", time_ns)) + self._offset_ns
             self._add(GOALS, time_ns, trajectory_message(event.data, start_ns))
 
-    def octets(self, topic: str, time_ns: int, data: bytes) -> None:
-        """Add the inputs or the outputs."""
-        self._add(topic, time_ns, octets_message(data))
-
-    def fieldbus(self, time_ns: int, groups: Mapping[str, Mapping[str, float]]) -> None:
-        """Add counters and states, by the name of a bus or a node."""
-        self._add(FIELDBUS, time_ns, named_values(time_ns + self._offset_ns, groups))
+    def message(self, topic: str, time_ns: int, data: bytes) -> None:
+        """Add a message of inputs, outputs or fieldbus, which is encoded already."""
+        self._add(topic, time_ns, data)
 
     def flush(self) -> None:
         """Hand the complete chunks to the operating system."""

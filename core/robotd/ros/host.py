@@ -6,7 +6,7 @@ import concurrent.futures
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
@@ -18,8 +18,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from robotd.control.watchdog import Watchdog, place_of
 from robotd.errors import NotReady, OperationError
+from robotd.events import sent_by
 from robotd.log import get_logger
 from robotd.ros.middleware import EventsExecutor, destroy_node, spin_once, wake
+from robotd.ros.senders import Senders
 
 log = get_logger("ros")
 
@@ -44,6 +46,7 @@ class RosHost:
     Attributes:
         args: as given.
         yield_to_control_loop: called in the executor thread before each callback; may wait 1 ms.
+        senders: names of clients; None: they are not looked up.
         on_hang: called when a handler there does not return, with the reason; once for each.
     """
 
@@ -58,6 +61,7 @@ class RosHost:
     ) -> None:
         self.yield_to_control_loop: Callable[[], None] = lambda: None
         self.on_hang: Callable[[str], None] = lambda reason: None
+        self.senders: Senders | None = None
         self._handling_ns = 0
         self._watchdog = Watchdog(
             self._age_ns, self._place, _HANG_S, self._hang, who="ROS", piece="a handler"
@@ -114,6 +118,19 @@ class RosHost:
             raise NotReady("ROS is not running")
         self._running.executor.add_node(node)
         self._nodes.append(node)
+
+    def sent_by_request(self, header: Any) -> AbstractContextManager[None]:
+        """Note the sender of a request with every event of the block. Any thread.
+
+        Args:
+            header: of the request, from rclpy; None: of this process.
+        """
+        known = self.senders is not None and header is not None
+        return sent_by(self.senders.of_request(header) if known and self.senders else "")
+
+    def sent_by_topic(self, topic: str) -> AbstractContextManager[None]:
+        """Note the publishers of ``topic`` with every event of the block. Any thread."""
+        return sent_by(self.senders.of_topic(topic) if self.senders else "")
 
     @contextmanager
     def callback_guard(self) -> Iterator[None]:

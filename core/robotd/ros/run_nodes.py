@@ -22,8 +22,11 @@ from robotd.ros.node_registry import (
     select_nodes,
 )
 from robotd.ros.nodes.operator_node import OperatorNode
+from robotd.ros.nodes.recorder_services import add_recorder_services
+from robotd.ros.senders import Senders
 
 if TYPE_CHECKING:
+    from robotd.observation.recorder import Recorder
     from robotd.scenario import FaultSchedule
 
 
@@ -34,6 +37,7 @@ def run_nodes(
     host: RosHost,
     registry: NodeRegistry | None = None,
     faults: FaultSchedule | None = None,
+    recorder: Recorder | None = None,
 ) -> Iterator[list[Node]]:
     """Serve the nodes of a robot that is not started; they end with the host.
 
@@ -41,6 +45,7 @@ def run_nodes(
         robot, names, registry: as for ``serve``.
         host: started.
         faults: of a simulation; with it there is the node ``robotd_sim``.
+        recorder: with it the node ``robotd`` has its services.
 
     Raises:
         DescriptorError, PluginError: a node or a parameter is wrong.
@@ -49,7 +54,11 @@ def run_nodes(
     host.on_hang = lambda reason: robot.bring_to_rest()  # no client could stop it by ROS any more
     chosen = select_nodes(names, registry)
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
-    nodes.append(OperatorNode(robot, host))
+    operator = OperatorNode(robot, host)
+    nodes.append(operator)
+    host.senders = Senders(operator)
+    if recorder is not None:
+        add_recorder_services(operator, host, recorder)
     if faults is not None:
         from robotd.ros.nodes.simulation_node import SimulationNode
 

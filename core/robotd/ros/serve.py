@@ -26,6 +26,7 @@ from robotd.ros.node_registry import select_nodes
 from robotd.ros.run_nodes import run_nodes
 
 if TYPE_CHECKING:
+    from robotd.observation.recorder import Recorder
     from robotd.scenario import FaultSchedule
 
 log = get_logger("serve")
@@ -74,6 +75,7 @@ def serve(
     ready: Callable[[], None] | None = None,
     ended: Callable[[Exception | None], int] | None = None,
     faults: FaultSchedule | None = None,
+    recorder: Recorder | None = None,
 ) -> int:
     """Make the nodes, start the robot, and serve until SIGINT or SIGTERM. Main thread only.
 
@@ -91,6 +93,7 @@ def serve(
             returns the exit status of the process. From then on the process ends after
             ``TEAR_DOWN_S`` with that status even where the middleware hangs. None: no limit.
         faults: of a simulation; with it there is the node ``robotd_sim``.
+        recorder: with it the node ``robotd`` has its services.
 
     Returns:
         0 after an orderly stop.
@@ -109,7 +112,7 @@ def serve(
     with (
         _stop_signals(events),
         RosHost(ros_args) as host,
-        run_nodes(robot, node_names, host, registry, faults) as nodes,
+        run_nodes(robot, node_names, host, registry, faults, recorder) as nodes,
     ):
         if served is not None:
             served(report_of(nodes))

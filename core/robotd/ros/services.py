@@ -97,13 +97,15 @@ def add_subscription(
 
     def handle(data: bytes) -> None:
         try:
-            handler(deserialize_message(data, message_type))
+            with host.sent_by_topic(subscription.topic_name):
+                handler(deserialize_message(data, message_type))
         except RobotdError as error:
             log.warning("message rejected", topic=topic, reason=str(error))
         except Exception:
             log.exception("message handler raised", topic=topic)
 
-    return node.create_subscription(message_type, topic, on_message, qos, raw=True)
+    subscription = node.create_subscription(message_type, topic, on_message, qos, raw=True)
+    return subscription
 
 
 def _add_deferred_service(
@@ -121,13 +123,15 @@ def _add_deferred_service(
     responses = ServiceResponses(node, service)
     send = responses.send
 
+    def answer(request: Any, header: Any) -> None:
+        with host.sent_by_request(header):
+            response = _answer(service_type, name, handler, request)
+        send(response, header)
+
     def answer_later(request: Any, header: Any) -> None:
         with host.callback_guard():
             try:
-                host.submit(
-                    lambda: send(_answer(service_type, name, handler, request), header),
-                    urgent=urgent,
-                )
+                host.submit(answer, request, header, urgent=urgent)
             except RobotdError as error:
                 send(_rejection(service_type, name, str(error)), header)
 

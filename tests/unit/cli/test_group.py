@@ -99,7 +99,10 @@ def test_ros_args_alone_are_a_run_without_a_robot(robotd: Robotd, ran: list[Any]
 def test_commands_without_ros_take_no_ros_args(robotd: Robotd, command: str) -> None:
     result = robotd(command, "--ros-args", "-r", "a:=b")
     assert result.exit_code == ExitCode.USAGE
-    assert "--ros-args belongs to run, move, gripper, servo, status, sim only" in result.output
+    assert (
+        "--ros-args belongs to run, move, gripper, servo, status, snapshot, record, sim only"
+        in result.output
+    )
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,7 @@ class Server:
         ready: Any,
         ended: Any,
         faults: Any,
+        recorder: Any = None,
     ) -> int:
         self.robot, self.nodes, self.ros_args = robot, tuple(nodes), list(ros_args)
         self.registry, self.faults = registry, faults

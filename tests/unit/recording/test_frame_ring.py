@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robotd.device.process_image import ProcessImage
-from robotd.events import MAX_BYTES
+from robotd.events import MAX_BYTES as EVENT_BYTES
+from robotd.observation.tap import MAX_MEMORY_BYTES, SAMPLE_BYTES
 from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
 
 
@@ -53,7 +54,7 @@ def test_only_new_frames_are_returned_and_lost_ones_are_counted() -> None:
 def test_frames_and_events_take_at_most_24_mib(axes: int, rate_hz: float) -> None:
     ring = FrameRing(ProcessImage(axes), rate_hz, 30.0)
     assert ring.nbytes <= MEMORY_BYTES
-    assert ring.nbytes + MAX_BYTES <= 24 * 2**20
+    assert ring.nbytes + EVENT_BYTES + SAMPLE_BYTES <= MAX_MEMORY_BYTES == 24 * 2**20
     if axes == 6:
         assert ring.capacity == 15000  # all 30 s
 

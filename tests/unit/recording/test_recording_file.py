@@ -16,6 +16,7 @@ from tests.unit.recording.frames import AXES, INFO, OFFSET_NS, PERIOD_NS, ramp, 
 
 from robotd.events import Event, EventKind, Level
 from robotd.recording import recording_writer as topics
+from robotd.recording.message_encoders import named_values, octets_message
 from robotd.recording.message_types import SCHEMAS
 from robotd.recording.recording_reader import RecordingError, read_recording
 from robotd.recording.recording_writer import RecordingInfo, create_recording
@@ -52,8 +53,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
         50 * PERIOD_NS, EventKind.GOAL, "joints", "goal ü", Level.WARNING, "/client", GOAL
     )
     writer.event(event)
-    writer.octets(topics.INPUTS, 51 * PERIOD_NS, b"\x01\xff")
-    writer.fieldbus(52 * PERIOD_NS, {"bus0": {"lost_frames": 3}, "bus0/node1": {"state": 4}})
+    writer.message(topics.INPUTS, 51 * PERIOD_NS, octets_message(b"\x01\xff"))
+    counters = named_values(0, {"bus0": {"lost_frames": 3}, "bus0/node1": {"state": 4}})
+    writer.message(topics.FIELDBUS, 52 * PERIOD_NS, counters)
     writer.frames(ramp()[40:])
     writer.close()
     return path

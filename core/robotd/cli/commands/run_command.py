@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 
 if TYPE_CHECKING:
+    from robotd.observation.recorder import Recorder
     from robotd.ros.endpoints import ServeReport
     from robotd.scenario import FaultSchedule
 
@@ -51,6 +53,8 @@ class RunOptions:
         report: file for the loop timing, written after an orderly stop; None: not written.
         time_scale: simulated seconds per second, infinity: as fast as possible; None: real time.
         scenario: file whose options and faults are used; None: no scheduled faults.
+        record_dir: folder of the flight recorder; None leaves the descriptor's own.
+        record: folder of a continuous recording; None: none.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -63,6 +67,8 @@ class RunOptions:
     report: Path | None
     time_scale: float | None
     scenario: Path | None
+    record_dir: Path | None
+    record: Path | None
     ros_args: Sequence[str]
 
 
@@ -90,6 +96,18 @@ class RunOptions:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Simulation: inject the faults defined in FILE.",
 )
+@click.option(
+    "--record",
+    metavar="DIR",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Record everything there, as MCAP files.",
+)
+@click.option(
+    "--record-dir",
+    metavar="DIR",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of the flight recorder; short for --set recorder.folder=DIR.",
+)
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:
@@ -109,7 +127,17 @@ def run_robot(options: RunOptions) -> int:
     robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
-    return _serve(robot, backend.origin, nodes, installed.nodes, options, faults)
+    with _observed(robot, options) as recorder:
+        return _serve(robot, backend.origin, nodes, installed.nodes, options, faults, recorder)
+
+
+def _observed(robot: Robot, options: RunOptions) -> AbstractContextManager[Recorder | None]:
+    """Return the recorder as a context; of None where it is switched off."""
+    if not robot.descriptor.recorder.enabled and options.record is None:
+        return nullcontext()
+    from robotd.observation.recorder import observed
+
+    return observed(robot, flight_folder=options.record_dir, record_folder=options.record)
 
 
 def _serve(
@@ -119,6 +147,7 @@ def _serve(
     registry: NodeRegistry,
     options: RunOptions,
     faults: FaultSchedule | None,
+    recorder: Recorder | None,
 ) -> int:
     server = import_ros("serve")
     is_served = False
@@ -150,6 +179,7 @@ def _serve(
             ready=ready,
             ended=ended,
             faults=faults,
+            recorder=recorder,
         )
     except OperationError as error:
         # The device is touched after the nodes exist; an earlier error comes from ROS.

@@ -120,6 +120,22 @@ def set_gripper(client: RosClient, closed: bool) -> str:
     return str(client.call(SetBool, GRIPPER, data=closed).message)
 
 
+def save_snapshot(client: RosClient) -> str:
+    """Save the last seconds; return the file, on the robot's computer.
+
+    Raises DeviceTimeout without an answer, OperationError with the robot's reason.
+    """
+    return str(client.call(Trigger, "robotd/snapshot").message)
+
+
+def set_recording(client: RosClient, on: bool) -> str:
+    """Start or stop recording; return the robot's answer, which names the file at the end.
+
+    Raises as ``save_snapshot`` does.
+    """
+    return str(client.call(SetBool, "robotd/record", data=on).message)
+
+
 def set_servos(client: RosClient, axes: Sequence[int], on: bool) -> str:
     """Switch servos; on, alarms are cleared first. Empty ``axes`` means all.
 

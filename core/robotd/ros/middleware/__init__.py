@@ -13,6 +13,7 @@ from robotd.ros.middleware.exit_timer import exit_after
 from robotd.ros.middleware.parameter_overrides import check_overrides, overrides_of
 from robotd.ros.middleware.participants import Participant
 from robotd.ros.middleware.rate_limit import RateLimit
+from robotd.ros.middleware.release_gil import request_id_of
 from robotd.ros.middleware.service_responses import ServiceResponses
 from robotd.ros.middleware.shared_memory import remove_leftovers
 from robotd.ros.middleware.stamp_clock import StampClock
@@ -36,6 +37,7 @@ __all__ = [
     "overrides_of",
     "remapped_action",
     "remove_leftovers",
+    "request_id_of",
     "see_whole_graph",
     "spin_once",
     "wake",

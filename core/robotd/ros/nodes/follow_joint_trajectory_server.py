@@ -127,13 +127,15 @@ class FollowJointTrajectoryServer(Node):
         """
         goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
         try:
-            self._host.submit(self._run, goal)
+            self._host.submit(self._run, goal, self._server.requester)
         except RobotdError as error:
             self._end(goal, Ending(None, _RESULT.INVALID_GOAL, str(error)))
 
-    def _run(self, goal: Any) -> None:
+    def _run(self, goal: Any, requester: Any) -> None:
         """Worker thread: execute the goal, then let the executor thread end it."""
-        self._end(goal, self._ending_of(goal))
+        with self._host.sent_by_request(requester):
+            ending = self._ending_of(goal)
+        self._end(goal, ending)
 
     def _end(self, goal: Any, ending: Ending) -> None:
         self._server.notify_execute(goal, lambda goal: self._finish(goal, ending))

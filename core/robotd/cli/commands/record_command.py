@@ -1,0 +1,71 @@
+"""``robotd record``: record a running robot until Ctrl-C, or repair a recording."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.group import ros_args
+from robotd.cli.interrupt import Interrupt
+from robotd.cli.options import configure_logging
+from robotd.cli.preflight import import_ros
+from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+
+SAVE_TIMEOUT_S = 30.0
+TICK_S = 0.1
+
+
+@click.command("record", epilog=ROS_EPILOG)
+@click.option(
+    "--recover",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Repair a recording that was not closed; a copy of FILE stays.",
+)
+@click.option(
+    "--time",
+    "time_s",
+    metavar="SECONDS",
+    type=click.FloatRange(0.1),
+    help="Stop after this time; by default with Ctrl-C.",
+)
+@client_options
+@click.pass_context
+def record(
+    ctx: click.Context, /, *, recover: Path | None, time_s: float | None, timeout_s: float
+) -> None:
+    """Record the running robot, or repair a recording.
+
+    The robot's own process records everything at full rate, on its computer, in the folder of the
+    flight recorder. To record from the start: robotd run --record DIR.
+    """
+    configure_logging(ctx)
+    if recover is not None:
+        ctx.exit(_recover(recover))
+    ctx.exit(_record(ros_args(ctx), timeout_s, time_s))
+
+
+def _recover(path: Path) -> ExitCode:
+    from robotd.recording.recording_repair import recover
+
+    found = recover(path)
+    size = f"{found.messages} messages over {found.duration_s:.1f} s"
+    click.echo(f"{path}: {size}; the damaged file is {found.damaged}")
+    return ExitCode.OK
+
+
+def _record(ros_args: Sequence[str], timeout_s: float, time_s: float | None) -> ExitCode:
+    """Record until Ctrl-C or for ``time_s``; print the file."""
+    with robot_client(ros_args, max(timeout_s, SAVE_TIMEOUT_S)) as client:
+        status = import_ros("client.status_client")
+        click.echo(f"{status.set_recording(client, True)}, stop with Ctrl-C", err=True)
+        end_s = None if time_s is None else time.monotonic() + time_s
+        with Interrupt() as interrupt:
+            while not interrupt.happened and (end_s is None or time.monotonic() < end_s):
+                time.sleep(TICK_S)
+        click.echo(status.set_recording(client, False))
+    return ExitCode.OK

@@ -1,0 +1,57 @@
+"""Events of trajectory goals: accepted with their points, rejected, and ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from robotd.control.completion import Outcome
+from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.errors import RobotdError
+from robotd.events import EventKind, EventLog, Level
+from robotd.motion import TrajectoryRequest
+
+SUBJECT = "goal"
+
+
+@contextmanager
+def noted_rejection(events: EventLog, request: TrajectoryRequest) -> Iterator[None]:
+    """Note a RobotdError of the block as the rejection of ``request``."""
+    try:
+        yield
+    except RobotdError as error:
+        data = {"outcome": "rejected", "joints": list(request.joint_names)}
+        text = f"goal rejected: {error}"
+        events.add(EventKind.COMMAND, SUBJECT, text, level=Level.WARNING, data=data)
+        raise
+
+
+def note_goal(events: EventLog, request: TrajectoryRequest, execution: TrajectoryExecution) -> None:
+    """Note an accepted goal with the points as the client gave them."""
+    points = {
+        "positions": request.positions,
+        "velocities": request.velocities,
+        "accelerations": request.accelerations,
+    }
+    duration_s = float(request.times_s[-1]) if len(request.times_s) else 0.0
+    data = {
+        "outcome": "accepted",
+        "id": id(execution),
+        "start_ns": execution.start_ns,
+        "joints": list(request.joint_names),
+        "times_s": request.times_s,
+        **{name: rows for name, rows in points.items() if rows is not None},
+    }
+    text = f"goal of {len(request.times_s)} points over {duration_s:.3f} s"
+    events.add(EventKind.GOAL, SUBJECT, text, data=data)
+
+
+def note_result(events: EventLog, execution: TrajectoryExecution) -> None:
+    """Note the outcome of a goal."""
+    outcome = execution.completion.outcome or Outcome.FAULT
+    word = outcome.name.lower()
+    bad = outcome in (Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE)
+    text = f"goal {word}: {execution.completion.message}"
+    data = {"outcome": word, "id": id(execution)}
+    level = Level.ERROR if bad else Level.INFO
+    events.add(EventKind.RESULT, SUBJECT, text, level=level, data=data)

@@ -1,0 +1,1 @@
+"""Observation of a robot from inside its process: tap and recorder."""

@@ -1,0 +1,74 @@
+"""Recorder of a robot: the tap, the flight recorder and the continuous recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from robotd.log import get_logger
+from robotd.observation.continuous_recorder import ContinuousRecorder
+from robotd.observation.flight_recorder import FlightRecorder
+from robotd.observation.tap import Tap
+from robotd.recording.recording_folder import RecordingFolder, default_folder
+from robotd.robot import Robot
+
+log = get_logger("recorder")
+
+MIB = 2**20
+SPLIT_MIB = 1024.0
+SPLIT_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """Observation of one robot.
+
+    Attributes:
+        tap: source of everything.
+        flight: saves the last seconds.
+        continuous: records from a start to a stop.
+    """
+
+    tap: Tap
+    flight: FlightRecorder
+    continuous: ContinuousRecorder
+
+
+@contextmanager
+def observed(
+    robot: Robot,
+    *,
+    flight_folder: Path | None = None,
+    record_folder: Path | None = None,
+    split_mib: float = SPLIT_MIB,
+    split_s: float = SPLIT_S,
+) -> Iterator[Recorder]:
+    """Observe a robot that is not started until the block ends. Main thread.
+
+    Args:
+        robot: with the settings of the flight recorder in its descriptor.
+        flight_folder: replaces the descriptor's; None: not replaced.
+        record_folder: record continuously there, from now on; None: when it is requested, and in
+            the folder of the flight recorder.
+        split_mib, split_s: size and time after which a continuous recording begins a new file.
+
+    Raises OperationError: the continuous recording does not start.
+    """
+    settings, name = robot.descriptor.recorder, robot.descriptor.name
+    folder = flight_folder or settings.folder or default_folder()
+    keep_bytes = settings.keep_mib * MIB
+    kept = RecordingFolder(folder, name, settings.keep_files, keep_bytes)
+    recorded = RecordingFolder(record_folder or folder, name, settings.keep_files, keep_bytes)
+    with Tap(robot, settings.seconds) as tap:
+        flight = FlightRecorder(tap, kept, settings.after_s)
+        continuous = ContinuousRecorder(tap, recorded, split_mib * MIB, split_s)
+        tap.add_reader(flight.check)
+        try:
+            if record_folder is not None:
+                continuous.start()
+            yield Recorder(tap, flight, continuous)
+        finally:
+            continuous.close()
+            flight.close()

@@ -1,0 +1,265 @@
+"""Tap of a robot: the one mechanism that page, recorder and metrics observe it by.
+
+``frames`` has every period of the control loop and ``events`` all that happened, both bounded;
+a reader keeps a cursor in each and takes what is new, in its own thread and at its own rate.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from robotd import log as robot_log
+from robotd.device.bus_status import BusState, BusStatus
+from robotd.device.state import ConnectionState
+from robotd.errors import RobotdError
+from robotd.events import MAX_BYTES, BoundedLog, Event, EventKind, EventLog, Level
+from robotd.log import get_logger
+from robotd.observation.change_detector import ChangeDetector
+from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
+from robotd.recording.message_encoders import named_values, octets_message
+from robotd.recording.recording_writer import FIELDBUS, INPUTS, OUTPUTS, RecordingInfo
+from robotd.robot import Robot
+
+log = get_logger("tap")
+
+SAMPLE_PERIOD_S = 0.1
+BUS_PERIOD_SAMPLES = 10
+MAX_IO_BYTES = 256  # recorded of the inputs and of the outputs
+MAX_SAMPLES = 4096
+SAMPLE_BYTES = 2 * 2**20
+SAMPLE_OVERHEAD_BYTES = 200
+MAX_MEMORY_BYTES = MEMORY_BYTES + MAX_BYTES + SAMPLE_BYTES  # 24 MiB; tests assert it
+_BUS_STATES = {state: number for number, state in enumerate(BusState)}
+
+NamedValues = Mapping[str, Mapping[str, float]]
+Sample = tuple[int, str, bytes]
+"""Monotonic time, topic of the recording and its message."""
+
+
+class Tap:
+    """Observes a robot from inside its process: ``with Tap(robot, seconds) as tap:``.
+
+    The control loop copies its values once a period. The thread ``robotd-tap`` does the rest:
+    it finds faults and changes of state in the frames, samples I/O and fieldbus, and calls
+    the readers.
+
+    Args:
+        robot: not started.
+        seconds: time for which the frames are held.
+
+    Attributes:
+        frames: last frames of the control loop.
+        events: the robot's event log.
+        samples: I/O where it changes, and the fieldbus once a second.
+        info: for the metadata of a recording.
+        urdf: text of the robot's URDF; "" without one.
+    """
+
+    def __init__(self, robot: Robot, seconds: float) -> None:
+        self.robot = robot
+        self.events: EventLog = robot.events
+        rate_hz = robot.descriptor.cycle.rate_hz
+        self.frames = FrameRing(robot.image, rate_hz, seconds)
+        self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
+        self.info = recording_info(robot)
+        self.urdf = _text(robot.descriptor.urdf)
+        self._detector = ChangeDetector(robot.image, robot.axes.names)
+        self._cursor = 0
+        self._observed = 0
+        self._io_shown: dict[str, bytes] = {}
+        self._readers: list[Callable[[], None]] = []
+        self._failing = self._was_stopped = False
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robotd-tap", daemon=True)
+        robot.control_loop.observe(self._writer())
+
+    def add_reader(self, read: Callable[[], None]) -> None:
+        """Call ``read`` after every sample, in the tap's thread; before ``start`` only."""
+        self._readers.append(read)
+
+    def __enter__(self) -> Self:
+        robot_log.add_listener(self._log_line)
+        self.robot.axes.stop_latch.on_change(self._stop_line)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+        robot_log.remove_listener(self._log_line)
+        self.observe()
+
+    def _writer(self) -> Callable[[], None]:
+        """Return the observer of the control loop: copies the period that has ended."""
+        robot, write = self.robot, self.frames.write
+        image, mixer, connection = robot.image, robot.mixer, robot.connection
+        stats = robot.control_loop.stats
+
+        def write_frame() -> None:
+            start_ns, late_ns, execution_ns = stats.last
+            write(
+                start_ns,
+                image.stamp_ns,
+                image.fresh_ns,
+                late_ns,
+                execution_ns,
+                stats.missed,
+                mixer.sent_ns,
+                connection.ready,
+            )
+
+        return write_frame
+
+    def _run(self) -> None:
+        while not self._stop.wait(SAMPLE_PERIOD_S):
+            self.observe()
+
+    def observe(self) -> None:
+        """Look for changes, take a sample, call the readers. What fails is logged once."""
+        try:
+            frames, self._cursor, _ = self.frames.since(self._cursor)
+            for event in self._detector.events(frames):
+                self._note(event)
+            if self.robot.connection.state is ConnectionState.COMMUNICATING:
+                self._sample()
+            for read in self._readers:
+                read()
+            self._failing = False
+        except Exception:
+            if not self._failing:
+                log.exception("the tap failed")
+            self._failing = True
+
+    def _note(self, event: Event) -> None:
+        self.events.add(
+            event.kind,
+            event.subject,
+            event.text,
+            level=event.level,
+            sender="",
+            data=event.data,
+            time_ns=event.time_ns,
+        )
+
+    def _sample(self) -> None:
+        now_ns = self.robot.clock.now_ns()
+        for topic, data in self._io():
+            if data != self._io_shown.get(topic):
+                self._io_shown[topic] = data
+                self._add_sample(now_ns, topic, octets_message(data))
+        if self._observed % BUS_PERIOD_SAMPLES == 0 and (groups := self._fieldbus()):
+            message = named_values(now_ns + self.info.offset_ns, groups)
+            self._add_sample(now_ns, FIELDBUS, message)
+        self._observed += 1
+
+    def _add_sample(self, time_ns: int, topic: str, data: bytes) -> None:
+        self.samples.add((time_ns, topic, data), SAMPLE_OVERHEAD_BYTES + len(data))
+
+    def _io(self) -> Iterator[tuple[str, bytes]]:
+        io = self.robot.io
+        sizes = [min(size, MAX_IO_BYTES) for size in io.sizes]
+        with suppress(RobotdError):  # a device that was lost just now
+            if sizes[0]:
+                yield INPUTS, io.input_bytes(0, sizes[0])
+            if sizes[1]:
+                yield OUTPUTS, io.output_bytes(0, sizes[1])
+
+    def _fieldbus(self) -> NamedValues:
+        groups: dict[str, Mapping[str, float]] = {}
+        fieldbus = self.robot.fieldbus
+        for bus in range(fieldbus.buses):
+            with suppress(RobotdError):
+                groups |= bus_values(bus, fieldbus.status(bus))
+        return groups
+
+    def _stop_line(self, reason: str) -> None:
+        """Note a stop of all motion, or its end. Any thread, the control loop too."""
+        if reason:
+            text, outcome = f"all motion stopped: {reason}", "stopped"
+        elif self._was_stopped:
+            text, outcome = "motion is allowed again", "reset"
+        else:
+            return
+        self._was_stopped = bool(reason)
+        level = Level.ERROR if reason else Level.INFO
+        self.events.add(EventKind.STOP, "stop", text, level=level, data={"outcome": outcome})
+
+    def _log_line(self, line: Mapping[str, object]) -> None:
+        """Note a line of the log. Any thread, the control loop too."""
+        fields = dict(line)
+        text = str(fields.pop("event", ""))
+        level = str(fields.pop("level", "info"))
+        component = str(fields.pop("component", ""))
+        fields.pop("exc_info", None)
+        details = " ".join(f"{key}={value}" for key, value in fields.items())
+        self.events.add(
+            EventKind.LOG,
+            component,
+            f"{text} {details}".rstrip(),
+            level=Level(level) if level in tuple(Level) else Level.ERROR,
+            data=fields,
+        )
+
+
+def bus_values(bus: int, status: BusStatus) -> dict[str, Mapping[str, float]]:
+    """Return the numbers of a fieldbus and its nodes: ``bus0``, ``bus0/node3``.
+
+    ``state`` is the position in ``BusState``: 0 unknown, 4 operational.
+    """
+    values: dict[str, Mapping[str, float]] = {
+        f"bus{bus}": {
+            "state": _BUS_STATES[status.state],
+            "lost_frames": status.lost_frames,
+            "timeouts": status.timeouts,
+            "late_cycles": status.late_cycles,
+            **status.extra,
+        }
+    }
+    for node in status.nodes:
+        values[f"bus{bus}/node{node.id}"] = {
+            "state": _BUS_STATES[node.state],
+            "offline": node.offline,
+            "error_code": node.error_code,
+            **node.extra,
+        }
+    return values
+
+
+def recording_info(robot: Robot) -> RecordingInfo:
+    """Return the metadata of a recording that begins now."""
+    descriptor = robot.descriptor
+    limits = robot.follower.limits
+    columns = (limits.lower, limits.upper, limits.velocity, limits.acceleration)
+    return RecordingInfo(
+        robot=descriptor.name,
+        backend=robot.backend.name,
+        variant=descriptor.variant or "",
+        version=version("robotd"),
+        cause="",
+        rate_hz=descriptor.cycle.rate_hz,
+        axes=robot.axes.names,
+        joints=robot.joint_axes,
+        limits={
+            name: tuple(float(column[index]) for column in columns)  # type: ignore[misc]
+            for index, name in enumerate(robot.joint_names)
+        },
+        offset_ns=time.time_ns() - robot.clock.now_ns(),
+    )
+
+
+def _text(path: Path | None) -> str:
+    with suppress(OSError, UnicodeDecodeError):
+        return path.read_text(encoding="utf-8") if path else ""
+    return ""

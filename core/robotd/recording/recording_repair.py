@@ -1,0 +1,119 @@
+"""Repair of recordings that were not closed: copies all complete chunks to a new file."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from robotd.recording.recording_reader import RecordingError
+from robotd.recording.recording_writer import CHUNK_BYTES
+
+DAMAGED = ".damaged"  # suffix of the original file
+PARTIAL = ".part"
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Result of a repair.
+
+    Attributes:
+        damaged: path of the original file.
+        messages: number of messages in the repaired file.
+        duration_s: from the first to the last of them.
+    """
+
+    damaged: Path
+    messages: int
+    duration_s: float
+
+
+def recover(path: Path) -> Recovery:
+    """Replace ``path`` by a repaired file, and keep the original under another name.
+
+    Also for MCAP files of other programs. Raises RecordingError: no message could be read, or a
+    file cannot be written; then ``path`` is unchanged.
+    """
+    partial = path.with_name(path.name + PARTIAL)
+    damaged = path.with_name(path.name + DAMAGED)
+    try:
+        with path.open("rb") as source, partial.open("wb") as target:
+            times = _copy(source, target)
+        if not times:
+            raise RecordingError(f"{path}: no complete chunk of messages in it")
+        path.rename(damaged)
+        partial.rename(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror or error}") from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return Recovery(damaged, len(times), (max(times) - min(times)) * 1e-9)
+
+
+def _copy(source: IO[bytes], target: IO[bytes]) -> list[int]:
+    """Copy every record that is whole; return the times of the messages."""
+    from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
+    from mcap.writer import CompressionType, Writer
+
+    writer = Writer(target, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+    schemas: dict[int, int] = {0: 0}
+    channels: dict[int, int] = {}
+    times: list[int] = []
+    has_begun = False
+    for record in _records(source):
+        match record:
+            case Header() if not has_begun:
+                writer.start(profile=record.profile, library=record.library)
+                has_begun = True
+            case Schema() if record.id not in schemas:
+                schemas[record.id] = writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
+            case Channel() if record.id not in channels:
+                channels[record.id] = writer.register_channel(
+                    record.topic,
+                    record.message_encoding,
+                    schemas[record.schema_id],
+                    record.metadata,
+                )
+            case Message():
+                writer.add_message(
+                    channels[record.channel_id],
+                    record.log_time,
+                    record.data,
+                    record.publish_time,
+                    record.sequence,
+                )
+                times.append(record.log_time)
+            case Metadata():
+                writer.add_metadata(record.name, record.metadata)
+            case Attachment():
+                writer.add_attachment(
+                    record.create_time,
+                    record.log_time,
+                    record.name,
+                    record.media_type,
+                    record.data,
+                )
+    if has_begun:
+        writer.finish()
+    return times
+
+
+def _records(source: IO[bytes]) -> Iterator[Any]:
+    """Yield records up to the first that is cut off or damaged."""
+    from mcap.exceptions import McapError
+    from mcap.records import DataEnd
+    from mcap.stream_reader import StreamReader
+    from zstandard import ZstdError
+
+    ends = (McapError, ZstdError, struct.error, EOFError, ValueError, KeyError)
+    try:
+        for record in StreamReader(source, validate_crcs=True).records:
+            if isinstance(record, DataEnd):
+                return  # the summary behind it is written anew
+            yield record
+    except ends:
+        return
