@@ -10,7 +10,7 @@ from robotd.control.completion import Outcome
 from robotd.control.source_slot import SourceSlot
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import Underrun
+from robotd.device.state import Operation, Underrun
 from robotd.errors import LateSetpoint
 
 
@@ -64,6 +64,7 @@ class SetpointMixer:
     def advance(self, time_ns: int, image: ProcessImage) -> None:
         """Run one period, with setpoints due at ``time_ns + period_ns``."""
         self.due_ns = time_ns + self.period_ns
+        self._hold_idle_axes(image)
         streams = [slot for slot in self._slots if slot.advance(time_ns, image, self._setpoints)]
         if streams and self._send(self.due_ns):
             image.setpoint[:] = self._setpoints
@@ -75,6 +76,16 @@ class SetpointMixer:
         """Fail everything that runs: the device cannot be reached. Also the watchdog's thread."""
         for slot in self._slots:
             slot.device_lost(reason)
+
+    def _hold_idle_axes(self, image: ProcessImage) -> None:
+        """Let axes that do not stream hold their command, also once a worker has claimed them.
+
+        Another group may be streaming then, before the source of these axes gives a setpoint.
+        """
+        if len(self._slots) > 1:
+            idle = image.operation != Operation.STREAM
+            np.copyto(self._setpoints[0], image.position_command, where=idle)
+            np.copyto(self._setpoints[1], 0.0, where=idle)
 
     def _send(self, due_ns: int) -> bool:
         """Send the setpoints; return False when the device has continued without them."""
