@@ -17,7 +17,9 @@ from robotd.errors import RobotdError
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
 COMMANDS_PACKAGE = "robotd.cli.commands"
-ROS_COMMANDS = (DEFAULT, "move", "gripper", "servo", "status", "snapshot", "record", "sim")
+ROS_COMMANDS = (
+    DEFAULT, "move", "gripper", "servo", "status", "snapshot", "record", "sim", "new-robot",
+)  # fmt: skip
 
 
 class RobotdGroup(click.Group):

@@ -25,6 +25,7 @@ COMMANDS = {
     "sim": "Scenarios and faults for the simulation.",
     "conform": "Run the conformance checks on a backend. Axes move.",
     "wmx": "Readiness of a machine for the WMX backend.",
+    "new-robot": "Write a robot's folder from its URDF, ready to run on the simulation.",
     "new-backend": "Write an installable backend package that passes the checks, to start from.",
 }
 """Commands with their summaries; ``new-backend`` is ``robotd.cli.commands.new_backend_command``.

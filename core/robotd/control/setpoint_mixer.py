@@ -78,9 +78,9 @@ class SetpointMixer:
             slot.device_lost(reason)
 
     def _hold_idle_axes(self, image: ProcessImage) -> None:
-        """Let axes that do not stream hold their command, also once a worker has claimed them.
+        """Let axes that do not stream hold their command until their first setpoint.
 
-        Another group may be streaming then, before the source of these axes gives a setpoint.
+        Another group may be streaming when a worker has just claimed these axes.
         """
         if len(self._slots) > 1:
             idle = image.operation != Operation.STREAM

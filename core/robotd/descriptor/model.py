@@ -125,14 +125,23 @@ class GripperSettings(Section):
     joints: tuple[Name, ...] = Field(
         strict=False, min_length=1, description="Finger joints, reported after the arm's joints."
     )
-    open_m: float = Field(description="Position of every finger joint when open.")
-    closed_m: float = Field(description="Position of every finger joint when closed.")
+    multipliers: tuple[float, ...] = Field(
+        (),
+        strict=False,
+        description="Position of each finger joint per position of the gripper, as `<mimic>` of a"
+        " URDF has it; empty: 1 each.",
+    )
+    open_m: float = Field(description="Position when open; rad for fingers that turn.")
+    closed_m: float = Field(description="Position when closed; rad for fingers that turn.")
     travel_time_s: NotNegative = Field(
         0.0, description="Time from one end to the other; 0 reports the end at once."
     )
 
     def problems(self) -> Iterator[Problem]:
         yield from twice("joints", self.joints)
+        if self.multipliers and len(self.multipliers) != len(self.joints):
+            what = f"must be as many as joints ({len(self.joints)}), or none"
+            yield ("multipliers",), what, self.multipliers
         if self.open_m == self.closed_m:
             yield ("closed_m",), "must differ from open_m", self.closed_m
 

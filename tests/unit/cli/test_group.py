@@ -100,8 +100,8 @@ def test_commands_without_ros_take_no_ros_args(robotd: Robotd, command: str) -> 
     result = robotd(command, "--ros-args", "-r", "a:=b")
     assert result.exit_code == ExitCode.USAGE
     assert (
-        "--ros-args belongs to run, move, gripper, servo, status, snapshot, record, sim only"
-        in result.output
+        "--ros-args belongs to run, move, gripper, servo, status, snapshot, record, sim, new-robot"
+        " only" in result.output
     )
 
 

@@ -20,6 +20,7 @@ from robotd.ros.node_registry import OPERATOR_NODE
 GRIPPER = "wmx/set_gripper"
 AXIS_STATE = "wmx/axis/state"
 FAULT = "wmx/engine/get_fault"
+DESCRIPTION = "robot_description"
 DISCOVERY_S = 1.0
 
 
@@ -82,6 +83,12 @@ def read_report(client: RosClient) -> RobotReport:
         )
         reports = axis_reports(axes.wait()) if published else None
         return RobotReport(state, is_ready, reason, remedy, stopped.wait().data, reports)
+
+
+def read_description(client: RosClient) -> str:
+    """Return the URDF that a running system publishes. Raises DeviceTimeout without one."""
+    with client.listen(String, DESCRIPTION, LATCHED) as description:
+        return str(description.wait().data)
 
 
 def require_ready(client: RosClient) -> None:

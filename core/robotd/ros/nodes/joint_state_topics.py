@@ -24,16 +24,20 @@ class Fingers:
     """Position of the gripper's fingers, from its output bit. Control loop thread.
 
     Args:
-        open_m, closed_m: position of every finger at the two ends.
+        open_m, closed_m: position of the gripper at the two ends.
+        multipliers: position of each finger per position of the gripper; shape (fingers,).
     """
 
-    def __init__(self, gripper: Gripper, open_m: float, closed_m: float) -> None:
+    def __init__(
+        self, gripper: Gripper, open_m: float, closed_m: float, multipliers: FloatArray
+    ) -> None:
+        self.multipliers = multipliers
         self._gripper = gripper
         self._open_m = open_m
         self._stroke_m = closed_m - open_m
 
     def position_m(self, time_ns: int) -> float:
-        """Position of every finger at monotonic ``time_ns``."""
+        """Position of the gripper at monotonic ``time_ns``."""
         return self._open_m + self._stroke_m * self._gripper.closed(time_ns)
 
 
@@ -100,11 +104,12 @@ class JointStateTopics:
             message.publish()
 
     def _move_fingers(self, time_ns: int) -> None:
-        position_m = self._fingers.position_m(time_ns) if self._fingers else 0.0
-        if position_m != self._finger_m:
-            self._finger_m = position_m
-            for positions in self._positions:
-                positions[self._joints :] = position_m
+        fingers = self._fingers
+        if fingers is None or (position_m := fingers.position_m(time_ns)) == self._finger_m:
+            return
+        self._finger_m = position_m
+        for positions in self._positions:
+            np.multiply(fingers.multipliers, position_m, positions[self._joints :])
 
     def _joint_state(self, topic: str, fields: tuple[str, ...]) -> HotPublisher:
         rest = [0.0] * len(self._names)

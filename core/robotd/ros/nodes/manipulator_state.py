@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rclpy.node import Node
 
-from robotd.node_settings.arm_settings import read_manipulator_state
+from robotd.node_settings.arm_settings import ManipulatorStateSettings, read_manipulator_state
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.joint_state_topics import Fingers, JointStateTopics
@@ -28,9 +29,7 @@ class ManipulatorState(Node):
         parameters = Parameters(self, robot.descriptor)
         settings = read_manipulator_state(parameters, robot.descriptor)
         parameters.done()
-        fingers = (
-            Fingers(robot.gripper, settings.open_m, settings.closed_m) if robot.gripper else None
-        )
+        fingers = _fingers(robot, settings)
         topics = JointStateTopics(self, robot, settings.names, fingers)
         topics.add_joint_states(settings.joint_states)
         if settings.unstamped:
@@ -42,3 +41,11 @@ class ManipulatorState(Node):
         publish_description(self, settings.description)
         robot.control_loop.every(settings.rate_hz, "joint states", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
+
+
+def _fingers(robot: Robot, settings: ManipulatorStateSettings) -> Fingers | None:
+    known = robot.descriptor.gripper
+    if robot.gripper is None or known is None:
+        return None
+    multipliers = np.array(known.multipliers or [1.0] * len(known.joints))
+    return Fingers(robot.gripper, settings.open_m, settings.closed_m, multipliers)

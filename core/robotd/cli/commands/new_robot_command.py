@@ -1,0 +1,130 @@
+"""``robotd new-robot``: write a robot's folder from its URDF."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from robotd.cli.commands.check_command import check_robot
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.group import ros_args
+from robotd.cli.options import configure_logging, names, not_nan
+from robotd.cli.preflight import import_ros
+from robotd.cli.robot_client import client_options, robot_client
+from robotd.descriptor.files import read_limited
+from robotd.descriptor.from_urdf import Choices, robot_files
+from robotd.descriptor.from_urdf.joint_roles import GripperDrive
+from robotd.descriptor.urdf import parse_urdf
+from robotd.descriptor.urdf.urdf_reader import MAX_BYTES
+from robotd.errors import InvalidArgument, OperationError
+
+EPILOG = """\b
+Examples:
+  robotd new-robot my_arm --urdf my_arm.urdf
+  robotd new-robot rover --urdf rover.urdf --wheels left_wheel,right_wheel --wheel-radius 0.1
+  robotd new-robot my_arm                # the URDF that a running system publishes
+"""
+
+
+@click.command("new-robot", epilog=EPILOG)
+@click.argument("name")
+@click.option(
+    "--urdf",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="URDF of the robot; by default the topic /robot_description of a running system.",
+)
+@click.option(
+    "--into",
+    metavar="FOLDER",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path(),
+    help="Where the robot's folder is made; by default here.",
+)
+@click.option(
+    "--wheels",
+    metavar="LEFT,RIGHT",
+    callback=names,
+    help="Joints of the driven wheels; by default the two continuous joints named like wheels.",
+)
+@click.option(
+    "--wheel-radius",
+    "wheel_radius_m",
+    metavar="METRES",
+    type=click.FloatRange(0, min_open=True),
+    callback=not_nan,
+    help="Radius of the wheels; by default that of their cylinders in the URDF.",
+)
+@click.option("--no-base", is_flag=True, help="No joint is a wheel.")
+@click.option(
+    "--gripper",
+    type=click.Choice([*map(str, GripperDrive)]),
+    default=str(GripperDrive.OUTPUT),
+    show_default=True,
+    help="Fingers are moved by a valve on an output, by an axis of their own, or by nothing.",
+)
+@click.option(
+    "--ramp-time",
+    "ramp_s",
+    metavar="SECONDS",
+    type=click.FloatRange(0.01, 60),
+    callback=not_nan,
+    default=0.25,
+    show_default=True,
+    help="Time to full speed, which gives the accelerations.",
+)
+@client_options
+@click.pass_context
+def new_robot(ctx: click.Context, /, *, name: str, into: Path, **options: Any) -> None:
+    """Write a robot's folder from its URDF, ready to run on the simulation.
+
+    Limits, names, gripper, wheels and drive models are taken from the URDF; comments in robot.yaml
+    explain each choice. Every problem of the URDF is reported with its line, and nothing is
+    written.
+    """
+    configure_logging(ctx)
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        raise InvalidArgument(
+            f"robot name {name!r}: must begin with a letter and hold only letters, digits and _"
+        )
+    folder = into / name
+    if folder.exists():
+        raise OperationError(f"folder {folder} exists already")
+    text, path = _urdf_text(options["urdf"], ros_args(ctx), options["timeout_s"])
+    files = robot_files(name, parse_urdf(text, path), text, path, _choices(options))
+    _write(folder, files)
+    click.echo(f"{folder} is a robot: {', '.join(files)}\n")
+    status = check_robot(str(folder / "robot.yaml"), None, (), None)
+    if status == ExitCode.OK:
+        click.echo(f"\nRun it on the simulation:\n\n  robotd run --robot {folder}/robot.yaml")
+        click.echo(f"\nWhat was chosen, and why: {folder}/robot.yaml")
+    ctx.exit(status)
+
+
+def _choices(options: Mapping[str, Any]) -> Choices:
+    return Choices(
+        wheels=tuple(options["wheels"] or ()),
+        wheel_radius_m=options["wheel_radius_m"],
+        base=not options["no_base"],
+        gripper=GripperDrive(options["gripper"]),
+        ramp_s=options["ramp_s"],
+    )
+
+
+def _urdf_text(path: Path | None, args: list[str], timeout_s: float) -> tuple[bytes, Path]:
+    """Return the URDF and the name of its origin."""
+    if path is not None:
+        return read_limited(path, MAX_BYTES), path
+    with robot_client(args, timeout_s) as client:
+        text: str = import_ros("client.status_client").read_description(client)
+    return text.encode(), Path("robot_description")
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    folder.mkdir(parents=True)
+    for name, content in files.items():
+        (folder / name).write_bytes(content)

@@ -1,0 +1,237 @@
+"""Text of a new robot's ``robot.yaml``: every value with its reason."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from robotd.descriptor.from_urdf.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
+from robotd.descriptor.from_urdf.joint_roles import Choices, Fingers, Roles, assign_roles
+from robotd.descriptor.section import MAX_AXES
+from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd.errors import DescriptorError
+
+MAX_BASE_VELOCITY_M_S = 1.0  # moderate, for a machine that nobody has driven yet
+MAX_BASE_TURNING_RAD_S = 2.0
+BASE_RAMP_S = 0.5
+WIDTH = 96  # of comments
+SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node")
+
+_UNITS = {"prismatic": ("m", "m_s", "m_s2")}
+_TURNING = ("rad", "rad_s", "rad_s2")
+
+
+def robot_files(
+    name: str, urdf: UrdfRobot, text: bytes, path: Path, choices: Choices, sections: str = ""
+) -> dict[str, bytes]:
+    """Return the files of a robot's folder: ``robot.yaml`` and the URDF.
+
+    Args:
+        name: of the robot.
+        urdf: read from ``text``.
+        text: content of the URDF file.
+        path: of the URDF, for errors.
+        choices: answers that the URDF does not contain.
+        sections: further lines of ``backends``, indented.
+
+    Raises DescriptorError: nothing can be driven, or see ``assign_roles``.
+    """
+    roles = assign_roles(urdf, choices, path)
+    count = len(roles.arm) + (2 if roles.base else 0)
+    if count == 0:
+        raise DescriptorError("no joint moves: there is nothing to drive", path=path)
+    if count > MAX_AXES:
+        raise DescriptorError(f"{count} joints move, the limit is {MAX_AXES}", path=path)
+    parts = [
+        _head(name, urdf, path),
+        _joints(roles, choices),
+        _base(roles),
+        _gripper(urdf, roles.fingers),
+        _passive(roles),
+        _nodes(roles),
+        _ros_parameters(name, roles),
+        _backends(urdf, roles, sections),
+    ]
+    lines = "\n".join("\n".join(part) + "\n" for part in filter(None, map(list, parts)))
+    return {"robot.yaml": lines.encode(), f"{name}.urdf": text}
+
+
+def _head(name: str, urdf: UrdfRobot, path: Path) -> Iterator[str]:
+    yield f"# Made by 'robotd new-robot {name}' from {path.name}; edit it from here on."
+    yield "# Keys: docs/reference/descriptor.md. Check changes by: robotd check --robot FOLDER"
+    yield "schema: 1"
+    yield f"name: {name}"
+    yield f"summary: {_quoted(f'{urdf.name or name}, from {path.name}')}"
+    yield "backend: sim                            # replaced by --backend on the command line"
+    yield f"urdf: {name}.urdf"
+
+
+def _joints(roles: Roles, choices: Choices) -> Iterator[str]:
+    if not roles.arm:
+        return
+    yield from _comment(
+        "Order and limits are those of the URDF; axes are numbered in this order: replace them by"
+        " the numbers of the drives. A URDF has no accelerations: full speed is reached in"
+        f" {choices.ramp_s:g} s. rated_torque_nm (rated_force_n), the drive's 100 %, is in no URDF."
+    )
+    yield "joints:"
+    for axis, joint in enumerate(roles.arm):
+        yield f"  - {{{', '.join(_joint(joint, axis, choices.ramp_s))}}}"
+
+
+def _joint(joint: UrdfJoint, axis: int, ramp_s: float) -> Iterator[str]:
+    position, velocity, acceleration = _UNITS.get(joint.type, _TURNING)
+    speed = joint.velocity or 0.0
+    yield f"name: {joint.name}"
+    yield f"axis: {axis}"
+    if joint.type != "revolute":
+        yield f"type: {joint.type}"
+    if joint.type != "continuous":
+        yield f"lower_{position}: {_number(joint.lower)}"
+        yield f"upper_{position}: {_number(joint.upper)}"
+    yield f"velocity_{velocity}: {_number(speed)}"
+    yield f"acceleration_{acceleration}: {_rounded(speed / ramp_s)}"
+
+
+def _base(roles: Roles) -> Iterator[str]:
+    base = roles.base
+    if base is None:
+        return
+    first = len(roles.arm)
+    fastest = base.velocity_rad_s * base.radius_m
+    speed = min(fastest, MAX_BASE_VELOCITY_M_S)
+    turning = min(2.0 * fastest / base.separation_m, MAX_BASE_TURNING_RAD_S)
+    left, right = base.joints
+    origin = "assumed: the URDF has none" if base.is_assumed else "the URDF's"
+    yield from _comment(
+        f"Wheels {left.name} and {right.name}. Speeds and ramps of the base are moderate ones, to"
+        " be replaced by those of the machine; the wheels' speed limits both parts of a twist."
+    )
+    yield "drive:"
+    yield f"  left_axis: {first}"
+    yield f"  right_axis: {first + 1}"
+    yield f"  wheel_radius_m: {_rounded(base.radius_m)}"
+    yield f"  wheel_separation_m: {_rounded(base.separation_m)}"
+    yield f"  wheel_velocity_rad_s: {_number(base.velocity_rad_s)}      # {origin}"
+    yield f"  velocity_m_s: {_rounded(speed)}"
+    yield f"  acceleration_m_s2: {_rounded(speed / BASE_RAMP_S)}"
+    yield f"  deceleration_m_s2: {_rounded(speed / BASE_RAMP_S)}"
+    yield f"  angular_velocity_rad_s: {_rounded(turning)}"
+    yield f"  angular_acceleration_rad_s2: {_rounded(turning / BASE_RAMP_S)}"
+    yield f"  angular_deceleration_rad_s2: {_rounded(turning / BASE_RAMP_S)}"
+
+
+def _gripper(urdf: UrdfRobot, fingers: Fingers | None) -> Iterator[str]:
+    if fingers is None:
+        return
+    opened, closed, is_known = _ends(urdf, fingers)
+    names = ", ".join(joint.name for joint in fingers.joints)
+    yield from _comment(
+        "Fingers on the valve of output bit 0.0: set the bit of the machine. A servo gripper is a"
+        " joint instead: make the robot again with --gripper axis."
+    )
+    if not is_known:
+        yield "# The URDF does not show which end is open: exchange open_m and closed_m if need be."
+    yield "gripper:"
+    yield "  output_byte: 0"
+    yield "  output_bit: 0"
+    yield f"  joints: [{names}]"
+    if any(share != 1.0 for share in fingers.multipliers):
+        yield f"  multipliers: [{', '.join(_number(share) for share in fingers.multipliers)}]"
+    yield f"  open_m: {_number(opened)}"
+    yield f"  closed_m: {_number(closed)}"
+    if fingers.leader.velocity:
+        travel_s = abs(closed - opened) / fingers.leader.velocity
+        yield f"  travel_time_s: {_rounded(travel_s)}      # the stroke at the URDF's speed"
+
+
+def _ends(urdf: UrdfRobot, fingers: Fingers) -> tuple[float, float, bool]:
+    """Return the open and the closed position, and if the URDF shows them."""
+    leader = fingers.leader
+    lower, upper = max(leader.lower, -np.pi), min(leader.upper, np.pi)
+    spread = []
+    for position in (lower, upper):
+        # Siblings that do not mimic move by the same amount.
+        positions = dict.fromkeys((joint.name for joint in fingers.joints), position)
+        points = [urdf.pose(joint.child, positions)[:3, 3] for joint in fingers.joints]
+        spread.append(sum(float(np.linalg.norm(point - points[0])) for point in points))
+    if abs(spread[0] - spread[1]) < 1e-6:
+        return lower, upper, False
+    return (lower, upper, True) if spread[0] > spread[1] else (upper, lower, True)
+
+
+def _passive(roles: Roles) -> Iterator[str]:
+    if roles.passive:
+        yield "# Joints of the URDF that have no axis:"
+        for joint, reason in roles.passive:
+            yield f"#   {joint.name}: {reason}"
+
+
+def _nodes(roles: Roles) -> Iterator[str]:
+    yield "nodes:"
+    arm = ("manipulator_state", "follow_joint_trajectory_server") if roles.arm else ()
+    base = ("diff_drive_controller",) if roles.base else ()
+    for node in (*SERVICE_NODES, *arm, *base):
+        yield f"  - {node}"
+
+
+def _ros_parameters(name: str, roles: Roles) -> Iterator[str]:
+    yield "# Names that clients use; everything else has a default (docs/reference/ros-surface.md)."
+    yield "ros_parameters:"
+    if roles.arm:
+        yield "  manipulator_state:"
+        yield "    encoder_joint_topic: joint_states"
+        yield "  follow_joint_trajectory_server:"
+        yield f"    joint_trajectory_action: {name}_arm_controller/follow_joint_trajectory"
+        if roles.fingers:
+            yield "    wmx_gripper_topic: wmx/set_gripper"
+    if roles.base:
+        yield "  diff_drive_controller:"
+        yield "    rate: 50"
+        yield "    cmd_vel_topic: cmd_vel"
+        yield "    encoder_vel_topic: cmd_vel_check"
+        yield "    encoder_omega_topic: velocity_controller/commands"
+        yield "    encoder_odometry_topic: odom"
+        yield f"    base_frame_id: {roles.base.frame}"
+        yield "    publish_tf: true                    # odom to base, as Nav2 needs it"
+
+
+def _backends(urdf: UrdfRobot, roles: Roles, sections: str) -> Iterator[str]:
+    joints = [*roles.arm, *(roles.base.joints if roles.base else ())]
+    lists = per_axis(urdf, joints)
+    yield "backends:"
+    yield "  sim:                                  # a figure per axis; kg and N if prismatic"
+    reasons: Mapping[str, str] = {
+        "inertia_kg_m2": "# From the masses beyond each joint, at position 0.",
+        "initial_position_rad": "# Inside of the limits, where 0 is not.",
+        "coulomb_friction_nm": f"# Assumed: {COULOMB_SHARE:.0%} of the URDF's effort, at full"
+        f" speed {VISCOUS_SHARE:.0%} more; without an effort the simulation's defaults.",
+    }
+    for key, values in lists.items():
+        if key in reasons:
+            yield f"    {reasons[key]}"
+        yield f"    {key}: [{', '.join(map(_number, values))}]"
+    if not lists:
+        yield "    bandwidth_hz: 50.0                  # the default; the URDF has no masses"
+    yield from sections.splitlines()
+
+
+def _comment(text: str) -> Iterator[str]:
+    return (f"# {line}" for line in textwrap.wrap(text, WIDTH))
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _number(value: float) -> str:
+    """Format without loss."""
+    return repr(float(value))
+
+
+def _rounded(value: float) -> str:
+    """Format to four digits."""
+    return repr(float(f"{value:.4g}"))

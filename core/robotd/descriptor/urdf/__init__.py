@@ -1,0 +1,6 @@
+"""URDF files: reading with every error at once, and the kinematic tree."""
+
+from robotd.descriptor.urdf.urdf_model import UrdfJoint, UrdfLink, UrdfRobot
+from robotd.descriptor.urdf.urdf_reader import parse_urdf, read_urdf
+
+__all__ = ["UrdfJoint", "UrdfLink", "UrdfRobot", "parse_urdf", "read_urdf"]

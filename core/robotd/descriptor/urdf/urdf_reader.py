@@ -1,0 +1,283 @@
+"""URDF reader: every problem at once, each with file, line and element."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from lxml import etree
+
+from robotd.arrays import FloatArray
+from robotd.descriptor.files import read_limited
+from robotd.descriptor.urdf.urdf_model import (
+    FIXED,
+    MOVING_TYPES,
+    Mimic,
+    UrdfJoint,
+    UrdfLink,
+    UrdfRobot,
+    frame,
+)
+from robotd.descriptor.urdf.urdf_tree import check_tree, depth_first
+from robotd.errors import DescriptorError, did_you_mean
+
+MAX_BYTES = 8_000_000
+
+_TYPES = (*MOVING_TYPES, FIXED)
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+def read_urdf(path: Path) -> UrdfRobot:
+    """Read and check a file. Raises DescriptorError with every problem."""
+    return parse_urdf(read_limited(path, MAX_BYTES), path)
+
+
+def parse_urdf(data: bytes, path: Path) -> UrdfRobot:
+    """Parse the content of ``path``, which error texts name. Raises DescriptorError."""
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
+    return _Reader(path).robot(root)
+
+
+class _Reader:
+    """Reads one file; collects problems."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._problems: list[DescriptorError] = []
+
+    def robot(self, root: Any) -> UrdfRobot:
+        self._check_root(root)
+        links = self._unique(root, "link", self._link)
+        joints = self._unique(root, "joint", self._joint)
+        for joint in joints.values():
+            self._check_links(joint, links)
+            self._check_mimic(joint, joints)
+        if not links:
+            self._problem("has no link", root)
+        if not self._problems:
+            for what, line, name in check_tree(links, joints.values()):
+                self._problems.append(DescriptorError(what, path=self._path, line=line, key=name))
+        if self._problems:
+            ordered = sorted(self._problems, key=lambda problem: problem.line or 0)
+            raise DescriptorError.join(ordered)
+        first, ordered_joints = depth_first(links, joints.values())
+        return UrdfRobot(root.get("name", ""), first, links, tuple(ordered_joints))
+
+    def _check_root(self, root: Any) -> None:
+        if root.tag != "robot":
+            raise self._error(f"begins with <{root.tag}>, not <robot>: no URDF", root)
+        macros = [
+            each for each in root.iter(etree.Element) if "ros.org/wiki/xacro" in str(each.tag)
+        ]
+        if macros:
+            text = "is xacro, not URDF: run 'xacro FILE > NAME.urdf' and pass the result"
+            raise self._error(text, macros[0])
+
+    def _unique(self, root: Any, tag: str, read: Any) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        lines: dict[str, int] = {}
+        for element in root.findall(tag):
+            name = element.get("name")
+            if not name:
+                self._problem(f"<{tag}> has no name", element)
+                continue
+            if name in lines:
+                what = f"{tag} name is used before, on line {lines[name]}"
+                self._problem(what, element, name)
+                continue
+            lines[name] = element.sourceline
+            if (made := read(element, name)) is not None:
+                found[name] = made
+        return found
+
+    def _link(self, element: Any, name: str) -> UrdfLink:
+        mass, center, inertia = None, np.zeros(3), np.zeros((3, 3))
+        if (inertial := element.find("inertial")) is not None:
+            mass = self._number(inertial.find("mass"), "value", name, minimum=0.0)
+            pose = self._origin(inertial, name)
+            center = pose[:3, 3]
+            if (tensor := inertial.find("inertia")) is not None:
+                values = [self._number(tensor, key, name, default=0.0) or 0.0 for key in _INERTIA]
+                xx, xy, xz, yy, yz, zz = values
+                matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+                inertia = pose[:3, :3] @ matrix @ pose[:3, :3].T
+        return UrdfLink(
+            name, element.sourceline, mass, center, inertia, self._radius(element, name)
+        )
+
+    def _radius(self, link: Any, name: str) -> float | None:
+        for part in ("collision", "visual"):
+            for shape in ("cylinder", "sphere"):
+                for solid in link.findall(f"{part}/geometry/{shape}"):
+                    return self._number(solid, "radius", name, minimum=0.0)
+        return None
+
+    def _joint(self, element: Any, name: str) -> UrdfJoint | None:
+        kind = element.get("type", "")
+        if kind not in _TYPES:
+            self._problem(_type_problem(kind), element, name)
+            return None
+        lower, upper, velocity, effort = self._limits(element, name, kind)
+        return UrdfJoint(
+            name,
+            element.sourceline,
+            kind,
+            self._end(element, name, "parent"),
+            self._end(element, name, "child"),
+            self._origin(element, name),
+            self._axis(element, name),
+            lower,
+            upper,
+            velocity,
+            effort,
+            self._mimic(element, name),
+        )
+
+    def _end(self, element: Any, name: str, tag: str) -> str:
+        found = element.find(tag)
+        link = found.get("link") if found is not None else None
+        if not link:
+            self._problem(f"has no <{tag} link=...>", element, name)
+        return link or ""
+
+    def _limits(
+        self, element: Any, name: str, kind: str
+    ) -> tuple[float, float, float | None, float | None]:
+        """Return lower, upper, velocity and effort."""
+        limit = element.find("limit")
+        bounded = kind in ("revolute", "prismatic")
+        if limit is None:
+            if bounded:
+                text = f"a {kind} joint needs <limit lower= upper= effort= velocity=>"
+                self._problem(text, element, name)
+            return -math.inf, math.inf, None, None
+        velocity = self._number(limit, "velocity", name, required=bounded, above=0.0)
+        effort = self._number(limit, "effort", name, minimum=0.0)
+        if not bounded:
+            return -math.inf, math.inf, velocity, effort
+        lower = self._number(limit, "lower", name, default=0.0)
+        upper = self._number(limit, "upper", name, default=0.0)
+        if lower is None or upper is None:
+            return -math.inf, math.inf, velocity, effort
+        if lower >= upper:
+            self._problem(f"lower limit {lower:g} is not below upper {upper:g}", limit, name)
+        return lower, upper, velocity, effort
+
+    def _mimic(self, element: Any, name: str) -> Mimic | None:
+        mimic = element.find("mimic")
+        if mimic is None:
+            return None
+        multiplier = self._number(mimic, "multiplier", name, default=1.0)
+        offset = self._number(mimic, "offset", name, default=0.0)
+        leader = mimic.get("joint")
+        if not leader:
+            self._problem("<mimic> has no joint", mimic, name)
+        return Mimic(leader or "", multiplier or 0.0, offset or 0.0)
+
+    def _axis(self, element: Any, name: str) -> FloatArray:
+        axis = self._vector(element.find("axis"), "xyz", name, (1.0, 0.0, 0.0))
+        length = float(np.linalg.norm(axis))
+        if length == 0.0:
+            self._problem("axis 0 0 0 has no direction", element.find("axis"), name)
+            return axis
+        unit: FloatArray = axis / length
+        return unit
+
+    def _origin(self, element: Any, name: str) -> FloatArray:
+        origin = element.find("origin")
+        xyz = self._vector(origin, "xyz", name, (0.0, 0.0, 0.0))
+        return frame(xyz, self._vector(origin, "rpy", name, (0.0, 0.0, 0.0)))
+
+    def _vector(
+        self, element: Any, key: str, name: str, default: tuple[float, float, float]
+    ) -> FloatArray:
+        text = None if element is None else element.get(key)
+        if text is None:
+            return np.array(default)
+        try:
+            values = [float(word) for word in text.split()]
+        except ValueError:
+            values = []
+        if len(values) != 3 or not all(map(math.isfinite, values)):
+            self._problem(f"{key}={text!r} is not three finite numbers", element, name)
+            return np.array(default)
+        return np.array(values)
+
+    def _number(
+        self,
+        element: Any,
+        key: str,
+        name: str,
+        *,
+        default: float | None = None,
+        required: bool = False,
+        minimum: float | None = None,
+        above: float | None = None,
+    ) -> float | None:
+        """Return a finite attribute; ``default`` where it is absent, None where it is wrong."""
+        text = None if element is None else element.get(key)
+        if text is None:
+            if required:
+                self._problem(f"<{element.tag}> has no {key}", element, name)
+            return default
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            self._problem(f"{key}={text!r} is not a finite number", element, name)
+        elif minimum is not None and value < minimum:
+            self._problem(f"{key}={text!r} is below {minimum:g}", element, name)
+        elif above is not None and value <= above:
+            self._problem(f"{key}={text!r} must be above {above:g}", element, name)
+        else:
+            return value
+        return None
+
+    def _check_links(self, joint: UrdfJoint, links: Iterable[str]) -> None:
+        for tag, link in (("parent", joint.parent), ("child", joint.child)):
+            if link and link not in links:
+                hint = did_you_mean(link, links)
+                self._problem_at(f"{tag} link {link!r} does not exist{hint}", joint)
+
+    def _check_mimic(self, joint: UrdfJoint, joints: dict[str, UrdfJoint]) -> None:
+        seen = [joint.name]
+        while (mimic := joints[seen[-1]].mimic) is not None and mimic.joint:
+            if mimic.joint not in joints:
+                if len(seen) == 1:  # otherwise reported at the joint that names it
+                    hint = did_you_mean(mimic.joint, joints)
+                    self._problem_at(f"mimics joint {mimic.joint!r}, which is none{hint}", joint)
+                return
+            if mimic.joint in seen:
+                if mimic.joint == joint.name:
+                    self._problem_at(f"mimics itself: {' → '.join([*seen, mimic.joint])}", joint)
+                return
+            seen.append(mimic.joint)
+
+    def _problem(self, what: str, element: Any, name: str | None = None) -> None:
+        self._problems.append(self._error(what, element, name))
+
+    def _problem_at(self, what: str, joint: UrdfJoint) -> None:
+        self._problems.append(
+            DescriptorError(what, path=self._path, line=joint.line, key=joint.name)
+        )
+
+    def _error(self, what: str, element: Any, name: str | None = None) -> DescriptorError:
+        line = cast("int | None", element.sourceline)
+        return DescriptorError(what, path=self._path, line=line, key=name)
+
+
+def _type_problem(kind: str) -> str:
+    if kind in ("floating", "planar"):
+        return (
+            f"a {kind} joint is not driven by one axis: make it fixed"
+            " (a mobile base is described by its wheels)"
+        )
+    return f"type {kind!r} is unknown (available: {', '.join(_TYPES)})"

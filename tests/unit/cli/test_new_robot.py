@@ -1,0 +1,195 @@
+"""``robotd new-robot``: any shape of robot passes the checks and moves on the simulation."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.cli.conftest import Robotd
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.clock.simulated import SteppedClock
+from robotd.control.trajectory_execution import Outcome
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.motion import TrajectoryRequest
+from robotd.robot import Robot, open_robot
+
+URDFS = Path(__file__).parents[2] / "urdf"
+SHAPES = sorted(path.stem for path in URDFS.glob("*.urdf"))
+MOTION_S = 6.0
+
+New = Callable[..., RobotDescriptor]
+
+
+@pytest.fixture
+def new(robotd: Robotd, tmp_path: Path) -> New:
+    """Make the robot of a URDF; checked by the command itself."""
+
+    def make(name: str, *options: str) -> RobotDescriptor:
+        urdf = str(URDFS / f"{name}.urdf")
+        result = robotd("new-robot", name, "--urdf", urdf, "--into", str(tmp_path), *options)
+        assert result.exit_code == 0, result.output
+        assert "all checks passed" in result.stdout
+        assert "warn" not in result.output
+        return load_robot_descriptor(tmp_path / name)
+
+    return make
+
+
+def targets(robot: Robot) -> list[float]:
+    """A fifth of its range from where each joint is."""
+    found = []
+    for joint, now in zip(robot.descriptor.joints, robot.image.position_command, strict=False):
+        step = min(0.2 * (joint.upper - joint.lower), 0.3 * joint.velocity * MOTION_S)
+        found.append(now + step if now + step < joint.upper else now - step)
+    return found
+
+
+def drive(robot: Robot) -> None:
+    """Command the base until its thread has claimed the wheels and they turn."""
+    assert robot.base is not None
+    deadline = time.monotonic() + 20.0
+    while robot.base.pose.x < 0.02:
+        assert time.monotonic() < deadline, "the base does not move"
+        robot.base.command(0.1, 0.0)
+        robot.step(5)
+        time.sleep(1e-3)  # for the thread that claims the wheels
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_it_moves_on_the_simulation(new: New, shape: str) -> None:
+    descriptor = new(shape)
+    assert descriptor.path is not None
+    with open_robot(descriptor.path, clock=SteppedClock()) as robot:
+        if robot.joint_names:
+            wanted = targets(robot)
+            request = TrajectoryRequest.from_rows(robot.joint_names, [MOTION_S], [wanted])
+            with robot.follower.follow(request) as execution:
+                robot.step(round((MOTION_S + 2.0) * descriptor.cycle.rate_hz))
+                assert execution.outcome is Outcome.SUCCEEDED, execution.message
+            measured = robot.image.position[list(robot.joint_axes)]
+            assert measured == pytest.approx(wanted, abs=0.01)
+        if robot.base is not None:
+            drive(robot)
+            assert abs(robot.base.pose.y) < 1e-6
+
+
+def test_limits_and_types_are_those_of_the_urdf(new: New) -> None:
+    joints = new("scara").joints
+    assert [joint.unit for joint in joints] == ["rad", "rad", "m", "rad"]
+    assert (joints[2].lower, joints[2].upper, joints[2].velocity) == (0.0, 0.15, 1.1)
+    assert joints[2].acceleration == pytest.approx(1.1 / 0.25)
+    assert new("seven_axis").joints[6].type == "continuous"
+
+
+def test_joints_begin_inside_of_their_limits(new: New) -> None:
+    robot = new("seven_axis")
+    starts = robot.backends["sim"]["initial_position_rad"]
+    for joint, start in zip(robot.joints, starts, strict=True):
+        assert joint.lower < start < joint.upper
+
+
+def test_fingers_become_a_gripper_that_knows_its_ends(new: New) -> None:
+    turning, sliding = new("six_axis").gripper, new("seven_axis").gripper
+    assert turning is not None
+    assert turning.joints == ("left_finger_joint", "right_finger_joint")
+    assert turning.multipliers == (1.0, -1.0)
+    assert sliding is not None
+    assert (sliding.open_m, sliding.closed_m) == (0.04, 0.0)  # the fingers are further apart
+
+
+def test_a_servo_gripper_is_a_joint(new: New) -> None:
+    robot = new("six_axis", "--gripper", "axis")
+    assert robot.gripper is None
+    assert robot.joint_names[-1] == "left_finger_joint"
+
+
+def test_wheels_are_told_apart_by_their_side(new: New) -> None:
+    robot = new("mobile_base")
+    assert robot.path is not None
+    drive = robot.drive
+    assert drive is not None
+    assert (drive.wheel_radius_m, drive.wheel_separation_m) == (0.1, 0.4)
+    text = robot.path.read_text(encoding="utf-8")
+    assert "# Wheels left_wheel_joint and right_wheel_joint." in text
+    assert re.search(r"#   caster_(wheel_)?joint: a passive wheel", text)
+    assert "10.0      # assumed: the URDF has none" in text
+
+
+def test_drive_models_carry_the_masses_of_the_urdf(new: New) -> None:
+    gantry = new("gantry").backends["sim"]
+    assert gantry["inertia_kg_m2"] == [61.0, 21.0, 6.0]  # kg: each axis carries the next
+    scara = new("scara").backends["sim"]["inertia_kg_m2"]
+    arm = 3.0 * 0.225**2 + 0.9 * 0.4**2 + 4 * 0.01
+    assert scara[0] == pytest.approx(arm, rel=1e-2)  # by the parallel axis theorem
+
+
+def test_accelerations_follow_from_the_ramp_time(new: New) -> None:
+    joint = new("six_axis", "--ramp-time", "0.5").joints[0]
+    assert joint.acceleration == pytest.approx(2.0 * joint.velocity)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--wheels", "left_wheel_joint"], "a differential base has two wheels, LEFT,RIGHT"),
+        (["--wheels", "left_wheel_joint,lef"], "has no joint 'lef' for a wheel"),
+        (["--no-base"], "left_wheel_joint: a driven joint needs a speed"),
+        (["--wheels", "caster_joint,caster_wheel_joint"], "are on one side, at y 0 m"),
+    ],
+)
+def test_what_a_urdf_cannot_give_is_asked_for(
+    robotd: Robotd, tmp_path: Path, options: list[str], text: str
+) -> None:
+    urdf = str(URDFS / "mobile_base.urdf")
+    result = robotd("new-robot", "rover", "--urdf", urdf, "--into", str(tmp_path), *options)
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert text in result.stderr
+    assert not (tmp_path / "rover").exists()
+
+
+def test_a_bad_urdf_writes_nothing(robotd: Robotd, tmp_path: Path) -> None:
+    urdf = tmp_path / "bad.urdf"
+    text = (URDFS / "scara.urdf").read_text(encoding="utf-8")
+    urdf.write_text(text.replace('velocity="1.1"', 'velocity="fast"'), encoding="utf-8")
+    result = robotd("new-robot", "bad", "--urdf", str(urdf), "--into", str(tmp_path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "bad.urdf:" in result.stderr
+    assert "joint3: velocity='fast' is not a finite number" in result.stderr
+    assert not (tmp_path / "bad").exists()
+
+
+def test_a_folder_is_not_overwritten(robotd: Robotd, new: New, tmp_path: Path) -> None:
+    robot = new("gantry")
+    assert robot.path is not None
+    before = robot.path.read_bytes()
+    urdf = str(URDFS / "scara.urdf")
+    result = robotd("new-robot", "gantry", "--urdf", urdf, "--into", str(tmp_path))
+    assert result.exit_code != 0
+    assert "exists already" in result.stderr
+    assert robot.path.read_bytes() == before
+
+
+def test_two_arms_are_listed_arm_by_arm(new: New) -> None:
+    names = new("two_arms").joint_names
+    assert names[0] == "torso_joint"
+    assert [name.split("_")[0] for name in names[1:]] == ["left"] * 6 + ["right"] * 6
+    assert len(np.unique(names)) == 13
+
+
+def test_the_tutorial_shows_the_errors_of_its_robot(robotd: Robotd, tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs/tutorial/own-robot.md").read_text(encoding="utf-8")
+    text = page.partition("```xml\n")[2].partition("```")[0]
+    text = text.replace(' velocity="2.0"', "")
+    text = text.replace(
+        '"slide" type="prismatic">', '"slide" type="prismatic"><mimic joint="turntabel"/>'
+    )
+    urdf = tmp_path / "press.urdf"
+    urdf.write_text(text, encoding="utf-8")
+    result = robotd("new-robot", "press", "--urdf", str(urdf), "--into", str(tmp_path))
+    shown = page.partition("```text\n")[2].partition("```")[0]
+    assert result.stderr.replace(f"{tmp_path}/", "") == shown
