@@ -135,6 +135,7 @@ endif
 
 $(ready): $(base) $(interfaces) pyproject.toml
 	@$(say) 'installing robotd[$(extras)] into .venv'
+	rm -rf *.egg-info # of an earlier build: it would hide the entry points that are installed
 	$(pip) install --editable '.[$(extras)]'
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@

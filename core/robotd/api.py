@@ -47,6 +47,7 @@ from robotd.motion.profile import (
     profile_to_rest,
     profile_to_velocity,
 )
+from robotd.plugin.code_table import CodeTable
 from robotd.plugin.hookspecs import (
     API_VERSION,
     BackendInfo,
@@ -68,6 +69,7 @@ __all__ = [
     "BusStatus",
     "Capability",
     "Clock",
+    "CodeTable",
     "CommandMode",
     "ConnectError",
     "ConnectionState",

@@ -21,6 +21,7 @@ COMMANDS = {
     "reset": "Allow motion again after a stop. Nothing moves.",
     "recover": "Bring the running robot back after a fault. Nothing moves.",
     "snapshot": "Save the last seconds of the running robot.",
+    "explain": "Explain a recording, or an alarm, error or abort code.",
     "record": "Record the running robot, or repair a recording.",
     "sim": "Scenarios and faults for the simulation.",
     "conform": "Run the conformance checks on a backend. Axes move.",

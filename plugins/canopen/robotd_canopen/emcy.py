@@ -79,8 +79,21 @@ def error_text(code: int) -> str:
     """``0x3210 DC link over-voltage``; of the vendor's range only the number is known."""
     if code >= 0xFF00:
         return f"0x{code:04X} vendor specific"
-    text = _CODES.get(code) or _CLASSES.get(code >> 8) or _CLASSES.get(code >> 8 & 0xF0)
-    return f"0x{code:04X} {text or 'reserved'}"
+    return f"0x{code:04X} {_CODES.get(code) or class_text(code) or 'reserved'}"
+
+
+def class_text(code: int) -> str:
+    """Return the class of a code of 16 bits, ``position control``; "" for none."""
+    if not 0 <= code <= 0xFFFF:
+        return ""
+    if code >= 0xFF00:
+        return "vendor specific"
+    return _CLASSES.get(code >> 8) or _CLASSES.get(code >> 8 & 0xF0, "")
+
+
+def known_texts() -> dict[int, str]:
+    """Return the codes that have a meaning of their own."""
+    return dict(_CODES)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,97 @@
+"""``robotd explain``: what happened in a recording, or the meaning of a code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.options import configure_logging, log_options
+from robotd.plugin.code_table import CodeTable, load_code_tables
+from robotd.plugin.own_codes import GOAL_RESULTS
+
+SUFFIX = ".mcap"
+
+
+@click.command("explain")
+@click.argument("target", metavar="FILE|CODE")
+@click.option(
+    "--plot",
+    metavar="PNG",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write a picture of the ten seconds around the root cause.",
+)
+@log_options
+@click.pass_context
+def explain(ctx: click.Context, /, *, target: str, plot: Path | None) -> None:
+    """Explain a recording, or an alarm, error or abort code.
+
+    For example: robotd explain cr3a-20261122-074057-fault.mcap, or robotd explain 0x8611. A
+    negative code follows two dashes: robotd explain -- -4.
+    """
+    configure_logging(ctx)
+    path = Path(target)
+    if path.suffix == SUFFIX or path.exists():
+        ctx.exit(_explain_file(path, plot))
+    if plot is not None:
+        raise click.BadParameter("belongs to a recording, not to a code", param_hint="'--plot'")
+    ctx.exit(_explain_code(target))
+
+
+def _explain_file(path: Path, plot: Path | None) -> ExitCode:
+    from robotd.recording.explanation import explain as lines_of
+    from robotd.recording.explanation import find_incident
+    from robotd.recording.recording_reader import read_recording
+
+    recording = read_recording(path)
+    cause = find_incident(recording).cause
+    code = cause.data.get("code") if cause else None
+    meanings = _meanings(int(code), _tables()) if isinstance(code, int) else []
+    for line in lines_of(recording, meanings):
+        click.echo(line)
+    if plot is not None:
+        from robotd.recording.incident_plot import plot_incident
+
+        plot_incident(recording, plot)
+        click.echo(f"\npicture: {plot}")
+    return ExitCode.OK
+
+
+def _explain_code(word: str) -> ExitCode:
+    """Print every meaning of a number; FAILED when there is none."""
+    tables = _tables()
+    numbers = _numbers(word)
+    lines = list(dict.fromkeys(line for code in numbers for line in _meanings(code, tables)))
+    for line in lines:
+        click.echo(line)
+    if lines:
+        return ExitCode.OK
+    known = "; ".join(table.title for table in tables)
+    click.echo(f"{word}: in no table (searched: {known})", err=True)
+    return ExitCode.FAILED
+
+
+def _numbers(word: str) -> list[int]:
+    """Parse a code; one without 0x may be meant in hexadecimal too."""
+    numbers = []
+    for base in (0, 16):
+        try:
+            numbers.append(int(word, base))
+        except ValueError:
+            continue
+    if not numbers:
+        raise click.BadParameter(f"{word!r} is neither a file nor a number like 0x8611 or 1554")
+    return numbers
+
+
+def _meanings(code: int, tables: Sequence[CodeTable]) -> list[str]:
+    return [line for table in tables if (line := table.line(code))]
+
+
+def _tables() -> list[CodeTable]:
+    tables, failures = load_code_tables()
+    for name, reason in failures.items():
+        click.echo(f"table {name} cannot be loaded: {reason}", err=True)
+    return [GOAL_RESULTS, *tables]

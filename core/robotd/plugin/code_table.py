@@ -1,0 +1,53 @@
+"""Tables of alarm, error and abort codes, offered by plugins for ``robotd explain CODE``.
+
+A table is an entry point of the group ``robotd.codes`` that leads to a ``CodeTable``. It is
+imported only for that command, so it must not need hardware or a device library.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+
+from robotd.errors import PluginError
+
+GROUP = "robotd.codes"
+
+
+@dataclass(frozen=True)
+class CodeTable:
+    """Codes of one kind, such as the emergency codes of CANopen.
+
+    Attributes:
+        title: kind of the codes, for people: ``CANopen emergency``.
+        texts: meaning of each known code, one line.
+        digits: hexadecimal digits of a code; 0: they are written in decimal.
+        other: meaning of a code that is not in ``texts``, such as the class that it belongs to,
+            "" for none; None: there are no others.
+    """
+
+    title: str
+    texts: Mapping[int, str]
+    digits: int = 4
+    other: Callable[[int], str] | None = None
+
+    def line(self, code: int) -> str:
+        """Return ``CANopen emergency 0x8611: following error``; "" for a code of another kind."""
+        text = self.texts.get(code) or (self.other(code) if self.other else "")
+        number = f"0x{code:0{self.digits}X}" if self.digits and code >= 0 else str(code)
+        return f"{self.title} {number}: {text}" if text else ""
+
+
+def load_code_tables() -> tuple[list[CodeTable], dict[str, str]]:
+    """Return the tables of all plugins, and why others failed, by entry point."""
+    tables, failures = [], {}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        try:
+            table = entry.load()
+            if not isinstance(table, CodeTable):
+                raise PluginError(f"{entry.value} is no CodeTable")  # noqa: TRY301
+            tables.append(table)
+        except Exception as error:  # noqa: BLE001 - of a plugin
+            failures[entry.name] = f"{type(error).__name__}: {error}"
+    return tables, failures

@@ -1,0 +1,8 @@
+"""Alarm codes of the simulated drives for ``robotd explain``."""
+
+from __future__ import annotations
+
+from robotd.api import CodeTable
+from robotd_sim.alarms import ALARMS
+
+DRIVE_ALARMS = CodeTable("alarm of a simulated drive", ALARMS)
