@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
 
 from robotd.clock import NANOSECONDS, Clock
 
@@ -92,6 +93,13 @@ class SteppedClock:
             self._stepping = False
 
 
+@dataclass(eq=False)
+class _Due:
+    """Time of the next tick of one iterator."""
+
+    time_ns: int
+
+
 class PacedClock:
     """Simulated time for a robot with a control thread, as with ROS nodes.
 
@@ -112,6 +120,7 @@ class PacedClock:
         self._now_ns = START_NS
         self._limit_ns: int | None = None
         self._holds = self._sleepers = 0
+        self._dues: list[_Due] = []
         self._standing = False
         self._ended = False
         self._changed = threading.Condition()
@@ -126,18 +135,39 @@ class PacedClock:
             self._changed.wait_for(lambda: self._ended or self._now_ns >= deadline_ns)
             self._sleepers -= 1
 
-    def wait_for(self, event: threading.Event, deadline_ns: int) -> None:
-        """Block until ``event`` is set, or until the simulated time ``deadline_ns``.
+    @contextmanager
+    def ticks(self, event: threading.Event, period_ns: int) -> Iterator[Iterator[None]]:
+        """Yield an iterator that ticks now and every ``period_ns`` until ``event`` is set.
 
-        The event is one that the cycle sets, and seen at the end of the period.
+        Time stands from a tick until the next one is asked for, so however slow the computer
+        is, none is skipped. The event is one that the control loop sets, and seen at the end of
+        the period. Nothing between two ticks may sleep on this clock.
         """
+        due = _Due(self._now_ns)
         with self._changed:
-            self._sleepers += 1
-            self._changed.notify_all()
-            self._changed.wait_for(
-                lambda: self._ended or event.is_set() or self._now_ns >= deadline_ns
-            )
-            self._sleepers -= 1
+            self._dues.append(due)
+        try:
+            yield self._tick(due, event, period_ns)
+        finally:
+            with self._changed:
+                self._dues.remove(due)
+                self._changed.notify_all()
+
+    def _tick(self, due: _Due, event: threading.Event, period_ns: int) -> Iterator[None]:
+        while True:
+            with self._changed:
+                self._sleepers += 1
+                self._changed.notify_all()
+                self._changed.wait_for(
+                    lambda: self._ended or event.is_set() or self._now_ns >= due.time_ns
+                )
+                self._sleepers -= 1
+            if self._ended:
+                event.wait()  # the control loop sets it at its end
+            if event.is_set():
+                return
+            yield
+            due.time_ns = max(due.time_ns + period_ns, self._now_ns)
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -204,6 +234,8 @@ class PacedClock:
             self._standing = True
             self._changed.notify_all()
             return False
+        if time_ns > self._now_ns and any(due.time_ns <= self._now_ns for due in self._dues):
+            return False
         return self._holds == 0 or self._sleepers > 0
 
 
@@ -221,12 +253,25 @@ class _Leader:
 SimulatedClock = SteppedClock | PacedClock
 
 
-def wait_for_event(event: threading.Event, deadline_ns: int, clock: Clock) -> None:
-    """Block until ``event``, which the cycle sets, or until ``deadline_ns`` on ``clock``."""
+@contextmanager
+def ticks(event: threading.Event, period_ns: int, clock: Clock) -> Iterator[Iterator[None]]:
+    """Yield an iterator that ticks now and every ``period_ns`` on ``clock`` until ``event`` is set.
+
+    Where time is simulated, it stands from a tick until the next one is asked for.
+    """
     if isinstance(clock, PacedClock):
-        clock.wait_for(event, deadline_ns)
+        with clock.ticks(event, period_ns) as paced:
+            yield paced
     else:
-        event.wait(max(0.0, (deadline_ns - clock.now_ns()) / NANOSECONDS))
+        yield _real_ticks(event, period_ns, clock)
+
+
+def _real_ticks(event: threading.Event, period_ns: int, clock: Clock) -> Iterator[None]:
+    due_ns = clock.now_ns()
+    while not event.is_set():
+        yield
+        due_ns = max(due_ns + period_ns, clock.now_ns())
+        event.wait((due_ns - clock.now_ns()) / NANOSECONDS)
 
 
 def held(clock: Clock) -> AbstractContextManager[None]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
-from robotd.clock.simulated import wait_for_event
+from robotd.clock.simulated import ticks
 from robotd.control.completion import Completion, Outcome
 from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.execution_phase import Phase, PhaseState
@@ -153,9 +156,12 @@ class TrajectoryExecution:
         """Block until it has ended; return False after ``timeout_s`` (None: no limit)."""
         return self.completion.event.wait(timeout_s)
 
-    def wait_until(self, deadline_ns: int, clock: Clock) -> None:
-        """Block until it has ended, or until ``deadline_ns`` on ``clock``."""
-        wait_for_event(self.completion.event, deadline_ns, clock)
+    def ticks(self, period_ns: int, clock: Clock) -> AbstractContextManager[Iterator[None]]:
+        """Yield an iterator that ticks every ``period_ns`` on ``clock`` until it has ended.
+
+        Simulated time stands from a tick until the next one is asked for.
+        """
+        return ticks(self.completion.event, period_ns, clock)
 
     def progress(self) -> Progress:
         """Return the values of one control period: path at ``time_s`` and measurement."""

@@ -217,3 +217,35 @@ def test_a_real_robot_refuses_simulated_time() -> None:
             Robot(descriptor, backend, clock)
     with pytest.raises(Unsupported, match="faults on request"):
         _ = Robot(descriptor, backend, MonotonicClock()).fault_injector
+
+
+def test_a_slow_thread_misses_no_tick_of_the_fast_clock(paced: Paced) -> None:
+    clock, _ = paced
+    clock.resume()
+    times_ns = []
+    with clock.ticks(threading.Event(), 5 * PERIOD_NS) as ticks:
+        for _ in ticks:
+            times_ns.append(clock.now_ns())
+            time.sleep(0.001)
+            assert clock.now_ns() == times_ns[-1], "time stands"
+            if len(times_ns) == 50:
+                break
+    assert set(np.diff(times_ns).tolist()) == {5 * PERIOD_NS}
+    clock.sleep_until_ns(clock.now_ns() + 3 * PERIOD_NS)  # and passes afterwards
+
+
+def test_an_event_ends_the_ticks() -> None:
+    """Set by the control loop, as the end of a trajectory is."""
+    clock, event = PacedClock(), threading.Event()
+
+    def lead() -> None:
+        for number in range(1, 101):
+            clock.leader.sleep_until_ns(clock.now_ns() + PERIOD_NS)
+            if number == 20:
+                event.set()
+        clock.end()
+
+    with clock.ticks(event, 5 * PERIOD_NS) as ticks:
+        threading.Thread(target=lead).start()
+        assert len(list(ticks)) in (4, 5)
+    assert event.is_set()

@@ -11,7 +11,6 @@ from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from robotd.clock.simulated import held
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import RobotdError
 from robotd.log import get_logger
@@ -187,15 +186,11 @@ class FollowJointTrajectoryServer(Node):
 
     def _watch(self, goal: Any, execution: TrajectoryExecution) -> None:
         """Publish feedback until the goal has ended."""
-        clock = self._robot.clock
-        due_ns = clock.now_ns()
-        while not execution.done:
-            if goal.is_cancel_requested:  # before it was in the table
-                execution.cancel()
-            with held(clock):
+        with execution.ticks(FEEDBACK_PERIOD_NS, self._robot.clock) as ticks:
+            for _ in ticks:
+                if goal.is_cancel_requested:  # before it was in the table
+                    execution.cancel()
                 self._publish_feedback(goal, execution)
-            due_ns = max(due_ns + FEEDBACK_PERIOD_NS, clock.now_ns())
-            execution.wait_until(due_ns, clock)
 
     def _start_ns(self, stamp: Any, request: TrajectoryRequest) -> int | None:
         """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
