@@ -68,6 +68,7 @@ class ControlLoop:
         self._deadlines = PeriodDeadlines(
             self._clock,
             self.period_ns,
+            mixer.stats,
             skips_start=not mixer.extrapolates,
             imminent=not self._simulated,
         )
@@ -85,7 +86,7 @@ class ControlLoop:
     @property
     def stats(self) -> LoopStatistics:
         """Timing statistics; any thread may call ``report``."""
-        return self._deadlines.stats
+        return self._mixer.stats
 
     @property
     def realtime(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -55,7 +56,13 @@ class JointMotion:
         self._clock = clock
         self._claim = ExitStack()
         self._owner = ""  # of the claim
+        self._tickets = itertools.count(1)
+        self._newest = 0  # ticket of the last source that was started
         self._active = 0
+
+    def ticket(self) -> int:
+        """Return the place of a request in the order in which requests have arrived."""
+        return next(self._tickets)
 
     def start(
         self,
@@ -64,6 +71,7 @@ class JointMotion:
         *,
         owner: str = OWNER,
         takeover: bool = False,
+        ticket: int = 0,
     ) -> Source:
         """Plan a source from the present motion and submit it; ``release`` has to follow.
 
@@ -75,12 +83,16 @@ class JointMotion:
             start_ns: earliest start, monotonic; 0: as soon as possible.
             owner: name of the client.
             takeover: also from the moving source of another owner.
+            ticket: of ``ticket``, taken when the request arrived; 0: it arrives now.
 
         Raises:
-            NotReady: motion is stopped, a joint cannot be commanded now, or it moves for another
-                owner.
+            NotReady: motion is stopped, a joint cannot be commanded now, it moves for another
+                owner, or a request that arrived later was started before this one.
         """
         with self.lock, held(self._clock):  # simulated time must not outrun planning
+            ticket = ticket or self.ticket()
+            if ticket < self._newest:
+                raise NotReady(PREEMPTED)
             try:
                 self._require(owner, takeover)
                 source = self._submit(plan, start_ns, owner)
@@ -89,6 +101,7 @@ class JointMotion:
                     self._claim.close()
                 raise
             self._active += 1
+            self._newest = ticket
             return source
 
     def release(self, source: SetpointSource) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from robotd.arrays import IntArray
 
 WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
+NONE = (0.0, 0.0, 0.0)  # percentiles of no samples
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,7 @@ class LoopReport:
 
     Attributes:
         cycles, missed: periods run and deadlines missed since the start.
+        late_setpoints: setpoints that came too late and were not sent, since the start.
         rate_hz: measured rate over the window; NaN before the second period.
         lateness_p50_us, lateness_p99_us, lateness_max_us: wake-up after the deadline.
         execution_p50_us, execution_p99_us, execution_max_us: work done in a period.
@@ -32,6 +35,7 @@ class LoopReport:
     execution_p50_us: float
     execution_p99_us: float
     execution_max_us: float
+    late_setpoints: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +57,7 @@ class LoopStatistics:
     """Ring buffers written by the control loop; any thread may call ``report``.
 
     Attributes:
-        cycles, missed: periods run and deadlines missed since the start.
+        cycles, missed, late_setpoints: counters since the start, see ``LoopReport``.
         last: start, lateness and execution time of the last period, ns.
     """
 
@@ -61,6 +65,7 @@ class LoopStatistics:
         self.last = (0, 0, 0)
         self.cycles = 0
         self.missed = 0
+        self.late_setpoints = 0
         self._start_ns = np.zeros(WINDOW, np.int64)
         self._lateness_ns = np.zeros(WINDOW, np.int64)
         self._execution_ns = np.zeros(WINDOW, np.int64)
@@ -87,10 +92,12 @@ class LoopStatistics:
         cycles = self.cycles
         samples = min(cycles, WINDOW)
         if samples == 0:
-            return LoopReport(0, self.missed, 0, float("nan"), *[0.0] * 6)
+            return LoopReport(
+                0, self.missed, 0, math.nan, *NONE, *NONE, late_setpoints=self.late_setpoints
+            )
         started = self._start_ns[:samples]
         span_s = float(started.max() - started.min()) * 1e-9
-        rate_hz = (samples - 1) / span_s if span_s > 0 else float("nan")
+        rate_hz = (samples - 1) / span_s if span_s > 0 else math.nan
         return LoopReport(
             cycles,
             self.missed,
@@ -98,6 +105,7 @@ class LoopStatistics:
             rate_hz,
             *_percentiles_us(self._lateness_ns[:samples]),
             *_percentiles_us(self._execution_ns[:samples]),
+            late_setpoints=self.late_setpoints,
         )
 
 

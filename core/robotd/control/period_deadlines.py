@@ -17,17 +17,23 @@ class PeriodDeadlines:
     Args:
         clock: of the control loop.
         period_ns: between two deadlines.
+        stats: of the periods.
         skips_start: a period whose start has come too late is skipped, for devices that hold:
             its SYNC would be so close to the next one that drives count the two as one. False:
             it begins at once, for devices that extrapolate.
         imminent: other threads wait for a period; not in simulated time.
-
-    Attributes:
-        stats: of the periods.
     """
 
-    def __init__(self, clock: Clock, period_ns: int, *, skips_start: bool, imminent: bool) -> None:
-        self.stats = LoopStatistics()
+    def __init__(
+        self,
+        clock: Clock,
+        period_ns: int,
+        stats: LoopStatistics,
+        *,
+        skips_start: bool,
+        imminent: bool,
+    ) -> None:
+        self._stats = stats
         self._clock, self._period_ns = clock, period_ns
         self._skips_start, self._imminent = skips_start, imminent
         self._due_ns = 0  # of the next or current period; 0: no thread has to wait for it
@@ -59,7 +65,7 @@ class PeriodDeadlines:
 
     def end(self) -> int:
         """Record the current period; return the next deadline."""
-        self.stats.record(self._late_ns, self._start_ns, self._clock.now_ns())
+        self._stats.record(self._late_ns, self._start_ns, self._clock.now_ns())
         self._late_ns = 0
         return (self._nominal_ns or self.nominal(self._deadline_ns)) + self._period_ns
 
@@ -67,7 +73,7 @@ class PeriodDeadlines:
         """Count the deadlines from ``time_ns`` on that have passed by more than half a period."""
         period_ns = self._period_ns
         missed = max(0, (self._clock.now_ns() - time_ns + period_ns // 2 - 1) // period_ns)
-        self.stats.missed += missed
+        self._stats.missed += missed
         return missed
 
     def expect(self, deadline_ns: int) -> None:

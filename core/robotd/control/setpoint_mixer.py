@@ -7,6 +7,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.control.completion import Outcome
+from robotd.control.loop_statistics import LoopStatistics
 from robotd.control.source_slot import SourceSlot
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
@@ -28,7 +29,7 @@ class SetpointMixer:
         due_ns: due time of the last setpoints; 0 before the first period.
         sent_ns: due time of the last setpoints that the device got; 0 before the first.
         extrapolates: the device extrapolates missing setpoints; late ones are not sent then.
-        late: number of setpoints that were not sent because they came too late.
+        stats: of the control loop; counts the setpoints that came too late and were not sent.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class SetpointMixer:
         self.period_ns = round(NANOSECONDS / rate_hz)
         self.due_ns = 0
         self.sent_ns = 0
-        self.late = 0
+        self.stats = LoopStatistics()
         self.extrapolates = driver.underrun is Underrun.EXTRAPOLATE
         self._driver = driver
         self._clock = clock or MonotonicClock()
@@ -90,11 +91,11 @@ class SetpointMixer:
     def _send(self, due_ns: int) -> bool:
         """Send the setpoints; return False when the device has continued without them."""
         if self.extrapolates and self._clock.now_ns() > due_ns - self.period_ns // 2:
-            self.late += 1
+            self.stats.late_setpoints += 1
             return False
         try:
             self._driver.stream(self._setpoints[0], self._setpoints[1], due_ns)
         except LateSetpoint:
-            self.late += 1
+            self.stats.late_setpoints += 1
             return False
         return True

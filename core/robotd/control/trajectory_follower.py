@@ -99,6 +99,7 @@ class TrajectoryFollower:
         request: TrajectoryRequest,
         tolerances: Tolerances | None = None,
         start_ns: int | None = None,
+        ticket: int = 0,
     ) -> Iterator[TrajectoryExecution]:
         """Start a trajectory as a context; leaving it cancels the execution.
 
@@ -106,13 +107,14 @@ class TrajectoryFollower:
             request: points in any order of joints.
             tolerances: for the path and the goal; None: the descriptor's.
             start_ns: monotonic time at which the trajectory's time 0 is; None: now.
+            ticket: of ``JointMotion.ticket``, for requests that workers take up in any order.
 
         Raises:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
-            NotReady: a joint cannot be commanded now.
+            NotReady: a joint cannot be commanded now, or a newer request was started already.
         """
         with noted_rejection(self._events, request):
-            execution = self._start(request, tolerances or self.tolerances(), start_ns or 0)
+            execution = self._start(request, tolerances or self.tolerances(), start_ns or 0, ticket)
         note_goal(self._events, request, execution)
         try:
             yield execution
@@ -128,7 +130,7 @@ class TrajectoryFollower:
         self._motion.stop(timeout_s)
 
     def _start(
-        self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int
+        self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int, ticket: int
     ) -> TrajectoryExecution:
         with self._motion.lock, held(self._clock):
             recent_path = self._recent_path(start_ns)
@@ -137,7 +139,9 @@ class TrajectoryFollower:
                 trajectory = plan(request, self.limits, self.settings, state, recent_path)
                 return partial(self._make, trajectory, tolerances)
 
-            execution = self._motion.start(planned, start_ns, takeover=self._takeover)
+            execution = self._motion.start(
+                planned, start_ns, takeover=self._takeover, ticket=ticket
+            )
             self._recent.append(execution)
             execution.begin()
             return execution

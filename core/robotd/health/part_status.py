@@ -124,6 +124,7 @@ def cycle_status(
         "execution p99 (µs)": f"{report.execution_p99_us:.0f}",
         "periods": str(report.cycles),
         "missed deadlines": str(report.missed),
+        "late setpoints": str(report.late_setpoints),
         "real-time priority": realtime,
     }
     if report.cycles == 0:

@@ -33,7 +33,7 @@ class CanopenAxes(AxisDriver):
         self._master.read(image)
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-        self._master.stream(position.tolist(), velocity.tolist())
+        self._master.stream(position.tolist(), velocity.tolist(), due_ns)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
         for axis in axes:

@@ -11,6 +11,7 @@ from robotd.api import (
     Clock,
     ConnectError,
     ConnectionState,
+    LateSetpoint,
     ProcessImage,
     RobotDescriptor,
     wait_until,
@@ -115,6 +116,7 @@ class Master:
             if not self._transmitted:
                 self._transmit()
             self.sync.send(now_ns)
+            self.sync.note_handed(self.clock.now_ns())
             self.feedback.syncs = self.sync.count
             self._transmitted = False
         self._watch(now_ns)
@@ -123,9 +125,15 @@ class Master:
         if not any(axis.streaming for axis in self.axes):
             self._transmit()
 
-    def stream(self, position: Sequence[float], velocity: Sequence[float]) -> None:
-        """Control loop: send setpoints to the axes that stream."""
+    def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
+        """Control loop: send setpoints to the axes that stream, due at ``due_ns``.
+
+        Raises LateSetpoint when they are from before a stall in which the drives have come to
+        rest: they would move by the way of one period, and stop again.
+        """
         self._stream_ns = self.clock.now_ns()
+        if self.sync.after_rest and self._stream_ns > due_ns:
+            raise LateSetpoint
         for axis in self.axes:
             if axis.streaming:
                 axis.follow(position[axis.number], velocity[axis.number])

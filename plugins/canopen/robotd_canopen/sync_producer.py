@@ -8,6 +8,7 @@ from robotd_canopen.frame import Frame
 from robotd_canopen.nmt import NmtState
 from robotd_canopen.sync_timing import SyncTiming
 
+HOLD_PERIODS = 2  # without SYNC until a drive holds: on its way to the setpoint, and one more
 _SYNC, _HEARTBEAT = 0x080, 0x700
 
 
@@ -24,11 +25,14 @@ class SyncProducer:
         periods: whole periods from the SYNC before to the last one: above 1 if some were skipped, 0
             for one close behind a late one.
         jitter_ns: largest deviation of the distance of two SYNCs from the period.
+        after_rest: the last SYNC came so late that the drives had come to rest before it.
     """
 
     def __init__(self, bus: Bus, period_s: float, heartbeat_s: float, master_node: int) -> None:
         self.count = self.before_ns = self.jitter_ns = 0
         self.periods = 1
+        self.after_rest = False
+        self._handed_ns = 0
         self._bus = bus
         self._timing = SyncTiming(round(period_s * NANOSECONDS))
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
@@ -42,7 +46,13 @@ class SyncProducer:
 
     def begin(self) -> None:
         """Worker: communication starts; do not count the pause before as jitter."""
-        self._sent_ns = 0
+        self._sent_ns = self._handed_ns = 0
+
+    def note_handed(self, now_ns: int) -> None:
+        """Note the time after ``send``: the process may have been stopped before it."""
+        elapsed_ns = now_ns - (self._handed_ns or now_ns)
+        self.after_rest = elapsed_ns > HOLD_PERIODS * self._timing.period_ns
+        self._handed_ns = now_ns
 
     def send(self, now_ns: int) -> None:
         """Send SYNC, and the heartbeat if it is due."""

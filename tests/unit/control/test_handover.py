@@ -15,6 +15,7 @@ from robotd.control import joint_motion, trajectory_follower
 from robotd.control.source_slot import ABANDONED, NOT_RUNNING
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import NotReady
+from robotd.motion import TrajectoryRequest
 
 FAR = (1.0, -0.6, 0.3)
 HOME = (0.0, 0.0, 0.0)
@@ -189,3 +190,15 @@ def test_the_end_of_the_control_loop_ends_the_running_goal(harness: Harness) -> 
         with harness.goal(HOME, start_in_s=1.0) as second:
             harness.robot.control_loop.stop()
             assert [first.outcome, second.outcome] == [Outcome.FAULT] * 2
+
+
+def test_a_request_that_is_planned_late_does_not_preempt_a_newer_one(harness: Harness) -> None:
+    """Workers take up goals in any order."""
+    motion, names = harness.robot.joint_motion, harness.robot.joint_names
+    older, newer = motion.ticket(), motion.ticket()
+    request = TrajectoryRequest.from_rows(names, [1.0], [[0.3] * len(names)])
+    with harness.follower.follow(request, ticket=newer) as execution:
+        with pytest.raises(NotReady, match="preempted by a new goal"):
+            harness.follower.follow(request, ticket=older).__enter__()
+        harness.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED

@@ -375,7 +375,7 @@ def test_a_setpoint_that_was_not_sent_leaves_no_jump(harness: Harness) -> None:
     step = settings.acceleration_m_s2 * harness.period_s / settings.wheel_radius_m
     assert max(sent) == pytest.approx(0.8 / settings.wheel_radius_m)
     assert np.diff(sent).max() <= step * (1.0 + 1e-9)
-    assert mixer.late > 50
+    assert mixer.stats.late_setpoints > 50
 
 
 def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(harness: Harness) -> None:

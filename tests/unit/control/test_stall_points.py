@@ -141,7 +141,7 @@ def test_a_setpoint_that_is_late_is_not_sent(
     point(harness, lambda: harness.clock.sleep_until_ns(harness.clock.now_ns() + 3_100_000))
     with harness.goal(TARGET, seconds=SECONDS):
         harness.run(0.1)
-    assert harness.mixer.late > 10
+    assert harness.robot.control_loop.stats.report().late_setpoints > 10
     assert not harness.setpoints.rows
 
 

@@ -187,6 +187,7 @@ def test_the_cycle(
     status = cycle_status(report, 500.0, "none", running=running, missing=missing)
     assert (status.level, status.message) == (level, message)
     assert status.values["missed deadlines"] == str(report.missed)
+    assert status.values["late setpoints"] == str(report.late_setpoints)
 
 
 def test_growth_is_remembered_for_a_while() -> None:

@@ -126,14 +126,15 @@ class FollowJointTrajectoryServer(Node):
         """
         goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
         try:
-            self._host.submit(self._run, goal, self._server.requester)
+            ticket = self._robot.joint_motion.ticket()
+            self._host.submit(self._run, goal, self._server.requester, ticket)
         except RobotdError as error:
             self._end(goal, Ending(None, _RESULT.INVALID_GOAL, str(error)))
 
-    def _run(self, goal: Any, requester: Any) -> None:
+    def _run(self, goal: Any, requester: Any, ticket: int) -> None:
         """Worker thread: execute the goal, then let the executor thread end it."""
         with self._host.sent_by_request(requester):
-            ending = self._ending_of(goal)
+            ending = self._ending_of(goal, ticket)
         self._end(goal, ending)
 
     def _end(self, goal: Any, ending: Ending) -> None:
@@ -151,10 +152,10 @@ class FollowJointTrajectoryServer(Node):
         log.info("goal ended", outcome=_word(ending), reason=ending.text)
         return _RESULT(error_code=ending.code, error_string=ending.text)
 
-    def _ending_of(self, goal: Any) -> Ending:
+    def _ending_of(self, goal: Any, ticket: int) -> Ending:
         """Worker thread: from the goal message to standstill."""
         try:
-            return self._follow(goal)
+            return self._follow(goal, ticket)
         except TrajectoryRejected as error:
             return Ending(None, int(error.code), str(error))
         except RobotdError as error:
@@ -165,7 +166,7 @@ class FollowJointTrajectoryServer(Node):
         finally:
             self._executions.pop(bytes(goal.goal_id.uuid), None)
 
-    def _follow(self, goal: Any) -> Ending:
+    def _follow(self, goal: Any, ticket: int) -> Ending:
         message, follower = goal.request, self._robot.follower
         request = trajectory_request(message)
         tolerances = follower.tolerances(
@@ -174,7 +175,7 @@ class FollowJointTrajectoryServer(Node):
             duration_s(message.goal_time_tolerance),
         )
         start_ns = self._start_ns(message.trajectory.header.stamp, request)
-        with follower.follow(request, tolerances, start_ns) as execution:
+        with follower.follow(request, tolerances, start_ns, ticket) as execution:
             self._executions[bytes(goal.goal_id.uuid)] = execution
             self._watch(goal, execution)
             outcome, text = execution.outcome or Outcome.FAULT, execution.message
