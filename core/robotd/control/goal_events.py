@@ -22,7 +22,7 @@ def noted_rejection(events: EventLog, request: TrajectoryRequest) -> Iterator[No
     except RobotdError as error:
         data = {"outcome": "rejected", "joints": list(request.joint_names)}
         text = f"goal rejected: {error}"
-        events.add(EventKind.COMMAND, SUBJECT, text, level=Level.WARNING, data=data)
+        events.add(EventKind.GOAL, SUBJECT, text, level=Level.WARNING, data=data)
         raise
 
 

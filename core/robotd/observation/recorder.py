@@ -44,6 +44,7 @@ def observed(
     record_folder: Path | None = None,
     split_mib: float = SPLIT_MIB,
     split_s: float = SPLIT_S,
+    metrics_port: int | None = None,
 ) -> Iterator[Recorder]:
     """Observe a robot that is not started until the block ends. Main thread.
 
@@ -53,22 +54,30 @@ def observed(
         record_folder: record continuously there, from now on; None: when it is requested, and in
             the folder of the flight recorder.
         split_mib, split_s: size and time after which a continuous recording begins a new file.
+        metrics_port: serve metrics there, see ``serve_metrics``; 0: any port; None: none.
 
-    Raises OperationError: the continuous recording does not start.
+    Raises OperationError: the continuous recording or the metrics do not start.
     """
     settings, name = robot.descriptor.recorder, robot.descriptor.name
     folder = flight_folder or settings.folder or default_folder()
     keep_bytes = settings.keep_mib * MIB
     kept = RecordingFolder(folder, name, settings.keep_files, keep_bytes)
     recorded = RecordingFolder(record_folder or folder, name, settings.keep_files, keep_bytes)
-    with Tap(robot, settings.seconds) as tap:
-        flight = FlightRecorder(tap, kept, settings.after_s)
-        continuous = ContinuousRecorder(tap, recorded, split_mib * MIB, split_s)
-        tap.add_reader(flight.check)
+    tap = Tap(robot, settings.seconds)
+    flight = FlightRecorder(tap, kept, settings.after_s)
+    continuous = ContinuousRecorder(tap, recorded, split_mib * MIB, split_s)
+    recorder = Recorder(tap, flight, continuous)
+    tap.add_reader(flight.check)
+    if metrics_port is not None:
+        from robotd.observation.metrics import serve_metrics
+
+        port = serve_metrics(recorder, metrics_port)
+        log.info("metrics", url=f"http://127.0.0.1:{port}/metrics")
+    with tap:
         try:
             if record_folder is not None:
                 continuous.start()
-            yield Recorder(tap, flight, continuous)
+            yield recorder
         finally:
             continuous.close()
             flight.close()

@@ -58,6 +58,7 @@ class Tap:
         frames: last frames of the control loop.
         events: the robot's event log.
         samples: I/O where it changes, and the fieldbus once a second.
+        fieldbus: newest state and counters of each bus and node; empty without one.
         info: for the metadata of a recording.
         urdf: text of the robot's URDF; "" without one.
     """
@@ -68,6 +69,7 @@ class Tap:
         rate_hz = robot.descriptor.cycle.rate_hz
         self.frames = FrameRing(robot.image, rate_hz, seconds)
         self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
+        self.fieldbus: NamedValues = {}
         self.info = recording_info(robot)
         self.urdf = _text(robot.descriptor.urdf)
         self._detector = ChangeDetector(robot.image, robot.axes.names)
@@ -159,8 +161,9 @@ class Tap:
             if data != self._io_shown.get(topic):
                 self._io_shown[topic] = data
                 self._add_sample(now_ns, topic, octets_message(data))
-        if self._observed % BUS_PERIOD_SAMPLES == 0 and (groups := self._fieldbus()):
-            message = named_values(now_ns + self.info.offset_ns, groups)
+        if self._observed % BUS_PERIOD_SAMPLES == 0:
+            self.fieldbus = self._read_fieldbus()
+            message = named_values(now_ns + self.info.offset_ns, self.fieldbus)
             self._add_sample(now_ns, FIELDBUS, message)
         self._observed += 1
 
@@ -176,7 +179,7 @@ class Tap:
             if sizes[1]:
                 yield OUTPUTS, io.output_bytes(0, sizes[1])
 
-    def _fieldbus(self) -> NamedValues:
+    def _read_fieldbus(self) -> NamedValues:
         groups: dict[str, Mapping[str, float]] = {}
         fieldbus = self.robot.fieldbus
         for bus in range(fieldbus.buses):

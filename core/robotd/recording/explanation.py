@@ -164,7 +164,8 @@ def _command(events: Sequence[Event], cause: Event) -> Event | None:
         if event.time_ns > cause.time_ns:
             break
         is_motion = event.kind is EventKind.COMMAND and event.subject in MOTION_CALLS
-        if event.kind is EventKind.GOAL or (is_motion and event.data["outcome"] == "accepted"):
+        is_motion |= event.kind is EventKind.GOAL
+        if is_motion and event.data["outcome"] == "accepted":
             found = event
         is_end = event.kind is EventKind.RESULT and event is not cause
         if is_end and found is not None and event.data.get("id") == found.data.get("id"):

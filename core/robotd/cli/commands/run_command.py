@@ -55,6 +55,7 @@ class RunOptions:
         scenario: file whose options and faults are used; None: no scheduled faults.
         record_dir: folder of the flight recorder; None leaves the descriptor's own.
         record: folder of a continuous recording; None: none.
+        metrics: port of the metrics on the loopback interface; None: not served.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -69,6 +70,7 @@ class RunOptions:
     scenario: Path | None
     record_dir: Path | None
     record: Path | None
+    metrics: int | None
     ros_args: Sequence[str]
 
 
@@ -108,6 +110,12 @@ class RunOptions:
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of the flight recorder; short for --set recorder.folder=DIR.",
 )
+@click.option(
+    "--metrics",
+    metavar="PORT",
+    type=click.IntRange(0, 65535),
+    help="Serve metrics for Prometheus at http://127.0.0.1:PORT/metrics.",
+)
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:
@@ -133,11 +141,17 @@ def run_robot(options: RunOptions) -> int:
 
 def _observed(robot: Robot, options: RunOptions) -> AbstractContextManager[Recorder | None]:
     """Return the recorder as a context; of None where it is switched off."""
-    if not robot.descriptor.recorder.enabled and options.record is None:
+    wanted = options.record is not None or options.metrics is not None
+    if not (robot.descriptor.recorder.enabled or wanted):
         return nullcontext()
     from robotd.observation.recorder import observed
 
-    return observed(robot, flight_folder=options.record_dir, record_folder=options.record)
+    return observed(
+        robot,
+        flight_folder=options.record_dir,
+        record_folder=options.record,
+        metrics_port=options.metrics,
+    )
 
 
 def _serve(

@@ -1,0 +1,201 @@
+"""Metrics of a robot in the text format of Prometheus; needs prometheus_client."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robotd.arrays import IntArray
+from robotd.clock import NANOSECONDS
+from robotd.errors import OperationError
+from robotd.events import OWN_PROCESS, EventKind
+from robotd.observation.recorder import Recorder
+
+if TYPE_CHECKING:
+    from prometheus_client import CollectorRegistry
+    from prometheus_client.core import Metric
+
+ADDRESS = "127.0.0.1"
+BUCKETS_S = (10e-6, 30e-6, 100e-6, 300e-6, 1e-3, 3e-3, 10e-3, 30e-3, 100e-3)
+MAX_LABELS = 64  # different values of a label; further ones are counted as "other"
+BUS_COUNTERS = ("lost_frames", "timeouts", "late_cycles")
+
+
+class Metrics:
+    """Collector of one robot's metrics, for a registry of prometheus_client.
+
+    ``update`` belongs to the tap's thread, ``collect`` to the one of the server. The frames are
+    counted as they come, so that no period is missing between two scrapes.
+
+    Args:
+        recorder: observation of the robot.
+    """
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._tap = recorder.tap
+        self._robot = recorder.tap.robot
+        self._cursor = self._event_cursor = 0
+        self._late = _Histogram()
+        self._execution = _Histogram()
+        self._faults: Counter[str] = Counter()
+        self._stops: Counter[str] = Counter()
+        self._senders: set[str] = set()
+        recorder.tap.add_reader(self.update)
+
+    def update(self) -> None:
+        """Count the new frames and events."""
+        frames, self._cursor, _ = self._tap.frames.since(self._cursor)
+        self._late.add(frames["late_ns"])
+        self._execution.add(frames["execution_ns"])
+        events, self._event_cursor = self._tap.events.since(self._event_cursor)
+        for event in events:
+            if event.kind is EventKind.FAULT:
+                _count(self._faults, event.subject)
+            elif event.kind is EventKind.STOP and event.data["outcome"] == "stopped":
+                _count(self._stops, event.text.partition(": ")[2])
+            if event.sender not in ("", OWN_PROCESS) and len(self._senders) < MAX_LABELS:
+                self._senders.add(event.sender)
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield all metrics; called by the registry."""
+        yield from self._loop_metrics()
+        yield from self._state_metrics()
+        yield from self._event_metrics()
+        yield from self._bus_metrics()
+
+    def _loop_metrics(self) -> Iterator[Metric]:
+        stats = self._robot.control_loop.stats
+        yield self._late.metric("robotd_loop_lateness_seconds", "Wake-up after the deadline.")
+        yield self._execution.metric("robotd_loop_execution_seconds", "Work done in a period.")
+        yield _counter("robotd_loop_periods", "Periods of the control loop.", stats.cycles)
+        yield _counter("robotd_loop_missed_deadlines", "Missed deadlines.", stats.missed)
+
+    def _state_metrics(self) -> Iterator[Metric]:
+        robot = self._robot
+        fresh_ns = robot.image.fresh_ns
+        age_s = (robot.clock.now_ns() - fresh_ns) / NANOSECONDS if fresh_ns else np.nan
+        yield _gauge("robotd_values_age_seconds", "Age of the newest values of the device.", age_s)
+        yield _gauge("robotd_ready", "1: the device takes commands.", robot.connection.ready)
+        stopped = bool(robot.axes.stop_latch.reason)
+        yield _gauge("robotd_stopped", "1: all motion is stopped until a reset.", stopped)
+        used = self._tap.frames.nbytes + self._tap.events.nbytes + self._tap.samples.nbytes
+        yield _gauge("robotd_recorder_memory_bytes", "Memory of the flight recorder.", used)
+        yield _gauge(
+            "robotd_clients", "Clients that have sent commands or goals.", len(self._senders)
+        )
+
+    def _event_metrics(self) -> Iterator[Metric]:
+        counts = self._tap.events.counts
+        ended = {outcome: n for (kind, outcome), n in counts.items() if kind is EventKind.RESULT}
+        rejected = counts[EventKind.GOAL, "rejected"]
+        goals = {**ended, **({"rejected": rejected} if rejected else {})}
+        yield _counters("robotd_goals", "Goals that have ended.", "outcome", goals)
+        commands = {name: n for (kind, name), n in counts.items() if kind is EventKind.COMMAND}
+        yield _counters("robotd_commands", "Commands of clients.", "outcome", commands)
+        yield _counters("robotd_stops", "Stops of all motion.", "cause", self._stops)
+        yield _counters("robotd_faults", "Alarms and lost drives.", "axis", self._faults)
+        flight = self._recorder.flight
+        saved = {"saved": flight.saved, "lost": flight.failed}
+        yield _counters("robotd_recordings", "Flight recordings.", "outcome", saved)
+
+    def _bus_metrics(self) -> Iterator[Metric]:
+        groups = self._tap.fieldbus
+        buses = {name: values for name, values in groups.items() if "/" not in name}
+        for counter in BUS_COUNTERS:
+            values = {name: each[counter] for name, each in buses.items() if counter in each}
+            text = f"Fieldbus: {counter.replace('_', ' ')}."
+            yield _counters(f"robotd_bus_{counter}", text, "bus", values)
+        nodes = {name: each for name, each in groups.items() if "/" in name}
+        offline = {name: each["offline"] for name, each in nodes.items()}
+        yield _gauges("robotd_bus_node_offline", "1: the node does not answer.", "node", offline)
+        errors = {name: each["error_code"] for name, each in nodes.items()}
+        yield _gauges("robotd_bus_node_error_code", "Error of the node, 0: none.", "node", errors)
+
+
+def serve_metrics(recorder: Recorder, port: int) -> int:
+    """Serve ``/metrics`` on the loopback interface until the process ends; return the port.
+
+    Before the tap starts. Raises OperationError: prometheus_client is not installed, or the port
+    is in use.
+    """
+    try:
+        from prometheus_client import start_http_server
+    except ImportError as error:
+        text = "--metrics needs prometheus_client: pip install 'robotd[metrics]'"
+        raise OperationError(text) from error
+    try:
+        server, _ = start_http_server(port, ADDRESS, registry(recorder))
+    except OSError as error:
+        raise OperationError(f"--metrics {port}: {error.strerror or error}") from error
+    return int(server.server_port)
+
+
+def registry(recorder: Recorder) -> CollectorRegistry:
+    """Return a registry of the robot's metrics and those of the process."""
+    from prometheus_client import CollectorRegistry, ProcessCollector
+
+    made = CollectorRegistry()
+    ProcessCollector(registry=made)
+    made.register(Metrics(recorder))
+    return made
+
+
+class _Histogram:
+    """Cumulative histogram of durations."""
+
+    def __init__(self) -> None:
+        self._edges = np.array([0, *(round(each * NANOSECONDS) for each in BUCKETS_S)], np.int64)
+        self._counts = np.zeros(len(BUCKETS_S) + 1, np.int64)
+        self._sum_ns = 0
+
+    def add(self, durations_ns: IntArray) -> None:
+        """Count durations; a bucket includes its upper edge."""
+        places = np.searchsorted(self._edges[1:], durations_ns, side="left")
+        self._counts += np.bincount(places, minlength=len(self._counts))
+        self._sum_ns += int(durations_ns.sum())
+
+    def metric(self, name: str, text: str) -> Metric:
+        from prometheus_client.core import HistogramMetricFamily
+
+        totals = np.cumsum(self._counts).tolist()
+        edges = [*map(str, BUCKETS_S), "+Inf"]
+        buckets = [*zip(edges, map(float, totals), strict=True)]
+        return HistogramMetricFamily(name, text, buckets, self._sum_ns / NANOSECONDS)
+
+
+def _count(counter: Counter[str], label: str) -> None:
+    counter[label if label in counter or len(counter) < MAX_LABELS else "other"] += 1
+
+
+def _counter(name: str, text: str, value: float) -> Metric:
+    from prometheus_client.core import CounterMetricFamily
+
+    return CounterMetricFamily(name, text, value)
+
+
+def _counters(name: str, text: str, label: str, values: Any) -> Metric:
+    from prometheus_client.core import CounterMetricFamily
+
+    family = CounterMetricFamily(name, text, labels=[label])
+    for key, value in values.items():
+        family.add_metric([key], value)
+    return family
+
+
+def _gauge(name: str, text: str, value: float) -> Metric:
+    from prometheus_client.core import GaugeMetricFamily
+
+    return GaugeMetricFamily(name, text, value)
+
+
+def _gauges(name: str, text: str, label: str, values: Any) -> Metric:
+    from prometheus_client.core import GaugeMetricFamily
+
+    family = GaugeMetricFamily(name, text, labels=[label])
+    for key, value in values.items():
+        family.add_metric([key], value)
+    return family

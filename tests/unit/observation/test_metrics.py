@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import re
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.parser import text_string_to_metric_families
+from tests.unit.observation.harness import Observed
+
+from robotd.errors import OperationError
+from robotd.events import sent_by
+from robotd.motion import TrajectoryRejected
+from robotd.observation.continuous_recorder import ContinuousRecorder
+from robotd.observation.metrics import registry, serve_metrics
+from robotd.observation.recorder import Recorder
+from robotd.recording.recording_folder import RecordingFolder
+
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "metrics.md"
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Iterator[Observed]:
+    observed = Observed(tmp_path)
+    yield observed
+    observed.close()
+
+
+def recorder_of(arm: Observed) -> Recorder:
+    folder = RecordingFolder(arm.folder, "cr3a", 1, 1e6)
+    return Recorder(arm.tap, arm.flight, ContinuousRecorder(arm.tap, folder, 1e9, 3600.0))
+
+
+def values(made: CollectorRegistry) -> dict[str, float]:
+    """Sample and its labels, as the text has them, with its value."""
+    text = generate_latest(made).decode()
+    return {
+        f"{sample.name}{sample.labels or ''}": sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+
+
+def test_goals_faults_and_periods_are_counted(arm: Observed) -> None:
+    made = registry(recorder_of(arm))
+    with sent_by("/planner"):
+        with arm.goal([0.1] * 6, 0.5):
+            arm.step(0.8)
+        with pytest.raises(TrajectoryRejected), arm.goal([99.0] * 6):
+            pass
+        arm.robot.fault_injector.trip(2, 0x8611)
+        arm.step(0.2)
+    found = values(made)
+    assert found["robotd_goals_total{'outcome': 'succeeded'}"] == 1
+    assert found["robotd_goals_total{'outcome': 'rejected'}"] == 1
+    assert found["robotd_faults_total{'axis': 'joint3'}"] == 1
+    assert found["robotd_clients"] == 1
+    assert found["robotd_ready"] == 1
+    cycles = arm.robot.control_loop.stats.cycles
+    assert found["robotd_loop_periods_total"] == cycles
+    assert found["robotd_loop_lateness_seconds_count"] == cycles
+    assert found["robotd_loop_lateness_seconds_bucket{'le': '1e-05'}"] == cycles  # stepped time
+    assert found["robotd_values_age_seconds"] < 0.01
+    assert found["robotd_bus_lost_frames_total{'bus': 'bus0'}"] == 0
+    assert found["robotd_bus_node_offline{'node': 'bus0/node0'}"] == 0
+    assert found["process_resident_memory_bytes"] > 1e7
+
+
+def test_a_stop_is_counted_by_its_cause(arm: Observed) -> None:
+    made = registry(recorder_of(arm))
+    with arm.tap:
+        arm.robot.axes.stop_latch.engage("a guard is open")
+    found = values(made)
+    assert found["robotd_stops_total{'cause': 'a guard is open'}"] == 1
+    assert found["robotd_stopped"] == 1
+
+
+def test_every_metric_is_on_its_page(arm: Observed) -> None:
+    documented = set(re.findall(r"`(robotd_\w+)", PAGE.read_text(encoding="utf-8")))
+    families = text_string_to_metric_families(generate_latest(registry(recorder_of(arm))).decode())
+    served = {
+        f"{family.name}_total" if family.type == "counter" else family.name
+        for family in families
+        if family.name.startswith("robotd_")
+    }
+    assert served == documented
+
+
+def test_metrics_are_served_on_the_loopback_interface_only(arm: Observed) -> None:
+    port = serve_metrics(recorder_of(arm), 0)
+    with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+        assert b"robotd_ready 1.0" in answer.read()
+    with pytest.raises(OperationError, match=f"--metrics {port}: Address already in use"):
+        serve_metrics(recorder_of(arm), port)
+    own = socket.gethostbyname(socket.gethostname())
+    if not own.startswith("127."):
+        with pytest.raises(OSError, match="refused"):
+            socket.create_connection((own, port), timeout=5).close()
