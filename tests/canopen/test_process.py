@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -114,6 +115,13 @@ def test_scan_and_sdo(drives: DrivesProcess) -> None:
     assert found.exit_code == 0, found.output
     assert "7 nodes" in found.output
     assert "node   3: CiA 402" in found.output
+    scanned = runner.invoke(main, ["canopen", "scan", *bus, "--json"])
+    scan = json.loads(scanned.output)
+    assert [axis["node"] for axis in scan["axes"]] == [1, 2, 3, 4, 5, 6]
+    assert {axis["stream_mode"] for axis in scan["axes"]} == {"csp"}
+    assert [module["node"] for module in scan["io"]] == [16]
+    assert "cyclic_position" in scan["nodes"][0]["modes"][0]
+    assert scan["options"]["bus"]["options"] == {"port": PORT}
     read = runner.invoke(main, ["canopen", "sdo", "read", *bus, "3", "0x1008"])
     assert "'CiA 402 servo drive'" in read.output
     written = runner.invoke(main, ["canopen", "sdo", "write", *bus, "3", "0x6081", "0", "1234"])

@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 from robotd.api import RobotdError
 from robotd_canopen.bus import Bus
 from robotd_canopen.nmt import NmtState, heartbeat_state
 from robotd_canopen.object_dictionary import empty_dictionary
 from robotd_canopen.options import BusOptions
+from robotd_canopen.scan_report import (
+    DRIVE,
+    MODULE,
+    FoundAxis,
+    FoundModule,
+    axis_section,
+    module_section,
+    read_axes,
+    read_module,
+    sync_period_s,
+)
 from robotd_canopen.sdo import Sdo
 
 _LAST_NODE = 127
@@ -27,6 +39,8 @@ class FoundNode:
 
     Attributes:
         identity: vendor, product, revision, serial.
+        axes: of a CiA 402 drive.
+        module: size of a CiA 401 module.
         duplicate: one SDO request had several responses: several nodes have this id.
     """
 
@@ -36,14 +50,23 @@ class FoundNode:
     name: str
     state: NmtState
     duplicate: bool = False
+    axes: tuple[FoundAxis, ...] = ()
+    module: FoundModule | None = None
+
+    @property
+    def profile(self) -> int:
+        """Number of the CiA device profile; 0 for none."""
+        return self.device_type & 0xFFFF
 
     def __str__(self) -> str:
         vendor, product, revision, serial = self.identity
         state = "no heartbeat" if self.state is NmtState.UNKNOWN else self.state.name.lower()
+        modes = " ".join(mode.name.lower() for axis in self.axes[:1] for mode in axis.modes)
         return (
-            f"node {self.id:3}: CiA {self.device_type & 0xFFFF}, vendor 0x{vendor:08X},"
+            f"node {self.id:3}: CiA {self.profile}, vendor 0x{vendor:08X},"
             f" product 0x{product:08X}, revision 0x{revision:08X}, serial {serial},"
             f" {state}, {self.name!r}{_DUPLICATE if self.duplicate else ''}"
+            f"{f'; {modes}' if modes else ''}"
         )
 
 
@@ -72,9 +95,47 @@ def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5)
     finally:
         bus.close()
     return [
-        FoundNode(node, kind, identity, name, states.get(node, NmtState.UNKNOWN), node in duplicate)
-        for node, kind, identity, name in found
+        replace(node, state=states.get(node.id, NmtState.UNKNOWN), duplicate=node.id in duplicate)
+        for node in found
     ]
+
+
+def scan_sections(
+    nodes: Sequence[FoundNode], interface: str, channel: str, bitrate: int
+) -> dict[str, Any]:
+    """Return the scan in the form that ``robotd new-robot --bus`` reads."""
+    bus = _bus_options(interface, channel, bitrate)
+    return {
+        "backend": "canopen",
+        "scale": "counts_per_rad",
+        "options": {
+            "bus": bus.model_dump(exclude_defaults=True) | {"bitrate": bitrate},
+            "sync_period_s": sync_period_s(sum(len(node.axes) for node in nodes), bitrate),
+        },
+        "axes": [
+            axis_section(node.id, node.identity, axis) for node in nodes for axis in node.axes
+        ],
+        "io": [
+            module_section(node.id, node.identity, node.module)
+            for node in nodes
+            if node.module is not None
+        ],
+        "nodes": [
+            {
+                "node": node.id,
+                "profile": node.profile,
+                "name": node.name,
+                "vendor_id": node.identity[0],
+                "product_code": node.identity[1],
+                "revision": node.identity[2],
+                "serial": node.identity[3],
+                "state": node.state.name.lower(),
+                "duplicate": node.duplicate,
+                "modes": [[mode.name.lower() for mode in axis.modes] for axis in node.axes],
+            }
+            for node in nodes
+        ],
+    }
 
 
 @contextmanager
@@ -101,18 +162,24 @@ def describe_value(data: bytes) -> str:
 
 
 def _bus(interface: str, channel: str, bitrate: int) -> Bus:
+    return Bus(_bus_options(interface, channel, bitrate))
+
+
+def _bus_options(interface: str, channel: str, bitrate: int) -> BusOptions:
     name, _, port = channel.partition("#")
     options = {"port": int(port)} if port else {}
-    settings = BusOptions(interface=interface, channel=name, bitrate=bitrate, options=options)
-    return Bus(settings)
+    return BusOptions(interface=interface, channel=name, bitrate=bitrate, options=options)
 
 
-def _ask(bus: Bus, node: int, timeout_s: float) -> tuple[int, int, tuple[int, ...], str]:
+def _ask(bus: Bus, node: int, timeout_s: float) -> FoundNode:
     sdo = Sdo(bus, node, f"node {node}", empty_dictionary(), timeout_s, tries=2)
+
+    def read(index: int, sub: int) -> int:
+        return int.from_bytes(sdo.upload(index, sub), "little")
 
     def number(index: int, sub: int) -> int:
         try:
-            return int.from_bytes(sdo.upload(index, sub), "little")
+            return read(index, sub)
         except RobotdError:
             return 0
 
@@ -120,4 +187,11 @@ def _ask(bus: Bus, node: int, timeout_s: float) -> tuple[int, int, tuple[int, ..
         name = sdo.upload(0x1008, 0).decode("ascii", "replace")
     except RobotdError:
         name = ""
-    return node, number(0x1000, 0), tuple(number(0x1018, sub) for sub in range(1, 5)), name
+    kind = number(0x1000, 0)
+    identity = tuple(number(0x1018, sub) for sub in range(1, 5))
+    found = FoundNode(node, kind, identity, name, NmtState.UNKNOWN)
+    return replace(
+        found,
+        axes=read_axes(read) if found.profile == DRIVE else (),
+        module=read_module(read) if found.profile == MODULE else None,
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import threading
 from collections.abc import Callable
@@ -47,11 +48,15 @@ def canopen() -> None:
 @canopen.command()
 @_bus_options
 @click.option("--timeout", "timeout_s", default=0.5, show_default=True, help="Seconds to wait.")
-def scan(interface: str, channel: str, bitrate: int, timeout_s: float) -> None:
-    """List the nodes of a bus with identity and NMT state."""
-    from robotd_canopen.bus_scan import scan_bus
+@click.option("--json", "as_json", is_flag=True, help="JSON, which 'new-robot --bus' reads.")
+def scan(interface: str, channel: str, bitrate: int, timeout_s: float, *, as_json: bool) -> None:
+    """List the nodes of a bus with identity, supported modes and NMT state."""
+    from robotd_canopen.bus_scan import scan_bus, scan_sections
 
     found = scan_bus(interface, channel, bitrate, timeout_s)
+    if as_json:
+        click.echo(json.dumps(scan_sections(found, interface, channel, bitrate), indent=2))
+        return
     for node in found:
         click.echo(str(node))
     click.echo(f"{len(found)} node{'' if len(found) == 1 else 's'} on {interface}:{channel}")

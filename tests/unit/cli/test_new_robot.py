@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from robotd.clock.simulated import SteppedClock
 from robotd.control.trajectory_execution import Outcome
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.motion import TrajectoryRequest
+from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, open_robot
 
 URDFS = Path(__file__).parents[2] / "urdf"
@@ -193,3 +195,68 @@ def test_the_tutorial_shows_the_errors_of_its_robot(robotd: Robotd, tmp_path: Pa
     result = robotd("new-robot", "press", "--urdf", str(urdf), "--into", str(tmp_path))
     shown = page.partition("```text\n")[2].partition("```")[0]
     assert result.stderr.replace(f"{tmp_path}/", "") == shown
+
+
+def bus(tmp_path: Path, drives: int) -> str:
+    """A scan with drives that state their scale."""
+    axes = [{"node": 10 + number, "counts_per_rad": 1000.0} for number in range(drives)]
+    scan = {
+        "backend": "canopen",
+        "scale": "counts_per_rad",
+        "options": {"bus": {"interface": "virtual", "channel": "scan"}, "sync_period_s": 0.004},
+        "axes": axes,
+        "io": [{"node": 40, "input_length": 1, "output_length": 1}],
+        "nodes": [],
+    }
+    path = tmp_path / "bus.json"
+    path.write_text(json.dumps(scan), encoding="utf-8")
+    return str(path)
+
+
+def test_scanned_drives_are_given_to_the_joints(new: New, tmp_path: Path) -> None:
+    robot = new("six_axis", "--bus", bus(tmp_path, 7))
+    section = robot.backends["canopen"]
+    assert [(axis["axis"], axis["node"]) for axis in section["axes"]] == [
+        (axis, 10 + axis) for axis in range(6)
+    ]
+    assert section["io"] == [{"node": 40, "input_length": 1, "output_length": 1}]
+    assert robot.path is not None
+    assert "# no joint: {node: 16, counts_per_rad: 1000.0}" in robot.path.read_text("utf-8")
+    assert load_backend("canopen").context(robot) is not None
+
+
+def test_the_scale_of_a_prismatic_joint_has_to_be_added(
+    robotd: Robotd, new: New, tmp_path: Path
+) -> None:
+    robot = new("scara", "--bus", bus(tmp_path, 4))
+    assert robot.path is not None
+    result = robotd("check", "--robot", str(robot.path), "--backend", "canopen")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "backends.canopen.axes.2.counts_per_rad: missing" in result.stdout
+    text = robot.path.read_text(encoding="utf-8")
+    scaled = text.replace("{axis: 2, node: 12}", "{axis: 2, node: 12, counts_per_rad: 500000.0}")
+    robot.path.write_text(scaled, encoding="utf-8")
+    result = robotd("check", "--robot", str(robot.path), "--backend", "canopen")
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ("node 1: CiA 402", "bus.json: is no bus scan: Expecting value"),
+        ("{}", "bus.json: backend: is no bus scan: Field required"),
+        (None, "bus.json: axes: has 3 drives, the robot has 6 axes"),
+    ],
+)
+def test_a_scan_that_does_not_fit_is_named(
+    robotd: Robotd, tmp_path: Path, content: str | None, text: str
+) -> None:
+    path = Path(bus(tmp_path, 3))
+    if content is not None:
+        path.write_text(content, encoding="utf-8")
+    urdf = str(URDFS / "six_axis.urdf")
+    arguments = ("--urdf", urdf, "--bus", str(path), "--into", str(tmp_path))
+    result = robotd("new-robot", "arm", *arguments)
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert text in result.stderr
+    assert not (tmp_path / "arm").exists()

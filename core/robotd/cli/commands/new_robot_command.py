@@ -26,6 +26,8 @@ EPILOG = """\b
 Examples:
   robotd new-robot my_arm --urdf my_arm.urdf
   robotd new-robot rover --urdf rover.urdf --wheels left_wheel,right_wheel --wheel-radius 0.1
+  robotd canopen scan --json > bus.json
+  robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
   robotd new-robot my_arm                # the URDF that a running system publishes
 """
 
@@ -37,6 +39,12 @@ Examples:
     metavar="FILE",
     type=click.Path(path_type=Path),
     help="URDF of the robot; by default the topic /robot_description of a running system.",
+)
+@click.option(
+    "--bus",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Drives of the robot: the output of 'robotd canopen scan --json'.",
 )
 @click.option(
     "--into",
@@ -95,7 +103,8 @@ def new_robot(ctx: click.Context, /, *, name: str, into: Path, **options: Any) -
     if folder.exists():
         raise OperationError(f"folder {folder} exists already")
     text, path = _urdf_text(options["urdf"], ros_args(ctx), options["timeout_s"])
-    files = robot_files(name, parse_urdf(text, path), text, path, _choices(options))
+    urdf = parse_urdf(text, path)
+    files = robot_files(name, urdf, text, path, _choices(options), options["bus"])
     _write(folder, files)
     click.echo(f"{folder} is a robot: {', '.join(files)}\n")
     status = check_robot(str(folder / "robot.yaml"), None, (), None)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robotd.descriptor.from_urdf.bus_axes import bus_section, read_bus_scan
 from robotd.descriptor.from_urdf.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
 from robotd.descriptor.from_urdf.joint_roles import Choices, Fingers, Roles, assign_roles
 from robotd.descriptor.section import MAX_AXES
@@ -25,7 +26,12 @@ _TURNING = ("rad", "rad_s", "rad_s2")
 
 
 def robot_files(
-    name: str, urdf: UrdfRobot, text: bytes, path: Path, choices: Choices, sections: str = ""
+    name: str,
+    urdf: UrdfRobot,
+    text: bytes,
+    path: Path,
+    choices: Choices,
+    bus: Path | None = None,
 ) -> dict[str, bytes]:
     """Return the files of a robot's folder: ``robot.yaml`` and the URDF.
 
@@ -35,9 +41,9 @@ def robot_files(
         text: content of the URDF file.
         path: of the URDF, for errors.
         choices: answers that the URDF does not contain.
-        sections: further lines of ``backends``, indented.
+        bus: result of a bus scan, see ``BusScan``.
 
-    Raises DescriptorError: nothing can be driven, or see ``assign_roles``.
+    Raises DescriptorError: nothing can be driven; a scan that does not fit; see ``assign_roles``.
     """
     roles = assign_roles(urdf, choices, path)
     count = len(roles.arm) + (2 if roles.base else 0)
@@ -53,7 +59,7 @@ def robot_files(
         _passive(roles),
         _nodes(roles),
         _ros_parameters(name, roles),
-        _backends(urdf, roles, sections),
+        _backends(urdf, roles, bus),
     ]
     lines = "\n".join("\n".join(part) + "\n" for part in filter(None, map(list, parts)))
     return {"robot.yaml": lines.encode(), f"{name}.urdf": text}
@@ -199,7 +205,7 @@ def _ros_parameters(name: str, roles: Roles) -> Iterator[str]:
         yield "    publish_tf: true                    # odom to base, as Nav2 needs it"
 
 
-def _backends(urdf: UrdfRobot, roles: Roles, sections: str) -> Iterator[str]:
+def _backends(urdf: UrdfRobot, roles: Roles, bus: Path | None) -> Iterator[str]:
     joints = [*roles.arm, *(roles.base.joints if roles.base else ())]
     lists = per_axis(urdf, joints)
     yield "backends:"
@@ -216,7 +222,8 @@ def _backends(urdf: UrdfRobot, roles: Roles, sections: str) -> Iterator[str]:
         yield f"    {key}: [{', '.join(map(_number, values))}]"
     if not lists:
         yield "    bandwidth_hz: 50.0                  # the default; the URDF has no masses"
-    yield from sections.splitlines()
+    if bus is not None:
+        yield from bus_section(read_bus_scan(bus), joints, bus)
 
 
 def _comment(text: str) -> Iterator[str]:

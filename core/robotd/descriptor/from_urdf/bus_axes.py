@@ -1,0 +1,85 @@
+"""Scanned drives as the backend section of a new robot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from robotd.descriptor.files import read_limited
+from robotd.descriptor.urdf import UrdfJoint
+from robotd.errors import DescriptorError
+
+MAX_BYTES = 1_000_000
+
+
+class BusScan(BaseModel):
+    """Result of a bus scan, such as ``robotd canopen scan --json``; further keys are ignored.
+
+    Attributes:
+        backend: name of the backend.
+        scale: key of the encoder scale in each item of ``axes``.
+        options: keys of its section besides axes and I/O.
+        axes: keys of each drive, in the order of the bus.
+        io: I/O modules.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+
+    backend: str
+    scale: str
+    options: dict[str, Any]
+    axes: list[dict[str, Any]]
+    io: list[dict[str, Any]] = []
+
+
+def read_bus_scan(path: Path) -> BusScan:
+    """Read a file. Raises DescriptorError."""
+    try:
+        return BusScan.model_validate(json.loads(read_limited(path, MAX_BYTES)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or None
+        raise DescriptorError(f"is no bus scan: {first['msg']}", path=path, key=key) from None
+    except ValueError as error:  # JSON, or not UTF-8
+        raise DescriptorError(f"is no bus scan: {error}", path=path) from None
+
+
+def bus_section(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Iterator[str]:
+    """Yield the lines below ``backends`` that give each joint its drive, in their order.
+
+    The scale of a prismatic joint depends on its spindle and is left out, so that ``robotd check``
+    asks for it. Raises DescriptorError: fewer drives than joints.
+    """
+    if len(scan.axes) < len(joints):
+        what = f"has {len(scan.axes)} drives, the robot has {len(joints)} axes"
+        raise DescriptorError(what, path=path, key="axes")
+    yield f"  {scan.backend}:                              # scanned: {path.name}"
+    for key, value in scan.options.items():
+        yield f"    {key}: {_flow(value)}"
+    yield "    # In the order of the bus: exchange the nodes if a joint has another drive."
+    if any(scan.scale not in axis for axis in scan.axes):
+        yield f"    # Add polarity, and {scan.scale} where the drive does not state it."
+    yield "    axes:"
+    for number, (joint, axis) in enumerate(zip(joints, scan.axes, strict=False)):
+        keys = {"axis": number, **axis}
+        note = joint.name
+        if joint.type == "prismatic":
+            keys.pop(scan.scale, None)
+            note += f", add {scan.scale}: counts per m"
+        yield f"      - {_flow(keys)}    # {note}"
+    for axis in scan.axes[len(joints) :]:
+        yield f"      # no joint: {_flow(axis)}"
+    if scan.io:
+        yield "    io:"
+        for module in scan.io:
+            yield f"      - {_flow(module)}"
+
+
+def _flow(value: Mapping[str, Any] | Any) -> str:
+    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10_000)
+    return text.removesuffix("\n").removesuffix("\n...")

@@ -1,0 +1,71 @@
+"""Scanned nodes as sections of a robot."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robotd.api import OperationError
+from robotd_canopen.bus_scan import FoundNode, scan_sections
+from robotd_canopen.modes import OperationMode
+from robotd_canopen.nmt import NmtState
+from robotd_canopen.options import CanopenOptions
+from robotd_canopen.scan_report import Read, axis_section, read_axes, read_module
+
+IDENTITY = (0x1234, 0x42, 1, 99)
+CYCLIC = 0x1E5  # pp, pv, hm, ip, csp, csv
+
+
+def reader(objects: dict[tuple[int, int], int]) -> Read:
+    def read(index: int, sub: int) -> int:
+        if (index, sub) not in objects:
+            raise OperationError(f"no object 0x{index:04X}")
+        return objects[index, sub]
+
+    return read
+
+
+def test_a_drive_states_its_modes_and_its_scale() -> None:
+    (axis,) = read_axes(
+        reader({(0x6502, 0): CYCLIC, (0x608F, 1): 4096, (0x608F, 2): 1,
+                (0x6091, 1): 50, (0x6091, 2): 1})
+    )  # fmt: skip
+    assert OperationMode.CYCLIC_POSITION in axis.modes
+    assert axis.counts_per_turn == 204_800
+    section = axis_section(3, IDENTITY, axis)
+    assert section == {
+        "node": 3,
+        "identity": {"vendor_id": 0x1234, "product_code": 0x42},
+        "stream_mode": "csp",
+        "velocity_mode": "pv",
+        "counts_per_rad": pytest.approx(204_800 / (2 * math.pi)),
+    }
+
+
+def test_a_drive_without_scale_or_csp() -> None:
+    (axis,) = read_axes(reader({(0x6502, 0): 0b1_0110_0001 & ~0x80}))  # pp, hm, ip, csv
+    section = axis_section(3, IDENTITY, axis)
+    assert (section["stream_mode"], section["velocity_mode"]) == ("ip", "csv")
+    assert "counts_per_rad" not in section
+
+
+def test_the_axes_of_one_drive_have_offsets() -> None:
+    axes = read_axes(reader({(0x6502, 0): CYCLIC, (0x6D02, 0): CYCLIC}))
+    sections = [axis_section(5, IDENTITY, axis) for axis in axes]
+    assert [section.get("axis_offset") for section in sections] == [None, 1]
+
+
+def test_the_sections_are_valid_options() -> None:
+    axes = read_axes(reader({(0x6502, 0): CYCLIC, (0x608F, 1): 4096, (0x608F, 2): 1}))
+    module = read_module(reader({(0x6000, 0): 2, (0x6200, 0): 1}))
+    nodes = [
+        FoundNode(1, 0x20192, IDENTITY, "drive", NmtState.PRE_OPERATIONAL, axes=axes),
+        FoundNode(16, 0x30191, IDENTITY, "I/O", NmtState.PRE_OPERATIONAL, module=module),
+    ]
+    scan = scan_sections(nodes, "udp_multicast", "239.0.0.1#4000", 500_000)
+    section = {"axes": [{"axis": 0, **scan["axes"][0]}], "io": scan["io"], **scan["options"]}
+    options = CanopenOptions.model_validate(section)
+    assert (options.bus.channel, options.bus.options) == ("239.0.0.1", {"port": 4000})
+    assert options.sync_period_s == 0.002
+    assert (options.io[0].input_length, options.io[0].output_length) == (2, 1)
