@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from standin_build import SITE, build_plugin, build_standin
+from standin_build import SITE, build_all
 from standin_port import port
 
 READS = 50_000
@@ -17,8 +17,7 @@ READS = 50_000
 
 def main() -> None:
     os.environ["WMX_STANDIN_SHM"] = f"wmx-bench-{os.getpid()}"
-    build_standin()
-    build_plugin()
+    build_all()
     sys.path.insert(0, str(SITE))
     from robotd.clock import MonotonicClock
     from robotd.descriptor import load_robot_descriptor

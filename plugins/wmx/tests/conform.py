@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from robotd.descriptor import load_robot_descriptor
-from standin_build import BUILD, SDK, build_plugin, build_standin
+from standin_build import BUILD, SDK, build_all
 
 TESTS = Path(__file__).resolve().parent
 BENCH = BUILD / "bench"  # metadata of the backend wmx_standin
@@ -23,7 +23,7 @@ def environment() -> dict[str, str]:
     info.mkdir(parents=True, exist_ok=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wmx-standin\nVersion: 0\n")
     (info / "entry_points.txt").write_text("[robotd.backends]\nwmx_standin = standin_backend\n")
-    path = os.pathsep.join(map(str, (build_plugin(), BENCH, TESTS)))
+    path = os.pathsep.join(map(str, (build_all(), BENCH, TESTS)))
     return os.environ | {
         "PYTHONPATH": path,
         "PYTHONSAFEPATH": "1",  # the sources in this folder lack the compiled module
@@ -32,7 +32,6 @@ def environment() -> dict[str, str]:
 
 
 def main(robot: str, *arguments: str) -> int:
-    build_standin()
     variables = environment()
     port = [str(SDK / "bin" / "standin-port")]
     drives = load_robot_descriptor(robot).axes

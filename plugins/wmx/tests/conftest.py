@@ -13,7 +13,7 @@ from hypothesis import settings
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ["WMX_STANDIN_SHM"] = f"wmx-test-{os.getpid()}"
 
-from standin_build import SDK, SITE, build_plugin, build_standin
+from standin_build import SDK, SITE, build_all
 from standin_port import port
 
 settings.register_profile("wmx", deadline=None, derandomize=True)  # as tests/conftest.py
@@ -21,8 +21,7 @@ settings.load_profile("wmx")
 
 
 def pytest_sessionstart() -> None:
-    build_standin()
-    build_plugin()
+    build_all()
     sys.path.insert(0, str(SITE))
     os.environ["PYTHONPATH"] = str(SITE)
 

@@ -1,19 +1,32 @@
 """Builds the stand-in for the SDK and, against it, the plugin as pip would install it.
 
 Everything goes into ``build/`` beside the sources and is built again only where sources changed.
+Test runs may share it: one builds, the others wait.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 PLUGIN = Path(__file__).resolve().parent.parent
 BUILD = PLUGIN / "build"
 SDK = BUILD / "standin" / "sdk"
 SITE = BUILD / "site"
+SOURCES = (
+    "CMakeLists.txt",
+    "README.md",
+    "cmake",
+    "pyproject.toml",
+    "robotd_wmx",
+    "src",
+    "tests/standin",
+)
 # Tools of the environment that runs the tests come before the system's.
 ENVIRONMENT = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
 
@@ -53,6 +66,31 @@ def build_plugin() -> Path:
     return SITE
 
 
+def build_all() -> Path:
+    """Build stand-in and plugin unless they are newer than their sources; return the plugin."""
+    built = BUILD / "built"
+    with _alone():
+        if not built.exists() or built.stat().st_mtime < _newest_source_s():
+            build_standin()
+            build_plugin()
+            built.touch()
+    return SITE
+
+
+def _newest_source_s() -> float:
+    roots = [PLUGIN / name for name in SOURCES]
+    files = [each for root in roots for each in (root, *root.rglob("*"))]
+    return max(each.stat().st_mtime for each in files if "__pycache__" not in each.parts)
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    BUILD.mkdir(exist_ok=True)
+    with (BUILD / "lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
 def build_program(source: Path, sdk: Path = SDK) -> Path:
     """Compile a C++ program as a customer of the SDK would; returns it."""
     program = sdk.parent / "programs" / source.stem
@@ -66,5 +104,4 @@ def build_program(source: Path, sdk: Path = SDK) -> Path:
 
 
 if __name__ == "__main__":
-    build_standin()
-    print(build_plugin())
+    print(build_all())

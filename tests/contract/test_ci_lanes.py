@@ -8,8 +8,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 LANE = """
 set -euo pipefail
-. .ci/repeat.sh
-trap 'rm -f "$REPEATED"' EXIT
+. .ci/lanes.sh
+trap 'rm -rf "$RECORDS"' EXIT
 lane() {{
   if [ $# = 0 ]; then
     for number in {failures}; do echo "FAILED tests/x.py::test_$number - AssertionError"; done
@@ -18,13 +18,17 @@ lane() {{
   echo "second run: $*"
   return {second}
 }}
-once_more lane --last-failed
+first() {{ attempt lane --last-failed; }}
+other() {{ echo other; {other}; }}
+side_by_side first other
+echo both ended
+repeat_failed
 report_repeated
 """
 
 
-def run(failures: str, second: int = 0) -> tuple[int, str]:
-    script = LANE.format(failures=failures, second=second)
+def run(failures: str, second: int = 0, other: str = "true") -> tuple[int, str]:
+    script = LANE.format(failures=failures, second=second, other=other)
     done = subprocess.run(
         ["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
     )
@@ -54,3 +58,16 @@ def test_a_failure_without_a_named_test_counts() -> None:
     status, output = run("")
     assert status == 0
     assert "lane: ended without naming a failed test" in output
+
+
+def test_second_runs_wait_until_the_lanes_have_ended() -> None:
+    output = run("1")[1]
+    assert output.index("both ended") < output.index("second run")
+
+
+def test_an_error_in_either_lane_fails() -> None:
+    status, output = run("1", other="false; echo went on")
+    assert status != 0
+    assert "other" in output
+    assert "went on" not in output
+    assert "both ended" not in output
