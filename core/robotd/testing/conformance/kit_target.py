@@ -30,17 +30,25 @@ class KitTarget:
     Args:
         robot: name or file; None is the plain robot.
         overrides: ``KEY=VALUE`` texts that replace values of its file.
+
+    Attributes:
+        lives_by_clock: the device is simulated and has no time but the clock that it is given.
+        real_time: the running check has a harness in real time.
     """
 
     def __init__(self, backend: str, robot: str | None, overrides: Sequence[str] = ()) -> None:
         self.backend = load_backend(backend)
         self.descriptor = _find(robot or PLAIN_ROBOT, overrides)
         self.lives_by_clock = _lives_by_clock(self.backend, self.descriptor)
+        self.real_time = not self.lives_by_clock
         self._shared: Harness | None = None
 
     def build(self, **options: Any) -> Harness:
         """A rig, not brought up."""
-        return Harness(self.backend, self.descriptor, lives_by_clock=self.lives_by_clock, **options)
+        clocked = self.lives_by_clock
+        harness = Harness(self.backend, self.descriptor, lives_by_clock=clocked, **options)
+        self.real_time |= not harness.stepped
+        return harness
 
     def shared(self) -> Harness:
         """Return the shared harness, replaced when the last check broke it."""
