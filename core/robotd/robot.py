@@ -256,6 +256,34 @@ class Robot:
         """
         self._motion_stop.stop(reason, self.descriptor.engine.shutdown_s)
 
+    def set_speed(self, speed: float) -> None:
+        """Scale the time of all motion, by ramps; the paths stay. Any thread.
+
+        Trajectories and the base follow while they move; moves and jogs of single axes, and
+        streams, take the speed at their start.
+
+        Args:
+            speed: 0 (hold on the path), or 0.01 to 1.
+
+        Raises:
+            InvalidArgument: another number.
+            Unsupported: the device interpolates trajectories itself.
+        """
+        self._require_streamed("speed scaling")
+        self.axes.speed.set(speed)
+
+    def pause(self) -> None:
+        """Bring motion to rest on its path, to be continued by ``resume``. Any thread.
+
+        Raises Unsupported where the device interpolates trajectories itself.
+        """
+        self._require_streamed("pausing")
+        self.axes.speed.pause()
+
+    def resume(self) -> None:
+        """Continue after ``pause``, at the speed as set. Any thread."""
+        self.axes.speed.resume()
+
     def reset(self) -> str:
         """Allow motion again after ``stop`` or the stop input; return what was reset. Any worker.
 
@@ -303,6 +331,10 @@ class Robot:
             self.control_loop.stop()
             if isinstance(self.clock, PacedClock):
                 self.clock.end()
+
+    def _require_streamed(self, feature: str) -> None:
+        if self.joint_axes and self.axes.trajectories_on_device:
+            raise Unsupported(feature, self.backend.name)
 
     def _stop_input(self) -> tuple[Callable[[], bool] | None, str]:
         """Return the check of the stop input, for the control loop, and its name."""

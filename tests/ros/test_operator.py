@@ -9,7 +9,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Empty, String
+from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
@@ -84,6 +84,30 @@ def test_a_message_on_the_stop_topic_stops_moves_of_single_axes(
     )
     client.next(joints)
     assert position(joints)[0] == pytest.approx(here, abs=5e-3)
+
+
+def test_a_goal_is_slowed_paused_and_resumed(
+    cr3a: RobotProcess, client: Client, joints: list[Any]
+) -> None:
+    speeds = client.listen(Float64, "/robotd/speed", LATCHED)
+    wait_until(lambda: speeds, "the latched message")
+    assert speeds[-1].data == 1.0
+    sent = client.send_goal(goal((3.0, pose(0.9))))
+    assert robotd(cr3a.domain, "speed", "20")[:2] == (0, "20 %\n")
+    wait_until(lambda: speeds[-1].data == 0.2, "the speed on the topic")
+    client.next(joints, lambda message: abs(message.velocity[0]) < 0.15)
+    assert client.call(Trigger, "/robotd/pause").message == "paused (20 %)"
+    client.next(joints, lambda message: abs(message.velocity[0]) < 1e-3)
+    here = position(joints)[0]
+    assert 0.0 < here < 0.85
+    assert not sent.done
+    client.publisher(Float64, "/robotd/set_speed").publish(Float64(data=1.0))
+    assert client.call(Trigger, "/robotd/resume").success
+    wait_until(lambda: speeds[-1].data == 1.0, "full speed")
+    status, result = sent.result()
+    assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
+    code, _, error = robotd(cr3a.domain, "speed", "0.5")
+    assert (code, "neither 0 nor 0.01 to 1" in error) == (1, True)
 
 
 def test_a_recovery_of_a_sound_robot_changes_nothing(client: Client) -> None:

@@ -54,6 +54,7 @@ class DeviceTrajectory:
     """
 
     streams = False
+    rate = 1.0
     on_path = True
     stall_recovery = None
 

@@ -141,11 +141,13 @@ class JointMotion:
             self._axes.stop_latch.check()
             running = self._slot.running
             if running is None or running.completion.done:
-                after, source = None, self._plan_from_rest(plan, running, start_ns, owner)
+                after, planned_ns = None, 0
+                source = self._plan_from_rest(plan, running, start_ns, owner)
             else:
-                after, source = running, self._plan_splice(plan, running, start_ns, lead_s)
+                after = running
+                source, planned_ns = self._plan_splice(plan, running, start_ns, lead_s)
                 lead_s *= 2.0
-            if source is not None and self._slot.submit(source, after):
+            if source is not None and self._slot.submit(source, after, planned_ns):
                 self._axes.hand_over(self._joint_axes, owner)
                 self._owner = owner
                 return source
@@ -153,19 +155,22 @@ class JointMotion:
 
     def _plan_splice(
         self, plan: Planner[Source], running: SetpointSource, start_ns: int, lead_s: float
-    ) -> Source | None:
-        """Plan from the motion of ``running``; None after its standstill where that is needed."""
+    ) -> tuple[Source | None, int]:
+        """Plan from the motion of ``running``; None after its standstill where that is needed.
+
+        Also returns the ``start_ns`` of ``running`` for which the plan holds.
+        """
         splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns)
-        state = running.splice_state(splice_ns)
+        state, planned_ns = _splice_state(running, splice_ns)
         if state is not None:
-            return plan(state)(splice_ns)
+            return plan(state)(splice_ns), planned_ns
         if running.completion.goes_on:
             # It has to stop first, but not for a request that would be rejected anyway.
             plan(MotionState.at_rest(self.command()))(splice_ns)
             running.completion.request(Outcome.PREEMPTED, PREEMPTED)
         if not self._await_end(running, STOP_TIMEOUT_S):
             raise NotReady("the joints did not come to rest after the last trajectory")
-        return None
+        return None, 0
 
     def _plan_from_rest(
         self, plan: Planner[Source], running: SetpointSource | None, start_ns: int, owner: str
@@ -193,3 +198,15 @@ class JointMotion:
 
     def _await_end(self, source: SetpointSource, timeout_s: float) -> bool:
         return wait_until(lambda: source.completion.done, timeout_s, self._clock)
+
+
+def _splice_state(running: SetpointSource, time_ns: int) -> tuple[MotionState | None, int]:
+    """Return the state of ``running`` at ``time_ns``, and the ``start_ns`` that it belongs to.
+
+    The control loop moves ``start_ns`` once a period while the source is slowed down.
+    """
+    while True:
+        start_ns = running.start_ns
+        state = running.splice_state(time_ns)
+        if running.start_ns == start_ns:
+            return state, start_ns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
@@ -241,7 +241,7 @@ class JointStreams:
 
         Raises:
             InvalidArgument: unknown joint or mode, or a time-out that is not positive.
-            NotReady: a joint cannot be commanded now, or has another owner.
+            NotReady: a joint cannot be commanded now, or has another owner, or motion is paused.
             Unsupported: the backend streams no positions.
         """
         names, limits = self._limits.names, self._limits
@@ -255,11 +255,14 @@ class JointStreams:
         if self._axes.trajectories_on_device:
             raise Unsupported("streamed positions", self._backend)
 
+        scale = self._axes.speed.at_start()
+        slowed = replace(limits, velocity=limits.velocity * scale)
+
         def plan(state: MotionState) -> Callable[[int], StreamMotion]:
             def make(start_ns: int) -> StreamMotion:
                 return StreamMotion(
                     self._joint_axes,
-                    limits,
+                    slowed,
                     state,
                     start_ns,
                     StreamMode(mode),
@@ -268,6 +271,7 @@ class JointStreams:
                     self._axes.underrun,
                     self._axes.stream_buffer_s,
                     self._stopped_velocity,
+                    self._axes.speed,
                     ends_when_silent=ends_when_silent,
                 )
 
@@ -275,7 +279,7 @@ class JointStreams:
 
         allowed = self._settings.takeover if takeover is None else takeover
         motion = self._motion.start(plan, owner=owner, takeover=allowed)
-        return JointStream(motion, self._motion.release, columns, limits, self._clock)
+        return JointStream(motion, self._motion.release, columns, slowed, self._clock)
 
 
 def _columns(joints: Sequence[str], known: Sequence[str]) -> IntArray:

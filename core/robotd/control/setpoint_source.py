@@ -28,6 +28,7 @@ class SetpointSource(Protocol):
         completion: requested end, outcome, and the event to wait for.
         stall_recovery: deviation from its path after an underrun, which a successor continues;
             None: it keeps none.
+        rate: ratio of its own time to real time; 1 for a source without a time of its own.
     """
 
     columns: slice | IntArray
@@ -42,10 +43,19 @@ class SetpointSource(Protocol):
     def stall_recovery(self) -> StallRecovery | None:
         """Deviation from its path after an underrun."""
 
+    @property
+    def rate(self) -> float:
+        """Ratio of its own time to real time."""
+
+    def delay(self, by_ns: int) -> None:
+        """Postpone its start: the source that it continues was slowed down meanwhile."""
+
     def splice_state(self, time_ns: int) -> MotionState | None:
         """Return the state at ``time_ns`` for a successor to plan from. Any thread.
 
-        None: a successor has to wait until it has ended.
+        With the derivatives at a ``rate`` of 1, and for the present ``start_ns``: a source that is
+        slowed down reaches the state later, by as much as its ``start_ns`` moves. None: a
+        successor has to wait until it has ended.
         """
 
     def take_over(self, running: SetpointSource, advanced_ns: int) -> None:

@@ -29,6 +29,7 @@ class SourceSlot:
         self.period_ns = period_ns
         self._running: SetpointSource | None = None
         self._next: SetpointSource | None = None
+        self._planned_ns = 0  # start of the running source that the next one was planned by
         self._due_ns = 0
         self._lost: str | None = NOT_RUNNING
         self._handover = threading.Lock()
@@ -49,7 +50,9 @@ class SourceSlot:
         """Earliest start of a source from rest that is submitted now."""
         return self._due_ns + self.period_ns
 
-    def submit(self, source: SetpointSource, after: SetpointSource | None) -> bool:
+    def submit(
+        self, source: SetpointSource, after: SetpointSource | None, planned_ns: int = 0
+    ) -> bool:
         """Run ``source``: at once from rest, else from its ``start_ns`` on.
 
         The axes must be in streaming. Where the device is lost, it ends with a fault at once.
@@ -57,6 +60,7 @@ class SourceSlot:
         Args:
             source: takes the place of a waiting one.
             after: the moving source that it continues; None: it begins at rest.
+            planned_ns: ``start_ns`` of ``after`` when the state to start from was read.
 
         Returns:
             False, without effect, when its start time has passed, or ``after`` is no longer the
@@ -67,13 +71,15 @@ class SourceSlot:
                 source.completion.finish(Outcome.FAULT, self._lost)
                 return True
             goes_on = after is None or after.completion.goes_on
-            if self._running is not after or not goes_on or source.start_ns < self._due_ns:
+            delay_ns = 0 if after is None else after.start_ns - planned_ns
+            late = source.start_ns + delay_ns < self._due_ns
+            if self._running is not after or not goes_on or late:
                 return False
             self._drop_next(Outcome.PREEMPTED, PREEMPTED)
             if after is None:
                 self._running = source
             else:
-                self._next = source
+                self._planned_ns, self._next = planned_ns, source
             return True
 
     def release_after(self, running: SetpointSource | None) -> bool:
@@ -135,10 +141,21 @@ class SourceSlot:
             self._drop_next(*successor.completion.requested)
         elif not running.completion.goes_on:
             self._drop_next(Outcome.FAULT, SPLICE_LOST)
-        elif running.completion.done or self._due_ns >= successor.start_ns:
+        elif running.completion.done or self._has_reached(running, successor):
+            successor.delay(self._delay_ns)
             successor.take_over(running, advanced_ns)
             running.completion.finish(Outcome.PREEMPTED, PREEMPTED)
             self._running, self._next = successor, None
+
+    @property
+    def _delay_ns(self) -> int:
+        """Time by which the running source was slowed down since its successor was planned."""
+        return 0 if self._running is None else self._running.start_ns - self._planned_ns
+
+    def _has_reached(self, running: SetpointSource, successor: SetpointSource) -> bool:
+        """The running source is where its successor begins, at the end of this period."""
+        slower_ns = round((1.0 - running.rate) * self.period_ns)
+        return self._due_ns - slower_ns >= successor.start_ns + self._delay_ns
 
     def _drop(self, outcome: Outcome, message: str) -> None:
         self._drop_next(outcome, message)

@@ -16,6 +16,7 @@ from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
 from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
 from robotd.device.process_image import ProcessImage, columns
+from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState
 
@@ -41,6 +42,7 @@ class StreamMotion:
         underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
+        speed: of the operator; the stream ends at 0, because its targets cannot wait.
         ends_when_silent: it ends when the joints are at rest after ``timeout_s``.
 
     Attributes:
@@ -60,6 +62,7 @@ class StreamMotion:
         underrun: Underrun,
         buffer_s: float,
         stopped_velocity: FloatArray,
+        speed: SpeedScale,
         *,
         ends_when_silent: bool,
     ) -> None:
@@ -68,6 +71,7 @@ class StreamMotion:
         self.setpoint: FloatArray = np.array([state.position, state.velocity, state.acceleration])
         self.stall_recovery = StallRecovery(self.setpoint[:2], start_ns, limits, underrun, buffer_s)
         self._axes, self._stopped_velocity = axes, stopped_velocity
+        self._speed = speed
         self._setpoints = StreamSetpoints(limits, mode, period_s)
         self._setpoints.reset(state)
         self._monitor = FaultMonitor(limits.names, axes, streamed=True)
@@ -81,6 +85,15 @@ class StreamMotion:
         self._due_ns = 0
         self._settled_until_ns = 0
         self._lock = threading.Lock()  # of the setpoints, against ``splice_state``
+
+    @property
+    def rate(self) -> float:
+        """Return 1: the client decides on its time."""
+        return 1.0
+
+    def delay(self, by_ns: int) -> None:
+        """Postpone its start: the source that it continues was slowed down meanwhile."""
+        self.start_ns += by_ns
 
     def put(self, command: StreamCommand) -> None:
         """Follow ``command`` from the next period on; never blocks. Any thread."""
@@ -123,6 +136,8 @@ class StreamMotion:
         if self._monitor.is_faulty(image) and not self.completion.is_fault:
             seconds = (time_ns - self.start_ns) / NANOSECONDS
             self.completion.escalate(self._monitor.describe(image, seconds, pause_ns))
+        if not self._speed.scale:
+            self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
         reached = self.stall_recovery.resume(time_ns, period_ns / NANOSECONDS)
         if reached is not None:
             position, velocity = reached

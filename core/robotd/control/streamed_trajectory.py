@@ -9,9 +9,11 @@ from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Completion, Outcome
 from robotd.control.execution_phase import Phase
+from robotd.control.path_rate import PathRate
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
 from robotd.device.process_image import ProcessImage
+from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState, Sampler, StopPlan, Trajectory, plan_stop
 
@@ -24,9 +26,10 @@ class StreamedTrajectory:
     Args:
         trajectory: planned and checked.
         limits: of the same joints.
-        start_ns: monotonic time of the trajectory's time 0.
+        start_ns: monotonic time of the trajectory's time 0; it moves while the rate is not 1.
         underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
+        speed: sets the rate of trajectory time; None: real time.
         completion: gets a fault when a stall has led too far off the path.
 
     Attributes:
@@ -44,6 +47,7 @@ class StreamedTrajectory:
         completion: Completion,
         *,
         buffer_s: float = 0.0,
+        speed: SpeedScale | None = None,
     ) -> None:
         self.start_ns = start_ns
         self.time_s = 0.0
@@ -52,6 +56,9 @@ class StreamedTrajectory:
         self._trajectory, self._limits = trajectory, limits
         self._completion = completion
         self._sampler = Sampler(trajectory)
+        self._rate = PathRate(speed or SpeedScale(), limits)
+        self._path: FloatArray = np.zeros_like(self.setpoint[1:])  # its derivatives at rate 1
+        self._due_ns = start_ns
         self._stop_plan: StopPlan | None = None
         self._stop_ns = start_ns
         self._held: FloatArray = np.zeros_like(self.setpoint)  # last position, at rest
@@ -65,6 +72,11 @@ class StreamedTrajectory:
         """The setpoint does not deviate from the path."""
         return not self.stall_recovery.active
 
+    @property
+    def rate(self) -> float:
+        """Ratio of trajectory time to real time. Any thread."""
+        return self._rate.value
+
     def begin(self) -> None:
         """Do nothing: the control loop sends the setpoints."""
 
@@ -75,8 +87,9 @@ class StreamedTrajectory:
         return MotionState.at_rest(state.position) if time_s < 0.0 else state
 
     def take_over(self, running: SetpointSource) -> None:
-        """Continue from the setpoint and the deviation of ``running``."""
+        """Continue from the setpoint, the rate and the deviation of ``running``."""
         self.setpoint[:] = running.setpoint
+        self._rate.value = running.rate
         if running.stall_recovery is not None:
             self.stall_recovery = running.stall_recovery
 
@@ -92,8 +105,7 @@ class StreamedTrajectory:
         """Compute the setpoint for ``due_ns``, at full rate or along the stop."""
         rate = 1.0
         if self._stop_plan is None:
-            self.time_s = (due_ns - self.start_ns) / NANOSECONDS
-            self._sampler.sample(self.time_s, self.setpoint)
+            self._follow_path(due_ns, due_ns - time_ns)
         else:
             elapsed_s = (due_ns - self._stop_ns) / NANOSECONDS
             self.time_s, rate, deceleration = self._stop_plan.at(elapsed_s)
@@ -110,6 +122,20 @@ class StreamedTrajectory:
             return Phase.ARRIVING if self._stop_plan is None else Phase.RESTING
         return None
 
+    def _follow_path(self, due_ns: int, period_ns: int) -> None:
+        """Sample the path at the time that the rate of the operator leads to."""
+        scaled = due_ns > self.start_ns and not self._rate.is_full
+        if scaled:
+            elapsed_ns = due_ns - self._due_ns if self._due_ns > self.start_ns else period_ns
+            mean = self._rate.step(elapsed_ns / NANOSECONDS, *self._path)
+            self.start_ns += round((1.0 - mean) * elapsed_ns)
+        self._due_ns = due_ns
+        self.time_s = (due_ns - self.start_ns) / NANOSECONDS
+        self._sampler.sample(self.time_s, self.setpoint)
+        self._path[:] = self.setpoint[1:]
+        if scaled:
+            self._rate.scale(self.setpoint)
+
     def hold(self, due_ns: int, period_ns: int) -> None:
         """Stay at the end of the path, or return to it."""
         self.setpoint[:] = self._held
@@ -117,7 +143,7 @@ class StreamedTrajectory:
 
     def stop(self, time_ns: int) -> Phase:
         """Plan the stop along the path."""
-        self._stop_plan = plan_stop(self._trajectory, self.time_s, self._limits)
+        self._stop_plan = plan_stop(self._trajectory, self.time_s, self._limits, self.rate)
         self._stop_ns = time_ns
         return Phase.STOPPING
 

@@ -22,6 +22,7 @@ from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_source import TrajectorySource
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage, columns
+from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState, Tolerances, Trajectory
 
@@ -84,11 +85,12 @@ class TrajectoryExecution:
         *,
         underrun: Underrun = Underrun.EXTRAPOLATE,
         buffer_s: float = 0.0,
+        speed: SpeedScale | None = None,
     ) -> TrajectoryExecution:
         """Return an execution whose setpoints the control loop sends."""
         completion = Completion()
         source = StreamedTrajectory(
-            trajectory, limits, start_ns, underrun, completion, buffer_s=buffer_s
+            trajectory, limits, start_ns, underrun, completion, buffer_s=buffer_s, speed=speed
         )
         return cls(source, completion, trajectory, axes, limits, tolerances, stopped_velocity)
 
@@ -112,6 +114,11 @@ class TrajectoryExecution:
     def start_ns(self) -> int:
         """Monotonic time of the trajectory's time 0."""
         return self._source.start_ns
+
+    @property
+    def rate(self) -> float:
+        """Ratio of trajectory time to real time. Any thread."""
+        return self._source.rate
 
     @property
     def stall_recovery(self) -> StallRecovery | None:
@@ -177,6 +184,10 @@ class TrajectoryExecution:
     def begin(self) -> None:
         """Start: it was submitted and will run. Follower."""
         self._source.begin()
+
+    def delay(self, by_ns: int) -> None:
+        """Postpone its start: the source that it continues was slowed down meanwhile. Slot."""
+        self._source.start_ns += by_ns
 
     def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
         """Continue from the setpoint that the joints are reaching with ``running``. Slot."""

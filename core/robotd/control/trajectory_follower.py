@@ -77,6 +77,7 @@ class TrajectoryFollower:
                 TrajectoryExecution.streamed,
                 underrun=axes.underrun,
                 buffer_s=axes.stream_buffer_s,
+                speed=axes.speed,
             )
         )
         self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)

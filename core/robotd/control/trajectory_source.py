@@ -24,6 +24,7 @@ class TrajectorySource(Protocol):
         time_s: trajectory time of ``setpoint``.
         setpoint: (3, m) position, velocity and acceleration for the end of the period.
         stall_recovery: of the setpoints, None where the device makes them.
+        rate: ratio of trajectory time to real time.
     """
 
     streams: bool
@@ -34,6 +35,10 @@ class TrajectorySource(Protocol):
     @property
     def stall_recovery(self) -> StallRecovery | None:
         """Deviation of the setpoints from the path after an underrun."""
+
+    @property
+    def rate(self) -> float:
+        """Ratio of trajectory time to real time."""
 
     def begin(self) -> None:
         """Start: the execution was submitted and will run. Worker."""

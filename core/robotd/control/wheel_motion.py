@@ -36,6 +36,7 @@ class WheelMotion:
     """
 
     stall_recovery = None
+    rate = 1.0
 
     def __init__(
         self,
@@ -61,6 +62,9 @@ class WheelMotion:
         """Return None: nothing but the base moves its wheels."""
         return None
 
+    def delay(self, by_ns: int) -> None:
+        """Do nothing: it starts at rest."""
+
     def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
         """Do nothing: it starts at rest."""
 
@@ -73,6 +77,7 @@ class WheelMotion:
             return False
         ending = self.completion.requested
         twist = ZERO_TWIST if ending else self._command.target(time_ns)
+        twist = twist.scaled(self._axes.speed.scale)
         if self._sent:
             if self._limiter.at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))

@@ -16,6 +16,7 @@ from robotd.device.command_effect import CommandEffect
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
+from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation, Underrun
 from robotd.device.stop_latch import StopLatch
 from robotd.errors import DeviceTimeout, NotReady, Unsupported
@@ -65,6 +66,7 @@ class Axes:
     Attributes:
         arguments: checks that do not depend on the state of the device.
         stop_latch: no motion starts while it is engaged.
+        speed: of all motion.
         jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
     """
 
@@ -86,6 +88,7 @@ class Axes:
         self.names = tuple(names)
         self.arguments = AxisArguments(names)
         self.stop_latch = StopLatch()
+        self.speed = SpeedScale()
         self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver
         self._connection = connection
@@ -214,6 +217,7 @@ class Axes:
         """
         with self._lock:
             self._check_command([move.axis for move in moves], CommandMode.POSITION)
+            scale = self.speed.at_start()
             if relative:
                 start = self.image.position_command
                 moves = [
@@ -224,7 +228,7 @@ class Axes:
                     check_move(self.limits[move.axis], move.target, *_numbers(move.profile))
             for move in moves:
                 with self.arguments.naming(move.axis):
-                    self._driver.move(move.axis, move.target, move.profile)
+                    self._driver.move(move.axis, move.target, move.profile.scaled(scale))
                 self._effect.note_motion()
 
     @noted
@@ -242,10 +246,12 @@ class Axes:
                 with self.arguments.naming(jog.axis):
                     check_jog(limits, *_numbers(jog.profile))
                     check_room(limits, position, jog.profile.velocity, jog.profile.deceleration)
+            moving = any(jog.profile.velocity for jog in jogs)
+            scale = self.speed.at_start() if moving else 1.0
             for jog in jogs:
                 self.jog_deceleration[jog.axis] = jog.profile.deceleration
                 with self.arguments.naming(jog.axis):
-                    self._driver.jog(jog.axis, jog.profile)
+                    self._driver.jog(jog.axis, jog.profile.scaled(scale))
                 self._effect.note_motion()
 
     @noted

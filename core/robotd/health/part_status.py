@@ -139,11 +139,17 @@ def cycle_status(
     return Status("cycle", Level.OK, f"{rate_hz:g} Hz", values)
 
 
-def motion_status(stopped: str) -> Status:
-    """Status of the motion of all axes; ``stopped``: reason of a stop, or ""."""
+def motion_status(stopped: str, speed: str) -> Status:
+    """Status of the motion of all axes.
+
+    Args:
+        stopped: reason of a stop, or "".
+        speed: in words.
+    """
+    values = {"speed": speed}
     if stopped:
-        return Status("motion", Level.WARN, f"stopped: {stopped}")
-    return Status("motion", Level.OK, "allowed")
+        return Status("motion", Level.WARN, f"stopped: {stopped}", values)
+    return Status("motion", Level.OK, f"allowed, {speed}", values)
 
 
 def gripper_status(state: ConnectionState, *, closed: bool) -> Status:

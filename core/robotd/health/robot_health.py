@@ -38,8 +38,9 @@ class Health:
         flags = (image.servo_on, image.amp_alarm, image.offline, image.alarm_code,
                  image.negative_limit, image.positive_limit, image.mode)  # fmt: skip
         gripper = robot.gripper is not None and robot.gripper.is_commanded_closed
-        states = (robot.connection.state, robot.connection.ready, gripper, self._stopped)
-        return (*states, *(array.tobytes() for array in flags))
+        states = (robot.connection.state, robot.connection.ready, gripper)
+        motion = robot.axes.stop_latch.reason, robot.axes.speed.text
+        return (*states, *motion, *(array.tobytes() for array in flags))
 
     def statuses(self) -> list[Status]:
         """Of the engine, each axis, each fieldbus, the cycle, motion, and the gripper."""
@@ -54,14 +55,14 @@ class Health:
         for axis, name in enumerate(robot.axes.names):
             found.append(axis_status(name, axis, image, state, used=axis in used))
         found += [self._fieldbus(master, state, now_ns) for master in range(len(self._lost))]
-        found += [self._control_loop(now_ns), motion_status(self._stopped)]
+        found += [self._control_loop(now_ns), self._motion()]
         if robot.gripper is not None:
             found.append(gripper_status(state, closed=robot.gripper.is_commanded_closed))
         return found
 
-    @property
-    def _stopped(self) -> str:
-        return self._robot.axes.stop_latch.reason
+    def _motion(self) -> Status:
+        axes = self._robot.axes
+        return motion_status(axes.stop_latch.reason, axes.speed.text)
 
     def _fieldbus(self, master: int, state: ConnectionState, now_ns: int) -> Status:
         part = "fieldbus" if len(self._lost) == 1 else f"fieldbus {master}"

@@ -17,6 +17,10 @@ class PlanarTwist(NamedTuple):
     linear: float
     angular: float
 
+    def scaled(self, factor: float) -> PlanarTwist:
+        """Return the twist on the same arc, ``factor`` times as fast."""
+        return PlanarTwist(self.linear * factor, self.angular * factor)
+
 
 ZERO_TWIST = PlanarTwist(0.0, 0.0)
 

@@ -8,7 +8,7 @@ functions.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,10 @@ class Profile:
     velocity: float
     acceleration: float
     deceleration: float
+
+    def scaled(self, factor: float) -> Profile:
+        """Return the same ramps with ``factor`` times the velocity."""
+        return self if factor == 1.0 else replace(self, velocity=self.velocity * factor)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ _MIN_SPEED = 1e-9  # rad/s; slower joints count as standing
 
 @dataclass(frozen=True, eq=False)
 class StopPlan:
-    """Ramp of the rate from 1 to 0, in pieces of constant deceleration. Immutable.
+    """Ramp of the rate to 0, in pieces of constant deceleration. Immutable.
 
     Attributes:
         from_s, to_s: trajectory time at which the stop begins, and at which it stands still.
@@ -52,19 +52,21 @@ class StopPlan:
     def at(self, elapsed_s: float) -> tuple[float, float, float]:
         """Return trajectory time (s), rate, and its deceleration (1/s). Cycle: yes.
 
-        Before 0 the rate is 1; from ``duration_s`` on it is 0.
+        Before 0 it is the first rate; from ``duration_s`` on it is 0.
         """
         if elapsed_s >= self.duration_s:
             return self.to_s, 0.0, 0.0
         if elapsed_s < 0.0:
-            return self.from_s + elapsed_s, 1.0, 0.0
+            return self.from_s + elapsed_s * self.rates[0], self.rates[0], 0.0
         piece = bisect_right(self.elapsed_s, elapsed_s) - 1
         since, slope = elapsed_s - self.elapsed_s[piece], self.decelerations[piece]
         rate = self.rates[piece] - slope * since
         return self.times_s[piece] + (self.rates[piece] + rate) / 2.0 * since, rate, slope
 
 
-def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> StopPlan:
+def plan_stop(
+    trajectory: Trajectory, from_s: float, limits: JointLimits, rate: float = 1.0
+) -> StopPlan:
     """Plan the quickest stop along the path within every joint's acceleration limit.
 
     In each short cell of the path the rate falls as fast as ``|q''_j|·r² + |q'_j|·D ≤ limit``
@@ -74,13 +76,14 @@ def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> Sto
     which is a standstill, ends the stop at the latest.
 
     Args:
-        trajectory: runs at rate 1 up to the stop.
+        trajectory: runs at ``rate`` up to the stop.
         from_s: trajectory time at which the stop begins.
         limits: of the same joints; their accelerations count.
+        rate: ratio of trajectory time to real time, 0 to 1.
     """
     from_s = min(max(from_s, 0.0), trajectory.duration_s)
     acceleration = np.minimum(limits.acceleration, _UNLIMITED)
-    ramp = _Ramp(from_s)
+    ramp = _Ramp(from_s, rate)
     cell_s = _first_cell(trajectory, from_s, acceleration)
     while ramp.rate > 0.0 and ramp.time_s < trajectory.duration_s:
         edges = np.minimum(ramp.time_s + cell_s * np.arange(_CELLS + 1), trajectory.duration_s)
@@ -101,9 +104,9 @@ def plan_stop(trajectory: Trajectory, from_s: float, limits: JointLimits) -> Sto
 class _Ramp:
     """Pieces found so far, and the end of the last of them."""
 
-    def __init__(self, from_s: float) -> None:
-        self.elapsed_s, self.time_s, self.rate = 0.0, from_s, 1.0
-        self.all_elapsed_s, self.all_times_s, self.all_rates = [0.0], [from_s], [1.0]
+    def __init__(self, from_s: float, rate: float) -> None:
+        self.elapsed_s, self.time_s, self.rate = 0.0, from_s, rate
+        self.all_elapsed_s, self.all_times_s, self.all_rates = [0.0], [from_s], [rate]
         self.decelerations: list[float] = []
 
     def follow(

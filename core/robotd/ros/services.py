@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.service import Service
@@ -68,6 +69,23 @@ def add_service(
         responses.defer(responses.send)
         return service
     return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
+
+
+def named_values(handle: Callable[[dict[str, Any]], str]) -> ServiceHandler:
+    """Return a handler of SetParametersAtomically that calls ``handle`` with values by name.
+
+    Its text, or that of the RobotdError that it raises, becomes the reason of the response.
+    """
+
+    def answer(request: Any, response: Any) -> Any:
+        fields = {each.name: parameter_value_to_python(each.value) for each in request.parameters}
+        try:
+            response.result.reason, response.result.successful = handle(fields), True
+        except RobotdError as error:
+            response.result.reason, response.result.successful = str(error), False
+        return response
+
+    return answer
 
 
 def add_subscription(

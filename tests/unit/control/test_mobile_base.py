@@ -410,3 +410,21 @@ def test_after_a_stop_a_pause_as_long_as_the_time_out_is_neutral_too(harness: Ha
     harness.robot.axes.stop_latch.release()
     harness.drive(0.8, 0.4, 0.5)
     assert harness.twist.linear > 0.1
+
+
+def test_the_speed_of_the_operator_keeps_the_arc(harness: Harness) -> None:
+    harness.drive(0.8, 0.4, 2.0)
+    harness.robot.set_speed(0.5)
+    previous = harness.twist.linear
+    for _ in range(40):
+        harness.base.command(0.8, 0.4)
+        harness.run(COMMAND_S)
+        assert abs(harness.twist.linear - previous) <= 1.0 * COMMAND_S + 1e-6
+        assert harness.twist.angular == pytest.approx(harness.twist.linear / 2, abs=1e-3)
+        previous = harness.twist.linear
+    assert harness.twist.linear == pytest.approx(0.4, abs=0.01)
+    harness.robot.pause()
+    for _ in range(40):
+        harness.base.command(0.8, 0.4)
+        harness.run(COMMAND_S)
+    assert harness.twist.linear == pytest.approx(0.0, abs=1e-3)

@@ -1,10 +1,12 @@
-"""Operator commands for a running robot: recovery, stop and reset."""
+"""Operator commands for a running robot: recovery, stop, reset and speed."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -26,6 +28,27 @@ def stop(client: RosClient) -> str:
 def reset(client: RosClient) -> str:
     """Allow motion again; return the answer of the robot. Raises as ``stop`` does."""
     return str(client.call(Trigger, f"{OPERATOR_NODE}/reset").message)
+
+
+def set_speed(client: RosClient, speed: float) -> str:
+    """Set the speed, 0 to 1; return it in words. Raises as ``stop`` does."""
+    parameters = [Parameter("speed", value=speed).to_parameter_msg()]
+    answer = client.call(
+        SetParametersAtomically, f"{OPERATOR_NODE}/set_speed", parameters=parameters
+    ).result
+    if not answer.successful:
+        raise OperationError(answer.reason)
+    return str(answer.reason)
+
+
+def pause(client: RosClient) -> str:
+    """Bring motion to rest on its path. Raises as ``stop`` does."""
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/pause").message)
+
+
+def resume(client: RosClient) -> str:
+    """Continue motion. Raises as ``stop`` does."""
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/resume").message)
 
 
 def recover(client: RosClient, on_step: Callable[[str], None]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import SetBool, Trigger
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
@@ -54,6 +54,7 @@ class RobotReport:
         state: the engine's, in the words of ``get_status``.
         reason: why axes cannot be commanded; "" while they can.
         remedy: the command that helps, "" where none is needed or known.
+        speed: of all motion, 0 to 1; 0 while it is paused.
         stopped: why all motion is stopped until a reset; "" while it is allowed.
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
@@ -64,6 +65,7 @@ class RobotReport:
     reason: str
     remedy: str
     stopped: str
+    speed: float
     axes: tuple[AxisReport, ...] | None
 
 
@@ -73,6 +75,7 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
         client.listen(String, f"{OPERATOR_NODE}/stopped", LATCHED) as stopped,
+        client.listen(Float64, f"{OPERATOR_NODE}/speed", LATCHED) as speed,
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
@@ -82,7 +85,9 @@ def read_report(client: RosClient) -> RobotReport:
             lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
         )
         reports = axis_reports(axes.wait()) if published else None
-        return RobotReport(state, is_ready, reason, remedy, stopped.wait().data, reports)
+        return RobotReport(
+            state, is_ready, reason, remedy, stopped.wait().data, speed.wait().data, reports
+        )
 
 
 def read_description(client: RosClient) -> str:

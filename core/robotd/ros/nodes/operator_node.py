@@ -5,25 +5,69 @@ from __future__ import annotations
 import threading
 from typing import Any
 
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
-from std_msgs.msg import Empty, String
+from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Trigger
 
-from robotd.errors import RobotdError
+from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
-from robotd.ros.services import add_service, add_subscription
+from robotd.ros.services import add_service, add_subscription, named_values
 
 
 class OperatorNode(Node):
-    """Services for the operator of a robot: recovery, and the stop of all motion."""
+    """Services for the operator of a robot: recovery, stop, and speed of all motion."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(OPERATOR_NODE, context=host.context)
         self._recovery = _RecoveryService(self, robot, host)
         self._stop = _StopServices(self, robot, host)
+        self._speed = _SpeedServices(self, robot, host)
+
+
+class _SpeedServices:
+    """``~/set_speed`` as service and topic, ``~/pause``, ``~/resume``, and ``~/speed``."""
+
+    def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
+        self._robot = robot
+        self._publisher = node.create_publisher(Float64, "~/speed", LATCHED)
+        add_service(node, host, SetParametersAtomically, "~/set_speed", named_values(self._set))
+        add_service(node, host, Trigger, "~/pause", self._pause, urgent=True)
+        add_service(node, host, Trigger, "~/resume", self._resume)
+        add_subscription(node, host, Float64, "~/set_speed", self._set_by_message, 1)
+        robot.axes.speed.on_change(self._publish)
+
+    def _set(self, fields: dict[str, Any]) -> str:
+        speed = fields.get("speed")
+        if (
+            list(fields) != ["speed"]
+            or isinstance(speed, bool)
+            or not isinstance(speed, (int, float))
+        ):
+            raise InvalidArgument(f"expected the number 'speed', got {fields}")
+        self._robot.set_speed(float(speed))
+        return self._robot.axes.speed.text
+
+    def _set_by_message(self, message: Any) -> None:
+        self._robot.set_speed(message.data)
+
+    def _pause(self, request: Any, response: Any) -> Any:
+        self._robot.pause()
+        return self._done(response)
+
+    def _resume(self, request: Any, response: Any) -> Any:
+        self._robot.resume()
+        return self._done(response)
+
+    def _done(self, response: Any) -> Any:
+        response.success, response.message = True, self._robot.axes.speed.text
+        return response
+
+    def _publish(self, scale: float) -> None:
+        publish_if_alive(self._publisher, Float64(data=scale))
 
 
 class _StopServices:

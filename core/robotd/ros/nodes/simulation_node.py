@@ -12,19 +12,18 @@ from typing import Any
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.clock import ClockType
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from robotd.clock.simulated import PacedClock
 from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument, RobotdError
+from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher
 from robotd.ros.node_registry import SIMULATION_NODE
-from robotd.ros.services import add_service
+from robotd.ros.services import add_service, named_values
 from robotd.scenario import FaultSchedule, nested, validate_fault
 
 CLOCK_RATE_HZ = 500.0  # in simulated time
@@ -47,7 +46,7 @@ class SimulationNode(Node):
     ) -> None:
         super().__init__(SIMULATION_NODE, context=host.context)
         self._faults = faults
-        add_service(self, host, SetParametersAtomically, "~/inject", _with_reason(self._inject))
+        add_service(self, host, SetParametersAtomically, "~/inject", named_values(self._inject))
         if isinstance(robot.clock, PacedClock):
             self._time = _TimeServices(self, robot, robot.clock, host, nodes)
 
@@ -74,7 +73,7 @@ class _TimeServices:
         control_loop.every(rate_hz, "clocks of the nodes", self._follow, first=True)
         control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
         add_service(node, host, SetBool, "~/pause", self._pause)
-        add_service(node, host, SetParametersAtomically, "~/step", _with_reason(self._step))
+        add_service(node, host, SetParametersAtomically, "~/step", named_values(self._step))
 
     def _follow(self, image: ProcessImage) -> None:
         self._set_clocks()
@@ -106,17 +105,3 @@ class _TimeServices:
         if not self._time.step(periods * self._robot.control_loop.period_ns, STEP_TIMEOUT_S):
             raise InvalidArgument(f"periods: {periods} take longer than {STEP_TIMEOUT_S:g} s")
         return f"time stands at {self._time.now_ns() * 1e-9:.6f} s"
-
-
-def _with_reason(handle: Any) -> Any:
-    """Wrap a handler of named values; what it raises becomes the reason of the rejection."""
-
-    def answer(request: Any, response: Any) -> Any:
-        fields = {each.name: parameter_value_to_python(each.value) for each in request.parameters}
-        try:
-            response.result.reason, response.result.successful = handle(fields), True
-        except RobotdError as error:
-            response.result.reason, response.result.successful = str(error), False
-        return response
-
-    return answer

@@ -1,0 +1,22 @@
+"""``robotd resume``: resume motion after a pause."""
+
+from __future__ import annotations
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.group import ros_args
+from robotd.cli.options import configure_logging
+from robotd.cli.preflight import import_ros
+from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+
+
+@click.command("resume", epilog=ROS_EPILOG)
+@client_options
+@click.pass_context
+def resume(ctx: click.Context, /, timeout_s: float) -> None:
+    """Resume motion after a pause."""
+    configure_logging(ctx)
+    with robot_client(ros_args(ctx), timeout_s) as client:
+        click.echo(import_ros("client.operator_client").resume(client))
+    ctx.exit(ExitCode.OK)

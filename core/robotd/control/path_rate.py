@@ -1,0 +1,68 @@
+"""Rate at which a trajectory's own time passes, ramped towards the speed of the operator.
+
+With trajectory time s and rate r = ds/dt the joints move with q'(s)·r and accelerate with
+q''(s)·r² + q'(s)·dr/dt. No joint leaves its path.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.device.speed_scale import SpeedScale
+from robotd.motion import JointLimits
+
+MAX_SLOPE = 2.0  # 1/s: from 100 % to standstill in half a second, limits permitting
+MIN_SHARE = 0.2  # of an acceleration limit, for a path that uses all of it by itself
+MIN_SPEED = 1e-9  # rad/s; slower joints count as standing
+
+
+class PathRate:
+    """Rate of one trajectory. Control loop; ``value`` may be read by any thread.
+
+    Args:
+        speed: to reach; a trajectory from rest has it at once.
+        limits: of the joints; their accelerations count.
+
+    Attributes:
+        value: at the end of the last period.
+        slope: its mean change in the last period, 1/s.
+    """
+
+    def __init__(self, speed: SpeedScale, limits: JointLimits) -> None:
+        self.value, self.slope = speed.scale, 0.0
+        self._speed, self._limit = speed, limits.acceleration
+
+    @property
+    def is_full(self) -> bool:
+        """Trajectory time passes as real time does, and is to go on so."""
+        return self.value == 1.0 and self.slope == 0.0 and self._speed.scale == 1.0
+
+    def step(self, elapsed_s: float, velocity: FloatArray, acceleration: FloatArray) -> float:
+        """Ramp for ``elapsed_s``; return the mean rate.
+
+        Args:
+            elapsed_s: real time since the last setpoint.
+            velocity, acceleration: (m,) of the path at rate 1, at the last setpoint.
+        """
+        before, target = self.value, self._speed.scale
+        largest = 0.0
+        if target != before:
+            largest = elapsed_s * self._largest_slope(velocity, acceleration)
+        change = min(max(target - before, -largest), largest)
+        self.value = target if change == target - before else before + change
+        self.slope = (self.value - before) / elapsed_s
+        return 0.5 * (before + self.value)
+
+    def scale(self, setpoint: FloatArray) -> None:
+        """Turn the path's position, velocity and acceleration (3, m) into those in real time."""
+        _, velocity, acceleration = setpoint
+        acceleration *= self.value**2
+        acceleration += velocity * self.slope
+        velocity *= self.value
+
+    def _largest_slope(self, velocity: FloatArray, acceleration: FloatArray) -> float:
+        spare = self._limit - np.abs(acceleration) * self.value**2
+        allowed = np.maximum(spare, MIN_SHARE * self._limit)
+        speed = np.maximum(np.abs(velocity), MIN_SPEED)
+        return min(float((allowed / speed).min()), MAX_SLOPE)
