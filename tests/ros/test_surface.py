@@ -32,6 +32,7 @@ NODES = {
     "wmx_ethercat_node",
     "manipulator_state",
     "follow_joint_trajectory_server",
+    "joint_command_node",
 }
 SERVICES = {
     "/wmx/engine/set_device": "wmx_ros2_message/srv/SetEngine",
@@ -70,6 +71,10 @@ SUBSCRIBED = {
     "/wmx/axis/velocity": "wmx_ros2_message/msg/AxisVelocity",
     "/wmx/axis/position": "wmx_ros2_message/msg/AxisPose",
     "/wmx/axis/position/relative": "wmx_ros2_message/msg/AxisPose",
+    "/movensys_manipulator_arm_controller/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
+    "/forward_position_controller/commands": "std_msgs/msg/Float64MultiArray",
+    "/forward_velocity_controller/commands": "std_msgs/msg/Float64MultiArray",
+    "/servo_node/delta_joint_cmds": "control_msgs/msg/JointJog",
 }
 
 

@@ -119,11 +119,19 @@ class JointStream:
         speed = self._values("velocity", velocity)
         self._put(None, self._clip("velocity", speed, *self._velocity_limits))
 
+    def end(self, reason: str) -> None:
+        """Request the end with a reason; the joints slow to rest. Never blocks."""
+        self._motion.completion.request(Outcome.CANCELED, reason)
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Block until it has ended, at rest; return False after ``timeout_s`` (None: no limit)."""
+        return self._motion.completion.event.wait(timeout_s)
+
     def close(self) -> None:
         """Slow to rest, wait, and give the joints back; a second call has no effect."""
         if not self._closed:
             self._closed = True
-            self._motion.completion.request(Outcome.CANCELED, "closed by the client")
+            self.end("closed by the client")
             self._release(self._motion)
             counts = self.statistics
             log.info(

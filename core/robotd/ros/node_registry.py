@@ -38,6 +38,10 @@ BUILT_IN = {
         "robotd.ros.nodes.follow_joint_trajectory_server:FollowJointTrajectoryServer",
         "trajectories and the gripper",
     ),
+    "joint_command_node": NodeInfo(
+        "robotd.ros.nodes.joint_command_node:JointCommandNode",
+        "motion on topics: trajectories, points, positions, velocities, jog",
+    ),
     "diff_drive_controller": NodeInfo(
         "robotd.ros.nodes.diff_drive_controller:DiffDriveController",
         "twists and odometry of a mobile base; the wheels are switched on at start",

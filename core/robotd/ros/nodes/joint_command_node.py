@@ -1,0 +1,103 @@
+"""joint_command_node: motion of an arm that its clients decide while it moves, on topics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from control_msgs.msg import JointJog
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+from robotd.control.joint_motion import OWNER
+from robotd.control.joint_stream import JointStream
+from robotd.errors import DescriptorError, InvalidArgument, unknown_name
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.topic_stream import TopicStream
+from robotd.ros.nodes.trajectory_topic import TrajectoryTopic
+from robotd.ros.services import add_subscription
+
+NAME = "joint_command_node"
+DEPTH = 10
+
+
+class JointCommandNode(Node):
+    """Topics of joint_trajectory_controller, the forward controllers and MoveIt Servo's joint jog.
+
+    Each topic moves the joints while messages come. One client at a time: see ``stream.takeover``.
+
+    Raises:
+        DescriptorError: the robot has no joints, or a parameter is wrong.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__(NAME, context=host.context)
+        if not robot.joint_names:
+            raise DescriptorError(f"{NAME} needs joints, which {robot.descriptor.name} has not")
+        self._robot, self._host = robot, host
+        self._names = robot.joint_names
+        parameters = Parameters(self, robot.descriptor)
+        self._timeout_s = parameters.positive(
+            "command_timeout_s",
+            robot.descriptor.stream.timeout_s,
+            "age of the last message at which the joints slow to rest, in s",
+        )
+        trajectory = parameters.topic("joint_trajectory_topic", "trajectories and single points")
+        position = parameters.topic("position_commands_topic", "positions of all joints")
+        velocity = parameters.topic("velocity_commands_topic", "velocities of all joints")
+        jog = parameters.topic("joint_jog_topic", "velocities of named joints")
+        parameters.done()
+        if trajectory:
+            stream = self._stream(trajectory, OWNER)
+            self._trajectories = TrajectoryTopic(self, robot, host, trajectory, stream)
+        if position:
+            self._forward(position, Float64MultiArray, _positions)
+        if velocity:
+            self._forward(velocity, Float64MultiArray, _velocities)
+        if jog:
+            self._forward(jog, JointJog, self._jog)
+
+    def _forward(self, topic: str, message_type: Any, command: Any) -> None:
+        """Let every message of ``topic`` command a stream of its own."""
+        stream = self._stream(topic, topic)
+
+        def on_message(message: Any) -> None:
+            stream.apply(lambda open_stream: command(message, open_stream))
+
+        add_subscription(self, self._host, message_type, topic, on_message, DEPTH)
+
+    def _stream(self, topic: str, owner: str) -> TopicStream:
+        return TopicStream(self._robot, self._host, topic, owner, self._timeout_s)
+
+    def _jog(self, message: Any, stream: JointStream) -> None:
+        if len(message.displacements):
+            raise InvalidArgument("displacements are not supported; send velocities")
+        stream.send_velocity(named_values(self._names, message.joint_names, message.velocities))
+
+
+def named_values(
+    known: Sequence[str], names: Sequence[str], values: Sequence[float]
+) -> list[float]:
+    """Return one value for each of ``known``, 0 for joints without one.
+
+    Raises InvalidArgument for an unknown joint, one that is given twice, or a wrong number.
+    """
+    if len(values) != len(names):
+        raise InvalidArgument(f"{len(values)} values for {len(names)} joints")
+    for name in names:
+        if name not in known:
+            raise InvalidArgument(unknown_name("joint", name, known))
+    given = dict(zip(names, values, strict=True))
+    if len(given) < len(names):
+        raise InvalidArgument(f"a joint is given twice: {', '.join(names)}")
+    return [given.get(name, 0.0) for name in known]
+
+
+def _positions(message: Any, stream: JointStream) -> None:
+    stream.send(message.data)
+
+
+def _velocities(message: Any, stream: JointStream) -> None:
+    stream.send_velocity(message.data)

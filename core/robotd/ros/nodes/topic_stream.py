@@ -1,0 +1,99 @@
+"""Stream of the joints that is fed by a topic."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from robotd.control.joint_stream import JointStream
+from robotd.errors import NotReady, RobotdError
+from robotd.log import get_logger
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.nodes.rejection_log import RejectionLog
+
+log = get_logger("commands")
+
+Command = Callable[[JointStream], None]
+
+
+class TopicStream:
+    """Applies commands to a stream that a worker opens for the first of them.
+
+    Without a message for ``timeout_s`` the joints slow to rest, the stream ends, and the joints
+    belong to nobody. A rejection is logged once for each kind. ``apply`` and ``stop`` for the
+    executor thread.
+
+    Args:
+        robot: whose joints are streamed.
+        host: its workers open and close streams.
+        topic: name, for the log.
+        owner: of the joints.
+        timeout_s: age of the last message at which the joints slow to rest.
+    """
+
+    def __init__(
+        self, robot: Robot, host: RosHost, topic: str, owner: str, timeout_s: float
+    ) -> None:
+        self._robot, self._host, self._topic = robot, host, topic
+        self._owner, self._timeout_s = owner, timeout_s
+        self._rejections = RejectionLog()
+        self._lock = threading.Lock()  # of the three below
+        self._stream: JointStream | None = None
+        self._waiting: Command | None = None
+        self._opening = False
+
+    def apply(self, command: Command) -> None:
+        """Run ``command`` with the open stream, or open one for it; a rejection is logged."""
+        with self._lock:
+            stream = self._stream
+            if stream is None:
+                self._waiting = command
+                if self._opening:
+                    return
+                self._opening = True
+        try:
+            if stream is None:
+                self._host.submit(self._run)
+            else:
+                command(stream)
+                self._rejections.accepted(self._topic, ())
+        except NotReady as error:  # it is ending; the next message opens another one
+            self._rejections.rejected(self._topic, (), str(error))
+        except RobotdError as error:
+            self._opening = stream is None and self._opening
+            self._rejections.rejected(self._topic, (), str(error))
+
+    def stop(self) -> None:
+        """End the stream: the joints slow to rest."""
+        with self._lock:
+            self._waiting, stream = None, self._stream
+        if stream is not None:
+            stream.end("stopped by the client")
+
+    def _run(self) -> None:
+        """Worker: open a stream, run it to its end, and give the joints back."""
+        try:
+            stream = self._robot.stream(
+                timeout_s=self._timeout_s, owner=self._owner, ends_when_silent=True
+            )
+        except RobotdError as error:
+            with self._lock:
+                self._opening, self._waiting = False, None
+            self._rejections.rejected(self._topic, (), str(error))
+            return
+        with stream:
+            with self._lock:
+                command, self._waiting = self._waiting, None
+                self._stream, self._opening = stream, False
+            if command is not None:
+                self._first(stream, command)
+            stream.wait()
+            with self._lock:
+                self._stream = None
+
+    def _first(self, stream: JointStream, command: Command) -> None:
+        try:
+            command(stream)
+        except RobotdError as error:
+            self._rejections.rejected(self._topic, (), str(error))

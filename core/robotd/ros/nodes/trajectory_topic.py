@@ -1,0 +1,125 @@
+"""Topic of joint_trajectory_controller: whole trajectories, and single points as a stream."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
+
+from robotd.control.joint_stream import JointStream
+from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.errors import InvalidArgument, RobotdError
+from robotd.log import get_logger
+from robotd.motion import TrajectoryRequest
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.nodes.rejection_log import RejectionLog
+from robotd.ros.nodes.topic_stream import TopicStream
+from robotd.ros.nodes.trajectory_conversions import duration_s, stamp_ns
+from robotd.ros.services import add_subscription
+
+log = get_logger("trajectory")
+
+DEPTH = 10
+STREAM_S = 0.25  # a single point at most that far ahead is a streamed one
+
+
+class TrajectoryTopic:
+    """Executes each trajectory of a topic in place of the running one.
+
+    - Several points, or one that is further ahead than ``STREAM_S``: as a goal of the action,
+      without a result.
+    - One point without or with a short time, as MoveIt Servo sends them: a target of a stream.
+    - No point: the motion that this topic has started comes to rest.
+
+    Args:
+        node: subscribes.
+        robot: executes.
+        host: its workers execute trajectories.
+        topic: name.
+        stream: of single points.
+    """
+
+    def __init__(
+        self, node: Node, robot: Robot, host: RosHost, topic: str, stream: TopicStream
+    ) -> None:
+        self._robot, self._host, self._topic, self._stream = robot, host, topic, stream
+        self._rejections = RejectionLog()
+        self._clock = node.get_clock()
+        self._lock = threading.Lock()
+        self._execution: TrajectoryExecution | None = None  # newest
+        add_subscription(node, host, JointTrajectory, topic, self._take, DEPTH)
+
+    def _take(self, message: Any) -> None:
+        points = message.points
+        if not points:
+            self._stream.stop()
+            with self._lock:
+                if self._execution is not None:
+                    self._execution.cancel()
+        elif len(points) == 1 and duration_s(points[0].time_from_start) <= STREAM_S:
+            self._stream.apply(lambda stream: self._send(message, stream))
+        else:
+            self._host.submit(self._follow, message)
+
+    def _send(self, message: Any, stream: JointStream) -> None:
+        """Send the only point of ``message``; joints that it does not name hold."""
+        point = message.points[0]
+        columns = _columns(message.joint_names, stream.joints)
+        if len(point.positions) != len(columns):
+            raise InvalidArgument(
+                f"{len(point.positions)} positions for {len(columns)} joints; a streamed point"
+                " needs positions"
+            )
+        if len(point.velocities) not in (0, len(columns)):
+            raise InvalidArgument(f"{len(point.velocities)} velocities for {len(columns)} joints")
+        position = self._robot.joint_motion.command().tolist()
+        velocity = [0.0] * len(position)
+        for index, column in enumerate(columns):
+            position[column] = point.positions[index]
+            if len(point.velocities):
+                velocity[column] = point.velocities[index]
+        stream.send(position, velocity if any(velocity) else None)
+
+    def _follow(self, message: Any) -> None:
+        """Worker: execute a trajectory until it has ended."""
+        try:
+            if not message.joint_names:
+                raise InvalidArgument("the trajectory names no joints")
+            request = TrajectoryRequest.from_rows(
+                message.joint_names,
+                [duration_s(point.time_from_start) for point in message.points],
+                [point.positions for point in message.points],
+                [point.velocities for point in message.points],
+                [point.accelerations for point in message.points],
+            )
+            with self._robot.follower.follow(request, None, self._start_ns(message)) as execution:
+                with self._lock:
+                    self._execution = execution
+                execution.wait()
+            log.info("trajectory ended", topic=self._topic, reason=execution.message)
+        except RobotdError as error:
+            self._rejections.rejected(self._topic, (), str(error))
+        else:
+            self._rejections.accepted(self._topic, ())
+
+    def _start_ns(self, message: Any) -> int | None:
+        """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
+        begin_ns = stamp_ns(message.header.stamp)
+        if not begin_ns:
+            return None
+        return int(self._robot.clock.now_ns() + begin_ns - self._clock.now().nanoseconds)
+
+
+def _columns(names: list[str], known: tuple[str, ...]) -> list[int]:
+    """Return the index of each named joint; no names: all joints in the robot's order."""
+    if not names:
+        return list(range(len(known)))
+    for name in names:
+        if name not in known:
+            raise InvalidArgument(f"joint {name} is unknown (available: {', '.join(known)})")
+    if len(set(names)) < len(names):
+        raise InvalidArgument(f"a joint is given twice: {', '.join(names)}")
+    return [known.index(name) for name in names]

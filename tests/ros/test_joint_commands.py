@@ -1,0 +1,166 @@
+"""Motion on topics that a client decides while the arm moves."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointJog
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from tests.ros.robot_process import Client, RobotProcess, wait_until
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+pytestmark = pytest.mark.ros
+
+NAMES = [f"joint{number}" for number in range(1, 7)]
+TRAJECTORY = "/movensys_manipulator_arm_controller/joint_trajectory"
+POSITION = "/forward_position_controller/commands"
+VELOCITY = "/forward_velocity_controller/commands"
+JOG = "/servo_node/delta_joint_cmds"
+RATE_HZ = 50.0
+
+
+class Arm:
+    """Client of the arm's topics."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.states = client.listen(JointState, "/joint_states")
+        self.trajectory = client.publisher(JointTrajectory, TRAJECTORY)
+        self.positions = client.publisher(Float64MultiArray, POSITION)
+        self.velocities = client.publisher(Float64MultiArray, VELOCITY)
+        self.jog = client.publisher(JointJog, JOG)
+
+    @property
+    def position(self) -> list[float]:
+        return list(self.states[-1].position[:6])
+
+    @property
+    def speed(self) -> float:
+        return max(abs(value) for value in self.states[-1].velocity[:6])
+
+    def publish_until(self, publish: Callable[[], None], condition: Callable[[], Any]) -> None:
+        """Publish at ``RATE_HZ`` until the condition holds."""
+
+        def attempt() -> Any:
+            publish()
+            time.sleep(1.0 / RATE_HZ)
+            return condition()
+
+        wait_until(attempt, "the streamed motion")
+
+    def wait_at_rest(self) -> None:
+        wait_until(lambda: self.speed < 1e-3, "standstill")
+
+    def go(self, position: list[float]) -> tuple[int, Any]:
+        goal = FollowJointTrajectory.Goal()
+        goal.trajectory = trajectory((1.5, position))
+        return self.client.send_goal(goal).result()
+
+
+def trajectory(*points: tuple[float, list[float]], names: list[str] | None = None) -> Any:
+    return JointTrajectory(
+        joint_names=NAMES if names is None else names,
+        points=[
+            JointTrajectoryPoint(
+                positions=positions,
+                time_from_start=Duration(sec=int(seconds), nanosec=round(seconds % 1 * 1e9)),
+            )
+            for seconds, positions in points
+        ],
+    )
+
+
+@pytest.fixture(scope="module")
+def joints(client: Client) -> Arm:
+    return Arm(client)
+
+
+@pytest.fixture
+def arm(joints: Arm) -> Iterator[Arm]:
+    wait_until(lambda: joints.states, "joint states")
+    yield joints
+    joints.wait_at_rest()
+
+    def home() -> bool:
+        return joints.go([0.0] * 6)[1].error_code == 0  # a stream may just be ending
+
+    wait_until(home, "the arm at zero")
+
+
+def test_a_trajectory_on_the_topic_is_executed_and_a_new_one_replaces_it(arm: Arm) -> None:
+    arm.trajectory.publish(trajectory((4.0, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    wait_until(lambda: arm.position[0] > 0.1, "motion")
+    arm.trajectory.publish(trajectory((1.5, [0.2, 0.1, 0.0, 0.0, 0.0, 0.0])))
+    wait_until(
+        lambda: arm.position == pytest.approx([0.2, 0.1, 0.0, 0.0, 0.0, 0.0], abs=2e-3), "arrival"
+    )
+
+
+def test_an_empty_trajectory_stops_the_arm(arm: Arm) -> None:
+    arm.trajectory.publish(trajectory((5.0, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    wait_until(lambda: arm.position[0] > 0.05, "motion")
+    arm.trajectory.publish(JointTrajectory())
+    arm.wait_at_rest()
+    assert arm.position[0] < 0.8
+
+
+def test_single_points_as_moveit_servo_sends_them_are_streamed(arm: Arm) -> None:
+    began_s = time.monotonic()
+
+    def publish() -> None:
+        angle = min(0.3 * (time.monotonic() - began_s), 0.3)
+        arm.trajectory.publish(trajectory((0.034, [angle, 0.0]), names=["joint2", "joint5"]))
+
+    arm.publish_until(publish, lambda: arm.position[1] == pytest.approx(0.3, abs=2e-3))
+    assert arm.position[4] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_positions_are_streamed_and_the_arm_stops_when_they_stop(arm: Arm) -> None:
+    target = Float64MultiArray(data=[3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    arm.publish_until(lambda: arm.positions.publish(target), lambda: arm.position[0] > 0.1)
+    arm.wait_at_rest()
+    assert arm.position[0] < 2.5
+
+
+def test_velocities_are_streamed_and_the_arm_stops_when_they_stop(arm: Arm) -> None:
+    message = Float64MultiArray(data=[0.0, 0.0, 0.2, 0.0, 0.0, -0.2])
+    arm.publish_until(lambda: arm.velocities.publish(message), lambda: arm.position[2] > 0.1)
+    arm.wait_at_rest()
+    assert arm.position[5] == pytest.approx(-arm.position[2], abs=5e-3)
+
+
+def test_named_joints_are_jogged_while_messages_come(arm: Arm) -> None:
+    message = JointJog(joint_names=["joint4"], velocities=[-0.2])
+    arm.publish_until(lambda: arm.jog.publish(message), lambda: arm.position[3] < -0.1)
+    arm.wait_at_rest()
+    assert max(map(abs, (*arm.position[:3], *arm.position[4:]))) < 2e-3
+
+
+def test_wrong_commands_are_logged_with_the_reason(arm: Arm, cr3a: RobotProcess) -> None:
+    for publisher, message, reason in (
+        (arm.positions, Float64MultiArray(data=[0.0] * 5), "position: 5 values for 6 joints"),
+        (arm.velocities, Float64MultiArray(data=[math.nan] * 6), "joint1: velocity is nan"),
+        (arm.jog, JointJog(joint_names=["elbow"], velocities=[0.1]), "elbow"),
+        (arm.jog, JointJog(joint_names=["joint1"], displacements=[0.1]), "displacements"),
+    ):
+        arm.publish_until(
+            lambda publisher=publisher, message=message: publisher.publish(message),
+            lambda reason=reason: reason in cr3a.output,
+        )
+
+
+def test_a_goal_is_refused_with_the_owner_while_a_topic_moves_the_arm(arm: Arm) -> None:
+    message = JointJog(joint_names=["joint1"], velocities=[0.05])
+    arm.publish_until(lambda: arm.jog.publish(message), lambda: arm.position[0] > 0.01)
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory = trajectory((1.5, [0.0] * 6))
+    sent = arm.client.send_goal(goal)
+    arm.publish_until(lambda: arm.jog.publish(message), lambda: sent.done)
+    assert "joint1: in use by servo_node/delta_joint_cmds" in sent.result()[1].error_string
