@@ -115,7 +115,7 @@ class Robot:
         )
         self.io = Io(drivers.io, self.connection, name, self.events)
         self.fieldbus = Fieldbus(drivers.fieldbus, self.connection, capabilities, name)
-        self.gripper = Gripper(self.io, descriptor.gripper) if descriptor.gripper else None
+        self.gripper = Gripper(self.io, descriptor.gripper, clock) if descriptor.gripper else None
         self.mixer = mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz, clock)
         self.control_loop = ControlLoop(
             driver,

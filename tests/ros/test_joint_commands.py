@@ -10,16 +10,20 @@ from typing import Any
 import pytest
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
-from control_msgs.msg import JointJog
+from control_msgs.msg import JointJog, JointTrajectoryControllerState
+from control_msgs.srv import QueryTrajectoryState
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from std_msgs.msg import Float64MultiArray, String
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from wmx_ros2_message.msg import AxisVelocity
+from wmx_ros2_message.srv import SetAxis
 
 pytestmark = pytest.mark.ros
 
 NAMES = [f"joint{number}" for number in range(1, 7)]
-TRAJECTORY = "/movensys_manipulator_arm_controller/joint_trajectory"
+CONTROLLER = "/movensys_manipulator_arm_controller"
+TRAJECTORY = f"{CONTROLLER}/joint_trajectory"
 POSITION = "/forward_position_controller/commands"
 VELOCITY = "/forward_velocity_controller/commands"
 JOG = "/servo_node/delta_joint_cmds"
@@ -164,3 +168,50 @@ def test_a_goal_is_refused_with_the_owner_while_a_topic_moves_the_arm(arm: Arm) 
     sent = arm.client.send_goal(goal)
     arm.publish_until(lambda: arm.jog.publish(message), lambda: sent.done)
     assert "joint1: in use by servo_node/delta_joint_cmds" in sent.result()[1].error_string
+
+
+def test_the_owner_of_each_joint_is_latched(arm: Arm) -> None:
+    owners = arm.client.listen(String, "/robotd/owners", LATCHED)
+    wait_until(lambda: owners and owners[-1].data == "", "no owner")
+    message = JointJog(joint_names=["joint1"], velocities=[0.05])
+    arm.publish_until(
+        lambda: arm.jog.publish(message),
+        lambda: "joint1: servo_node/delta_joint_cmds\n" in owners[-1].data,
+    )
+    wait_until(lambda: owners[-1].data == "", "no owner after the last message")
+
+
+def test_axes_are_jogged_while_messages_come_and_stopped_by_the_service(arm: Arm) -> None:
+    jog = arm.client.publisher(AxisVelocity, "/wmx/axis/jog")
+    message = AxisVelocity(index=[1, 3], velocity=[0.2, -0.2], acc=[5.0] * 2, dec=[5.0] * 2)
+    arm.publish_until(lambda: jog.publish(message), lambda: arm.position[1] > 0.1)
+    arm.wait_at_rest()
+    assert arm.position[3] == pytest.approx(-arm.position[1], abs=5e-3)
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory = trajectory((10.0, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    sent = arm.client.send_goal(goal)
+    wait_until(lambda: arm.position[0] > 0.02, "motion")
+    response = arm.client.call(SetAxis, "/wmx/axis/stop", index=[0], data=[0])
+    assert (response.success, response.message) == (True, "joint1: ok")
+    assert "joint1" in sent.result()[1].error_string
+    arm.wait_at_rest()
+    assert not arm.client.call(SetAxis, "/wmx/axis/stop", index=[9], data=[0]).success
+
+
+def test_the_state_and_the_running_trajectory_can_be_asked_for(arm: Arm) -> None:
+    states = arm.client.listen(JointTrajectoryControllerState, f"{CONTROLLER}/controller_state")
+    arm.trajectory.publish(trajectory((2.0, [0.4, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    state = arm.client.next(states, lambda each: each.reference.velocities[0] > 0.1)
+    assert list(state.joint_names) == NAMES
+    assert state.reference.positions[0] == pytest.approx(state.feedback.positions[0], abs=0.05)
+    assert state.error.positions[0] == pytest.approx(
+        state.reference.positions[0] - state.feedback.positions[0]
+    )
+    running = arm.client.call(QueryTrajectoryState, f"{CONTROLLER}/query_state")
+    assert running.success
+    assert running.position[0] > state.reference.positions[0]
+    wait_until(lambda: arm.position[0] == pytest.approx(0.4, abs=2e-3), "arrival")
+    arm.wait_at_rest()
+    held = arm.client.call(QueryTrajectoryState, f"{CONTROLLER}/query_state")
+    assert list(held.position) == pytest.approx([0.4, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-3)
+    assert list(held.velocity) == [0.0] * 6

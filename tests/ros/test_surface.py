@@ -33,6 +33,7 @@ NODES = {
     "manipulator_state",
     "follow_joint_trajectory_server",
     "joint_command_node",
+    "gripper_controller",
 }
 SERVICES = {
     "/wmx/engine/set_device": "wmx_ros2_message/srv/SetEngine",
@@ -44,6 +45,7 @@ SERVICES = {
     "/wmx/axis/clear_alarm": "wmx_ros2_message/srv/SetAxis",
     "/wmx/axis/set_mode": "wmx_ros2_message/srv/SetAxis",
     "/wmx/axis/set_polarity": "wmx_ros2_message/srv/SetAxis",
+    "/wmx/axis/stop": "wmx_ros2_message/srv/SetAxis",
     "/wmx/axis/homing": "wmx_ros2_message/srv/SetAxis",
     "/wmx/axis/set_gear_ratio": "wmx_ros2_message/srv/SetAxisGearRatio",
     "/wmx/params/load": "wmx_ros2_message/srv/LoadWmxParams",
@@ -69,6 +71,7 @@ PUBLISHED = {
 }
 SUBSCRIBED = {
     "/wmx/axis/velocity": "wmx_ros2_message/msg/AxisVelocity",
+    "/wmx/axis/jog": "wmx_ros2_message/msg/AxisVelocity",
     "/wmx/axis/position": "wmx_ros2_message/msg/AxisPose",
     "/wmx/axis/position/relative": "wmx_ros2_message/msg/AxisPose",
     "/movensys_manipulator_arm_controller/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",

@@ -125,6 +125,11 @@ class JointMotion:
         for source in active:
             self._await_end(source, timeout_s)
 
+    @property
+    def moving(self) -> bool:
+        """A source is active. Any thread."""
+        return bool(self._slot.active)
+
     def command(self) -> FloatArray:
         """Return (m,) position commands of the joints, in rad or m."""
         return self._axes.image.position_command[self._joint_axes]

@@ -123,6 +123,16 @@ class TrajectoryFollower:
             self._motion.release(execution)
             note_result(self._events, execution)
 
+    def state_at(self, time_ns: int) -> MotionState | None:
+        """Return the commanded state at monotonic ``time_ns``; rest where nothing moves.
+
+        None: a stream or a stop decides where the joints will be. Any thread.
+        """
+        newest = self._recent[-1] if self._recent else None
+        if newest is not None and not newest.done:
+            return newest.splice_state(time_ns)
+        return None if self._motion.moving else MotionState.at_rest(self._motion.command())
+
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
         """Stop the active executions along their paths and wait for standstill.
 

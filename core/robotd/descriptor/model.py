@@ -117,6 +117,13 @@ class DriveSettings(Section):
             yield ("right_axis",), "used before, by left_axis", self.right_axis
 
 
+class PartSensorSettings(Section):
+    """An input that is 1 while the gripper holds a part."""
+
+    input_byte: int = Field(ge=0, lt=8000, description="Byte of the input image.")
+    input_bit: int = Field(ge=0, le=7, description="Bit in that byte.")
+
+
 class GripperSettings(Section):
     """A gripper on one output bit; its fingers are reported as joints."""
 
@@ -135,6 +142,10 @@ class GripperSettings(Section):
     closed_m: float = Field(description="Position when closed; rad for fingers that turn.")
     travel_time_s: NotNegative = Field(
         0.0, description="Time from one end to the other; 0 reports the end at once."
+    )
+
+    part_sensor: PartSensorSettings | None = Field(
+        None, description="Input that shows a part; null: the gripper has none."
     )
 
     def problems(self) -> Iterator[Problem]:

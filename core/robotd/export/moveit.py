@@ -6,12 +6,14 @@ The names are those of MoveItSimpleControllerManager, of the trajectory executio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from robotd.descriptor import JointSettings, JointType, RobotDescriptor
 from robotd.export.export_input import ExportInput
 
 SERVER = "follow_joint_trajectory_server"
+GRIPPER_NODE = "gripper_controller"
 
 # Longest time from the planned end of a trajectory to its result, beside goal_time_s: a device
 # may still be moving for 2 s, and a joint that creeps at the end is reported after 2 s more. The
@@ -32,27 +34,35 @@ def move_group_parameters(source: ExportInput) -> str:
     limits = {joint.name: _limits(joint) for joint in descriptor.joints}
     content = {
         "moveit_controller_manager": f"{MANAGER}/MoveItSimpleControllerManager",
-        MANAGER: _controllers(action, list(descriptor.joint_names)),
+        MANAGER: _controllers(source, action),
         "trajectory_execution": _execution(source),
         "robot_description_planning": {"joint_limits": limits},
     }
     return source.document(_remarks(source), {"/**": {"ros__parameters": content}})
 
 
-def _controllers(action: str, joints: list[str]) -> dict[str, Any]:
-    """Return the controller list; MoveIt joins its name and ``action_ns`` by a slash."""
-    controller, _, action_ns = action.removeprefix("/").rpartition("/")
-    if not controller:
-        controller, action_ns = action_ns, ""
-    return {
-        "controller_names": [controller],
-        controller: {
-            "type": "FollowJointTrajectory",
-            "action_ns": action_ns,
-            "default": True,
-            "joints": joints,
-        },
-    }
+def _controllers(source: ExportInput, action: str) -> dict[str, Any]:
+    """Return the controller list; MoveIt joins a name and its ``action_ns`` by a slash."""
+    controllers = dict(
+        [_controller(action, "FollowJointTrajectory", source.descriptor.joint_names)]
+    )
+    if gripper := _gripper_action(source):
+        settings = source.descriptor.gripper
+        controllers |= [_controller(gripper, "GripperCommand", settings.joints if settings else ())]
+    return {"controller_names": list(controllers), **controllers}
+
+
+def _controller(action: str, kind: str, joints: Sequence[str]) -> tuple[str, dict[str, Any]]:
+    name, _, action_ns = action.removeprefix("/").rpartition("/")
+    if not name:
+        name, action_ns = action_ns, ""
+    return name, {"type": kind, "action_ns": action_ns, "default": True, "joints": list(joints)}
+
+
+def _gripper_action(source: ExportInput) -> str:
+    """Return the resolved name of the gripper's action, "" where it has none."""
+    has_node = GRIPPER_NODE in source.descriptor.nodes
+    return source.topic(GRIPPER_NODE, "gripper_action") if has_node else ""
 
 
 def _execution(source: ExportInput) -> dict[str, Any]:
@@ -86,7 +96,8 @@ def _limits(joint: JointSettings) -> dict[str, Any]:
 
 def _remarks(source: ExportInput) -> list[str]:
     lines = ["Parameters of move_group (MoveIt 2), beside those of your MoveIt configuration."]
-    if gripper := source.descriptor.gripper:
+    gripper = source.descriptor.gripper
+    if gripper and not _gripper_action(source):
         service = source.topic(SERVER, "wmx_gripper_topic")
         lines += [
             f"The gripper is the service {service} (std_srvs/srv/SetBool), which is no controller",

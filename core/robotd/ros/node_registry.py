@@ -42,6 +42,10 @@ BUILT_IN = {
         "robotd.ros.nodes.joint_command_node:JointCommandNode",
         "motion on topics: trajectories, points, positions, velocities, jog",
     ),
+    "gripper_controller": NodeInfo(
+        "robotd.ros.nodes.gripper_controller:GripperController",
+        "the gripper as actions, for MoveIt",
+    ),
     "diff_drive_controller": NodeInfo(
         "robotd.ros.nodes.diff_drive_controller:DiffDriveController",
         "twists and odometry of a mobile base; the wheels are switched on at start",

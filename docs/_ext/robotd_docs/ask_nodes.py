@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
@@ -58,6 +59,8 @@ def describe(node: Node) -> dict[str, Any]:
         if name.endswith(("_topic", "_action")) and value.value
     }
     types = dict(node.get_service_names_and_types())
+    own = (node.get_name(), node.get_namespace())
+    kinds = {name: each[0] for name, each in get_action_server_names_and_types_by_node(node, *own)}
     topics = {topic.name: topic.type for topic in report.topics}
 
     def entity(name: str, kind: str, qos: str = "") -> dict[str, Any]:
@@ -75,9 +78,7 @@ def describe(node: Node) -> dict[str, Any]:
         "services": [entity(name, types[name][0]) for name in report.services],
         "published": endpoints(node.publishers),
         "subscribed": endpoints(node.subscriptions),
-        "actions": [
-            entity(name, "control_msgs/action/FollowJointTrajectory") for name in report.actions
-        ],
+        "actions": [entity(name, kinds[name]) for name in report.actions],
         "parameters": list(parameters(node)),
     }
 

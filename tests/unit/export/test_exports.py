@@ -44,7 +44,7 @@ def move_group(source: ExportInput) -> dict[str, Any]:
 def action_of(parameters: dict[str, Any]) -> str:
     """The action's name as MoveIt puts it together."""
     manager = parameters["moveit_simple_controller_manager"]
-    (name,) = manager["controller_names"]
+    name = manager["controller_names"][0]
     action_ns = manager[name]["action_ns"]
     return f"/{name}/{action_ns}" if action_ns else f"/{name}"
 
@@ -92,8 +92,17 @@ def test_moveit_waits_longer_than_the_robot_takes_for_a_result(cr3a: RobotDescri
     }
 
 
-def test_moveit_is_told_of_the_gripper_in_a_comment(cr3a: RobotDescriptor) -> None:
-    text = EXPORTS["moveit"](ExportInput(cr3a, "/left"))
+def test_moveit_gets_the_gripper_s_action(cr3a: RobotDescriptor) -> None:
+    manager = move_group(ExportInput(cr3a, "/left"))["moveit_simple_controller_manager"]
+    name = manager["controller_names"][1]
+    assert f"{name}/{manager[name]['action_ns']}" == "left/gripper_controller/gripper_cmd"
+    assert manager[name]["type"] == "GripperCommand"
+    assert manager[name]["joints"] == ["picker_1_joint", "picker_2_joint"]
+
+
+def test_moveit_is_told_of_a_gripper_without_an_action_in_a_comment(cr3a: RobotDescriptor) -> None:
+    source = changed(cr3a, "gripper_controller", gripper_action="")
+    text = EXPORTS["moveit"](ExportInput(source.descriptor, "/left"))
     assert "/left/wmx/set_gripper (std_srvs/srv/SetBool)" in text
     assert "picker_1_joint, picker_2_joint" in text
     assert "(variant intel)" in text

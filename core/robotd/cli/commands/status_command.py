@@ -47,6 +47,8 @@ def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> Exit
             click.echo(field("motion", [warning(f"stopped: {report.stopped}"), "robotd reset"]))
         if report.speed != 1.0:
             click.echo(field("speed", [f"{100.0 * report.speed:g} %"]))
+        if report.owners:
+            click.echo(field("owners", [f"{name}: {who}" for name, who in report.owners.items()]))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
     return ExitCode.OK if report.ready and not report.stopped else ExitCode.FAILED

@@ -58,6 +58,7 @@ class RobotReport:
         stopped: why all motion is stopped until a reset; "" while it is allowed.
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
+        owners: client that moves it, by name of the joint; without those that nobody owns.
     """
 
     state: str
@@ -67,6 +68,12 @@ class RobotReport:
     stopped: str
     speed: float
     axes: tuple[AxisReport, ...] | None
+    owners: dict[str, str]
+
+
+def _owners(text: str) -> dict[str, str]:
+    pairs = (line.partition(": ") for line in text.splitlines())
+    return {name: owner for name, _, owner in pairs}
 
 
 def read_report(client: RosClient) -> RobotReport:
@@ -76,6 +83,7 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(AxisState, AXIS_STATE) as axes,
         client.listen(String, f"{OPERATOR_NODE}/stopped", LATCHED) as stopped,
         client.listen(Float64, f"{OPERATOR_NODE}/speed", LATCHED) as speed,
+        client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
@@ -86,7 +94,14 @@ def read_report(client: RosClient) -> RobotReport:
         )
         reports = axis_reports(axes.wait()) if published else None
         return RobotReport(
-            state, is_ready, reason, remedy, stopped.wait().data, speed.wait().data, reports
+            state,
+            is_ready,
+            reason,
+            remedy,
+            stopped.wait().data,
+            speed.wait().data,
+            reports,
+            _owners(owners.wait().data),
         )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from control_msgs.msg import JointJog
+from control_msgs.srv import QueryTrajectoryState
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
@@ -14,13 +15,15 @@ from robotd.control.joint_stream import JointStream
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
+from robotd.ros.nodes.controller_state_topic import ControllerStateTopic, TrajectoryQuery
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.topic_stream import TopicStream
 from robotd.ros.nodes.trajectory_topic import TrajectoryTopic
-from robotd.ros.services import add_subscription
+from robotd.ros.services import add_service, add_subscription
 
 NAME = "joint_command_node"
 DEPTH = 10
+STATE_HZ = 50
 
 
 class JointCommandNode(Node):
@@ -48,6 +51,12 @@ class JointCommandNode(Node):
         position = parameters.topic("position_commands_topic", "positions of all joints")
         velocity = parameters.topic("velocity_commands_topic", "velocities of all joints")
         jog = parameters.topic("joint_jog_topic", "velocities of named joints")
+        state = parameters.topic("controller_state_topic", "commanded and measured motion")
+        query = parameters.topic("query_state_service", "commanded motion at a time")
+        highest = int(robot.descriptor.cycle.rate_hz)
+        rate_hz = parameters.integer(
+            "state_publish_rate", STATE_HZ, (1, highest), "rate of the state topic in Hz"
+        )
         parameters.done()
         if trajectory:
             stream = self._stream(trajectory, OWNER)
@@ -58,6 +67,13 @@ class JointCommandNode(Node):
             self._forward(velocity, Float64MultiArray, _velocities)
         if jog:
             self._forward(jog, JointJog, self._jog)
+        if state:
+            publisher = ControllerStateTopic(self, robot, state)
+            robot.control_loop.every(rate_hz, "controller state", publisher.publish)
+            self.rates_hz = {publisher.topic: float(rate_hz)}
+        if query:
+            answer = TrajectoryQuery(self, robot).answer
+            add_service(self, host, QueryTrajectoryState, query, answer, blocking=False)
 
     def _forward(self, topic: str, message_type: Any, command: Any) -> None:
         """Let every message of ``topic`` command a stream of its own."""

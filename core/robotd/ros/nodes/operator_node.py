@@ -14,6 +14,7 @@ from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.nodes.owner_topic import OwnerTopic
 from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
 from robotd.ros.services import add_service, add_subscription, named_values
 
@@ -26,6 +27,7 @@ class OperatorNode(Node):
         self._recovery = _RecoveryService(self, robot, host)
         self._stop = _StopServices(self, robot, host)
         self._speed = _SpeedServices(self, robot, host)
+        self._owners = OwnerTopic(self, robot)
 
 
 class _SpeedServices:

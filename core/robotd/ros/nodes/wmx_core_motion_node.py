@@ -15,6 +15,7 @@ from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import axis_conversions
+from robotd.ros.nodes.axis_jog import AxisJog
 from robotd.ros.nodes.axis_state_topic import RATE_HZ, AxisStateTopic
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.rejection_log import RejectionLog
@@ -23,6 +24,8 @@ from robotd.ros.services import add_service, add_subscription
 COMMAND_DEPTH = 10
 MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log
 READY = "wmx/core_motion/ready"
+JOG = "wmx/axis/jog"
+JOG_TIMEOUT_S = 0.2  # jog_timeout_ms of the reference
 
 
 class WmxCoreMotionNode(Node):
@@ -47,6 +50,11 @@ class WmxCoreMotionNode(Node):
         ):
             handler = self._execute_or_log(topic, command)
             add_subscription(self, host, message_type, topic, handler, COMMAND_DEPTH)
+        add_service(self, host, SetAxis, "wmx/axis/stop", self._stop, urgent=True)
+        jog = AxisJog(robot, host, JOG, JOG_TIMEOUT_S)
+        add_subscription(
+            self, host, AxisVelocity, JOG, self._execute_or_log(JOG, jog.take), COMMAND_DEPTH
+        )
         state = AxisStateTopic(self, robot.image, robot.connection)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "axis state", state.publish)
@@ -142,6 +150,12 @@ class WmxCoreMotionNode(Node):
                 self._rejections.accepted(topic, message.index)
 
         return on_message
+
+    def _stop(self, request: Any, response: Any) -> Any:
+        axes = list(request.index)
+        self._axes.check_axes(axes)
+        self._axes.stop(axes)
+        return axis_conversions.fill_outcome(response, self._axes.names, dict.fromkeys(axes))
 
     def _jog(self, message: Any) -> None:
         self._axes.jog(axis_conversions.jogs(message))

@@ -1,0 +1,78 @@
+"""State topic and query service of joint_trajectory_controller."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from control_msgs.msg import JointTrajectoryControllerState
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from robotd.device.process_image import ProcessImage, columns
+from robotd.robot import Robot
+from robotd.ros.middleware import HotPublisher, StampClock
+from robotd.ros.nodes.trajectory_conversions import stamp_ns
+
+DEPTH = 10
+POINTS = ("reference", "output", "feedback", "error")
+
+
+class ControllerStateTopic:
+    """Publishes commanded and measured motion of the joints while somebody subscribes.
+
+    ``publish`` belongs to the control loop.
+    """
+
+    def __init__(self, node: Node, robot: Robot, topic: str) -> None:
+        rest = [0.0] * len(robot.joint_names)
+        template = JointTrajectoryControllerState(joint_names=list(robot.joint_names))
+        template.speed_scaling_factor = 1.0
+        for name in POINTS:
+            setattr(template, name, JointTrajectoryPoint(positions=rest, velocities=rest))
+        paths = [f"{name}.{field}" for name in POINTS for field in ("positions", "velocities")]
+        self._publisher = node.create_publisher(type(template), topic, DEPTH)
+        self._message = HotPublisher(self._publisher, template, paths)
+        self._views = {path: self._message.view(path) for path in paths}
+        self._connection, self._clock = robot.connection, StampClock(node.get_clock())
+        self._columns = columns(robot.joint_axes)
+
+    @property
+    def topic(self) -> str:
+        """Resolved name."""
+        return str(self._publisher.topic_name)
+
+    def publish(self, image: ProcessImage) -> None:
+        """Publish the present period."""
+        if not self._connection.ready or not self._publisher.get_subscription_count():
+            return
+        commanded, measured = image.commands[:, self._columns], image.measured[:2, self._columns]
+        for row, field in enumerate(("positions", "velocities")):
+            self._views[f"reference.{field}"][:] = commanded[row]
+            self._views[f"output.{field}"][:] = commanded[row]
+            self._views[f"feedback.{field}"][:] = measured[row]
+            self._views[f"error.{field}"][:] = commanded[row] - measured[row]
+        self._message.stamp(self._clock.now_ns())
+        self._message.publish()
+
+
+class TrajectoryQuery:
+    """Answers a query with the running trajectory at a ROS time, or the held position."""
+
+    def __init__(self, node: Node, robot: Robot) -> None:
+        self._clock, self._robot = node.get_clock(), robot
+
+    def answer(self, request: Any, response: Any) -> Any:
+        """Fill the response of a ``QueryTrajectoryState``; time zero means now."""
+        robot, asked_ns = self._robot, stamp_ns(request.time)
+        delay_ns = asked_ns - self._clock.now().nanoseconds if asked_ns else 0
+        state = robot.follower.state_at(robot.clock.now_ns() + delay_ns)
+        if state is None or not np.isfinite(state.position).all():
+            response.message = "no trajectory runs: the motion is decided by a stream, or unknown"
+            return response
+        response.success = True
+        response.name = list(robot.joint_names)
+        response.position = state.position.tolist()
+        response.velocity = state.velocity.tolist()
+        response.acceleration = state.acceleration.tolist()
+        return response

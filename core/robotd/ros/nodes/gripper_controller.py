@@ -1,0 +1,187 @@
+"""gripper_controller: the gripper as GripperCommand and ParallelGripperCommand actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from control_msgs.action import GripperCommand, ParallelGripperCommand
+from rclpy._rclpy_pybind11 import GoalEvent
+from rclpy.action import CancelResponse, GoalResponse
+from rclpy.node import Node
+
+from robotd.device.gripper import Gripper, GripperState
+from robotd.errors import DescriptorError, InvalidArgument, RobotdError
+from robotd.log import get_logger
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.middleware import RealTimeResultServer
+from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.services import SERVICE_QOS
+
+log = get_logger("gripper")
+
+NAME = "gripper_controller"
+RESULT_TIMEOUT_S = 10  # of real time for which a result can be asked for
+MAX_ACTIVE_GOALS = 8
+
+
+class GripperController(Node):
+    """Opens and closes the gripper for MoveIt's gripper controllers.
+
+    Raises:
+        DescriptorError: the robot has no gripper, or a parameter is wrong.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__(NAME, context=host.context)
+        if robot.gripper is None:
+            raise DescriptorError(f"{NAME} needs a gripper, which {robot.descriptor.name} has not")
+        parameters = Parameters(self, robot.descriptor)
+        single = parameters.topic("gripper_action", "name of the GripperCommand action")
+        parallel = parameters.topic(
+            "parallel_gripper_action", "name of the ParallelGripperCommand action"
+        )
+        parameters.done()
+        self._actions = []
+        if single:
+            self._actions.append(
+                GripperAction(self, host, robot.gripper, GripperCommand, single, _wanted, _result)
+            )
+        if parallel:
+            self._actions.append(
+                GripperAction(
+                    self,
+                    host,
+                    robot.gripper,
+                    ParallelGripperCommand,
+                    parallel,
+                    _wanted_in_parallel,
+                    _result_in_parallel,
+                )
+            )
+
+
+class GripperAction:
+    """One action of the gripper; each goal runs in a worker until standstill.
+
+    Args:
+        node: its owner.
+        host: its workers move the gripper.
+        gripper: to be moved.
+        action_type: class of the action.
+        name: of the action.
+        wanted: returns the finger position of a goal; raises InvalidArgument.
+        fill: fills a result or a feedback from finger names and a state.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        host: RosHost,
+        gripper: Gripper,
+        action_type: Any,
+        name: str,
+        wanted: Callable[[Any, Gripper], float],
+        fill: Callable[[Any, Gripper, GripperState], Any],
+    ) -> None:
+        self._host, self._gripper, self._type = host, gripper, action_type
+        self._wanted, self._fill = wanted, fill
+        self._live = 0  # goals that have not ended; executor thread
+        self._server = RealTimeResultServer(
+            node,
+            action_type,
+            name,
+            _unused,
+            goal_callback=self._admit,
+            handle_accepted_callback=self._accepted,
+            cancel_callback=lambda goal: CancelResponse.ACCEPT,
+            goal_service_qos_profile=SERVICE_QOS,
+            cancel_service_qos_profile=SERVICE_QOS,
+            result_service_qos_profile=SERVICE_QOS,
+            result_timeout=RESULT_TIMEOUT_S,
+        )
+
+    def _admit(self, goal: Any) -> GoalResponse:
+        with self._host.callback_guard():
+            try:
+                if self._live >= MAX_ACTIVE_GOALS:
+                    raise InvalidArgument(f"{MAX_ACTIVE_GOALS} goals have not ended yet")
+                self._wanted(goal, self._gripper)
+            except RobotdError as error:
+                log.warning("goal rejected", reason=str(error))
+                return GoalResponse.REJECT
+            self._live += 1
+            return GoalResponse.ACCEPT
+
+    def _accepted(self, goal: Any) -> None:
+        """Executor thread: hand the goal to a worker."""
+        goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
+        try:
+            self._host.submit(self._run, goal)
+        except RobotdError as error:
+            self._end(goal, None, str(error))
+
+    def _run(self, goal: Any) -> None:
+        """Worker: move, and let the executor thread end the goal."""
+        try:
+            target = self._wanted(goal.request, self._gripper)
+            state = self._gripper.move(target, lambda: bool(goal.is_cancel_requested))
+        except RobotdError as error:
+            self._end(goal, None, str(error))
+        else:
+            self._end(goal, state, "")
+
+    def _end(self, goal: Any, state: GripperState | None, reason: str) -> None:
+        self._server.notify_execute(goal, lambda goal: self._finish(goal, state, reason))
+
+    def _finish(self, goal: Any, state: GripperState | None, reason: str) -> Any:
+        """Executor thread."""
+        self._live -= 1
+        result = self._type.Result()
+        if state is not None:
+            self._fill(result, self._gripper, state)
+        if goal.is_cancel_requested and state is not None and not state.at_rest:
+            goal.canceled()
+        elif state is None or not state.at_rest:
+            goal.abort()
+        else:
+            goal.succeed()
+        log.info("gripper goal ended", reason=reason or str(state))
+        return result
+
+
+def _wanted(request: Any, gripper: Gripper) -> float:
+    return gripper.checked(float(request.command.position))
+
+
+def _wanted_in_parallel(request: Any, gripper: Gripper) -> float:
+    command = request.command
+    unknown = [name for name in command.name if name not in gripper.joints]
+    if unknown:
+        known = ", ".join(gripper.joints)
+        raise InvalidArgument(f"joint {unknown[0]} is unknown (available: {known})")
+    if not command.position:
+        raise InvalidArgument("the command has no position")
+    if len(set(command.position)) > 1:
+        raise InvalidArgument("all fingers have one position")
+    return gripper.checked(float(command.position[0]))
+
+
+def _result(message: Any, gripper: Gripper, state: GripperState) -> Any:
+    message.position = state.position_m
+    message.stalled, message.reached_goal = state.stalled, state.reached
+    return message
+
+
+def _result_in_parallel(message: Any, gripper: Gripper, state: GripperState) -> Any:
+    message.state.name = list(gripper.joints)
+    message.state.position = [state.position_m] * len(gripper.joints)
+    message.state.velocity = [0.0] * len(gripper.joints)
+    message.stalled, message.reached_goal = state.stalled, state.reached
+    return message
+
+
+def _unused(goal: Any) -> Any:
+    """The execute callback that rclpy asks for; ``_accepted`` does without."""
+    raise AssertionError("goals are executed by a worker")
