@@ -16,7 +16,7 @@ from robotd.motion.joints import JointLimits, MotionState
 NEGLIGIBLE = 1e-9  # rad or m: numerical error of a plan's extremum
 RESTING = 1e-9  # rad/s or m/s: slower is standstill
 TRACKABLE = 0.9  # share of the velocity and acceleration limit that a reference may use
-ON_REFERENCE = np.array([1e-9, 1e-8, 1e-6])  # position, velocity, acceleration: no deviation
+ON_REFERENCE = np.array([[1e-9], [1e-8], [1e-6]])  # position, velocity, acceleration: no deviation
 STRONGER = 2.0  # factor of acceleration and jerk from one attempt to stop in time to the next
 ATTEMPTS = 12
 
@@ -47,6 +47,9 @@ class SetpointLimiter:
         self._bounds = Bounds.symmetric(limits.velocity, limits.acceleration, limits.jerk)
         self._planner, self._stop_planner = JointPlanner(joints), JointPlanner(joints)
         self._ramp_s = limits.acceleration / limits.jerk
+        dt = period_s
+        self._back = np.array([[1.0, -dt, dt**2 / 2.0], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
+        self._carefree = self._carefree_states()
         self._anywhere: FloatArray = np.full(joints, np.nan)
         self._rest: FloatArray = np.zeros(joints)
         self._target, self._velocity = self._anywhere, self._rest  # of the plan
@@ -104,6 +107,9 @@ class SetpointLimiter:
                 there by itself. Clipped to the limits.
             stands: (m,) targets that stand still and are not overshot.
         """
+        if not stands.any() and self._is_on(reference):
+            self.state[:] = reference
+            return self.state
         limits, start = self._limits, self.state.copy()
         target = self._within_limits(target)
         position, velocity, acceleration = reference
@@ -146,6 +152,14 @@ class SetpointLimiter:
         bounds = self._bounds._replace(lowest_velocity=-fastest, highest_velocity=fastest)
         self._go(np.where(joints, end, self._target), np.where(joints, 0.0, velocity), bounds)
 
+    def _is_on(self, reference: FloatArray) -> bool:
+        """Return True where every joint is on ``reference`` and may certainly stay there."""
+        lowest, highest = self._carefree
+        return bool(
+            (np.abs(self.state - self._back @ reference) < ON_REFERENCE).all()
+            and ((reference > lowest) & (reference < highest)).all()
+        )
+
     def _follow(
         self, start: FloatArray, reference: FloatArray, target: FloatArray, tracked: BoolArray
     ) -> None:
@@ -156,12 +170,7 @@ class SetpointLimiter:
         """
         bounds, period_s = self._bounds, self._period_s
         after = reference * tracked
-        before = after.copy()
-        before[1] -= after[2] * period_s
-        before[0] -= (before[1] + 0.5 * after[2] * period_s) * period_s
-        if tracked.all() and (np.abs(start - before).max(axis=1) < ON_REFERENCE).all():
-            self.state[:] = after
-            return
+        before = self._back @ after
         relative = Bounds(
             bounds.lowest_velocity - after[1],
             bounds.highest_velocity - after[1],
@@ -176,6 +185,19 @@ class SetpointLimiter:
         self.state[:] = start
         self.stop()
         self.step()
+
+    def _carefree_states(self) -> tuple[FloatArray, FloatArray]:
+        """Return (3, m) lowest and highest state from which any stop is within the limits."""
+        limits = self._limits
+        acceleration = TRACKABLE * limits.acceleration
+        gained = limits.acceleration * self._ramp_s / 2.0
+        velocity = np.minimum(TRACKABLE * limits.velocity, limits.velocity - gained)
+        speed = np.maximum(velocity, 0.0) + gained
+        room = speed * (2.0 * self._ramp_s + speed / (2.0 * limits.acceleration))
+        return (
+            np.array([limits.lower + room, -velocity, -acceleration]),
+            np.array([limits.upper - room, velocity, acceleration]),
+        )
 
     def _too_fast(self) -> BoolArray:
         """Return (m,) joints whose acceleration cannot end before the velocity limit."""

@@ -40,12 +40,13 @@ class TargetSpline:
         self, position: FloatArray, velocity: FloatArray, target: FloatArray, time_ns: int
     ) -> None:
         half = 0.5 * FIRST_PERIOD_S * velocity
-        self._points = [position - half, position + half, target]
+        self._points: FloatArray = np.array([position - half, position + half, target])
         self._waiting: deque[FloatArray] = deque()
         self._arrivals: deque[int] = deque([time_ns], maxlen=WINDOW)
         self._period_s = FIRST_PERIOD_S
         self._phase = 0.0  # within the present three points; below 0: waits at its beginning
         self._lag = 0.0  # mean number of input periods behind the intended phase
+        self._stands: BoolArray | None = None  # None: has to be found again
         self._padded = False  # the last point repeats the one before: no target came in time
 
     @property
@@ -59,16 +60,18 @@ class TargetSpline:
 
         A joint that has just begun to move may stop at its first target.
         """
-        before, middle, last = [*self._points, *self._waiting][-3:]
-        standing: BoolArray = (last == middle) | (middle == before)
-        return standing
+        if self._stands is None:
+            before, middle, last = [*self._points, *self._waiting][-3:]
+            self._stands = (last == middle) | (middle == before)
+        return self._stands
 
     def add(self, target: FloatArray, time_ns: int) -> None:
         """Append a target (m,) that arrived at ``time_ns``."""
         self._measure(time_ns)
+        self._stands = None
         if not self._padded:
             self._waiting.append(target)
-        elif self._stands():
+        elif self._rests():
             self._points[-1], self._phase, self._lag = target, -SPARE, 0.0
         else:
             self._points[-1] = target
@@ -86,14 +89,15 @@ class TargetSpline:
         while self._phase >= 1.0:
             self._phase -= 1.0
             self._shift()
-        first, second, third = self._points
         u = max(self._phase, 0.0)
-        before, after = second - first, third - second
-        return np.array([
-            0.5 * (first + second) + u * before + 0.5 * u**2 * (after - before),
-            ((1.0 - u) * before + u * after) * rate,
-            (after - before) * rate**2,
-        ])  # fmt: skip
+        basis = np.array(
+            [
+                [0.5 * (1.0 - u) ** 2, 0.5 + u - u**2, 0.5 * u**2],
+                [(u - 1.0) * rate, (1.0 - 2.0 * u) * rate, u * rate],
+                [rate**2, -2.0 * rate**2, rate**2],
+            ]
+        )
+        return basis @ self._points
 
     def _measure(self, time_ns: int) -> None:
         """Update the mean period of arrivals."""
@@ -104,12 +108,14 @@ class TargetSpline:
             span_s = (time_ns - self._arrivals[0]) / NANOSECONDS
             self._period_s = max(span_s / gaps, SHORTEST_PERIOD_S)
 
-    def _stands(self) -> bool:
+    def _rests(self) -> bool:
         first, second, third = self._points
         return bool((first == second).all() and (second == third).all())
 
     def _shift(self) -> None:
         """Go on to the next point; without one, to the last again."""
         self._padded = not self._waiting
-        following = self._waiting.popleft() if self._waiting else self._points[-1]
-        self._points = [*self._points[1:], following]
+        following = self._waiting.popleft() if self._waiting else self._points[-1].copy()
+        self._points[:-1] = self._points[1:]
+        self._points[-1] = following
+        self._stands = None
