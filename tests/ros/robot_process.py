@@ -26,7 +26,7 @@ from robotd.testing.domain import own_domain
 
 BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the same on all
 ENGINES = itertools.count()
-WAIT_S = 20.0
+WAIT_S = 40.0  # far longer than on an idle computer
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
