@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 from tests.canopen.drives_process import DrivesProcess, write_robot
 from tests.canopen.moving import SPEED_RAD_S, Motion
+from tests.conformance.kit import run_kit
 from tools.endurance.rest import come_to_rest
 
 from robotd.clock import MonotonicClock, wait_until
 
+KILLED = "test_watchdog.py::test_axes_stop_when_their_process_is_killed"
 HEARTBEAT_LOST = 0x8130
 COUNTS_PER_RAD = 166886.0535  # of the arm
 WATCHDOG_S = 0.5
@@ -52,3 +54,15 @@ def test_the_drives_stop_by_themselves(
             lambda: drive.error_code() == HEARTBEAT_LOST, 2 * WATCHDOG_S, MonotonicClock()
         )
     assert robot.returncode == -signal.SIGKILL
+
+
+@pytest.mark.parametrize(("watchdog_s", "stops"), [(WATCHDOG_S, True), (30.0, False)])
+def test_the_kit_finds_drives_without_a_watchdog(
+    drives: DrivesProcess, tmp_path: Path, watchdog_s: float, stops: bool
+) -> None:
+    del drives
+    robot = write_robot(tmp_path, heartbeat_timeout_s=watchdog_s)
+    outcome = run_kit("canopen", KILLED, robot=str(robot))
+    assert (outcome.passed, set(outcome.failed)) == (
+        ({KILLED}, set()) if stops else (set(), {KILLED})
+    )

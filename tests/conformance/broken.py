@@ -10,7 +10,7 @@ import os
 import threading
 from pathlib import Path
 
-from tests.conformance.mutants import Mutant
+from tests.conformance.mutants.plugin import Mutant
 
 from robotd.api import ProcessImage
 from robotd.device.state import ConnectionState

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from tests.conformance.mutants import Mutant
+from tests.conformance.mutants.plugin import Mutant
 
 InstallMutant = Callable[[type[Mutant]], str]
 InstallPlugin = Callable[[str], str]

@@ -1,9 +1,14 @@
 """Mutants, broken backends and the whole arm as plugin objects, by the names of their classes."""
 
-from tests.conformance import broken, more_mutants, mutants, whole_arm
+from __future__ import annotations
+
+from tests.conformance import broken, whole_arm
+from tests.conformance.mutants import all_mutants
 
 
 def __getattr__(name: str) -> object:
     """``tests.conformance.installed:Degrees`` is an instance of that mutant."""
-    modules = (mutants, more_mutants, broken, whole_arm)
-    return next(getattr(module, name)() for module in modules if hasattr(module, name))
+    classes = all_mutants() | vars(broken) | vars(whole_arm)
+    if name not in classes:
+        raise AttributeError(name)
+    return classes[name]()

@@ -36,4 +36,4 @@ def test_a_whole_arm_that_hides_its_servo_group_fails(
 
 def test_every_theme_is_there() -> None:
     themes = {path.stem for path in CHECKS.glob("test_*.py")}
-    assert len(themes) == 19
+    assert len(themes) == 21

@@ -16,7 +16,7 @@ from tests.conformance.broken import (
     broken,
     released,
 )
-from tests.conformance.mutants import Mutant
+from tests.conformance.mutants.plugin import Mutant
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.descriptor import RobotDescriptor

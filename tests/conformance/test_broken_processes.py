@@ -12,7 +12,7 @@ import pytest
 from control_msgs.action import FollowJointTrajectory
 from tests.conformance import broken
 from tests.conformance.conftest import InstallMutant, InstallSource
-from tests.conformance.mutants import Mutant
+from tests.conformance.mutants.plugin import Mutant
 from tests.ros.robot_process import Client, Goal, RobotProcess
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.srv import GetIoBit, SetIoBit

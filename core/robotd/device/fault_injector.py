@@ -15,9 +15,11 @@ class FaultInjector:
     Attributes:
         lives_by_clock: the device has no time but ``DeviceContext.clock`` and no thread of its
             own, so that tests may run it on a clock that they advance themselves.
+        in_process: the device is simulated in this process and ends with it.
     """
 
     lives_by_clock: bool = False
+    in_process: bool = True
 
     def position(self, axis: int) -> float:
         """True position of the axis in rad or m, independent of the drive."""
@@ -62,6 +64,17 @@ class FaultInjector:
     def jump_encoder(self, axis: int, delta: float) -> None:
         """Let the measured position jump by ``delta`` rad or m, as a slipping encoder does."""
         raise self._unsupported("jump_encoder")
+
+    def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
+        """Close or release a switch at the axis: the name of its row in ``ProcessImage``.
+
+        ``negative_limit``, ``positive_limit`` or ``home_switch``.
+        """
+        raise self._unsupported("press_switch")
+
+    def torque(self, axis: int) -> float:
+        """Return the torque of the motor at the axis, N·m (or N)."""
+        raise self._unsupported("torque")
 
     def lose_packets(self, count: int) -> None:
         """Lose ``count`` frames of the fieldbus in a row."""

@@ -15,6 +15,7 @@ from robotd_docs.markdown import table
 
 JOINTED = "jointed"  # the fixture of checks that need joints
 INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one
+MUTANTS = Path(__file__).parents[3] / "tests" / "conformance" / "mutants"
 FOLDER = Path(robotd.testing.conformance.__file__).parent
 
 
@@ -30,6 +31,41 @@ class ChecksDirective(SphinxDirective):
         if "joints |" not in text or "fault injector |" not in text:
             raise self.error("no check needs joints or a fault injector: names have changed")
         return self.parse_text_to_nodes(text, allow_section_headings=True)
+
+
+class MutantsDirective(SphinxDirective):
+    """Render the mutants of the kit by theme, each with the checks that find it."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return headings and tables."""
+        modules = sorted(MUTANTS.glob("*_mutants.py"))
+        if not modules:
+            raise self.error(f"no mutants in {MUTANTS}")
+        text = "\n\n".join(_mutants(path) for path in modules)
+        return self.parse_text_to_nodes(text, allow_section_headings=True)
+
+
+def _mutants(path: Path) -> str:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    rows = [
+        (re.sub(r"(?<=[a-z])(?=[A-Z])", " ", node.name).lower(), _found_by(node))
+        for node in tree.body
+        if isinstance(node, ast.ClassDef)
+    ]
+    return f"### {ast.get_docstring(tree)}\n\n{table(('mutant', 'found by'), rows)}"
+
+
+def _found_by(mutant: ast.ClassDef) -> str:
+    """Return the checks that a mutant names, without the names of their modules."""
+    values = [
+        ast.literal_eval(node.value)
+        for node in mutant.body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "found_by"
+    ]
+    names = [values[0]] if isinstance(values[0], str) else values[0]
+    return (
+        ", ".join(f"`{name.partition('::test_')[2]}`" for name in names if name) or "no check yet"
+    )
 
 
 def _theme(path: Path) -> str:
@@ -64,3 +100,4 @@ def _is_mark(node: ast.stmt) -> bool:
 def setup(app: Any) -> None:
     """Register the directive."""
     app.add_directive("conformance-checks", ChecksDirective)
+    app.add_directive("conformance-mutants", MutantsDirective)

@@ -8,12 +8,18 @@ from robotd.api import FaultInjector
 from robotd_canopen.device import CanopenDevice
 from robotd_canopen.simulated import Drive, DriveNode, IoNode, SimulatedNetwork
 
+_SWITCHES = ("negative_limit", "positive_limit", "home_switch")  # bits of object 0x60FD
+
 
 class CanopenFaultInjector(FaultInjector):
     """Fault injection into drives simulated in this process; not on real drives. Any thread."""
 
     def __init__(self, device: CanopenDevice) -> None:
         self._device = device
+
+    @property
+    def in_process(self) -> bool:  # type: ignore[override]  # depends on the robot
+        return self._device.master.options.simulated
 
     def position(self, axis: int) -> float:
         drive = self._drive("position", axis)
@@ -37,6 +43,25 @@ class CanopenFaultInjector(FaultInjector):
     def freeze(self, frozen: bool) -> None:
         for node in self._network("freeze").members.values():
             node.faults.pdo_drop = 1.0 if frozen else 0.0
+
+    def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
+        drive = self._drive("press_switch", axis)
+        bit = _SWITCHES.index(switch)
+        if self._device.master.axes[axis].scaling.polarity < 0:
+            bit = (1, 0, 2)[bit]
+        self._network("press_switch").call(lambda: drive.press(bit, pressed=pressed))
+
+    def torque(self, axis: int) -> float:
+        return self._drive("torque", axis).torque
+
+    def output_bit(self, byte: int, bit: int) -> bool:
+        network = self._network("output_bit")
+        for module in self._device.master.layout.io:
+            options, node = module.options, network.members[module.options.node]
+            offset = byte - options.output_byte
+            if isinstance(node, IoNode) and 0 <= offset < options.output_length:
+                return bool(node.outputs[offset] >> bit & 1)
+        raise self._unsupported("output_bit")
 
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         network = self._network("set_input_bit")

@@ -49,6 +49,14 @@ class SimFaultInjector(FaultInjector):
     def block(self, axis: int, blocked: bool) -> None:
         self._faults.block(axis, blocked)
 
+    def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
+        self._faults.press_switch(axis, switch, pressed)
+
+    def torque(self, axis: int) -> float:
+        with self._world.lock:
+            self._world.advance()
+            return self._simulation.servo.measure()[1][axis]
+
     def jump_encoder(self, axis: int, delta: float) -> None:
         self._faults.jump_encoder(axis, delta)
 

@@ -86,6 +86,14 @@ class Faults:
             inputs = self._simulation.io.inputs
             inputs[byte] = inputs[byte] & ~(1 << bit) | int(value) << bit
 
+    def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
+        """A limit or home switch of ``axis`` closes wherever the axis is, or is released."""
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.switches.press(axis, switch, pressed=pressed)
+            self._simulation.guards.refresh()
+            self._world.stir()
+
     def push(self, axis: int, position: float) -> None:
         """Move an axis by hand. Raises NotReady while its servo is on."""
         with self._world.lock:

@@ -30,12 +30,6 @@ class Readout:
         )
         self._noisy = bool(self._velocity_noise or self._torque_noise)
         self._followers: list[int] = []  # axes whose position command is what they measure
-        lows, highs = np.full(axes, np.inf), np.full(axes, -np.inf)
-        for axis, switch in options.home_switches.items():
-            lows[axis] = switch.position_rad - switch.width_rad / 2
-            highs[axis] = switch.position_rad + switch.width_rad / 2
-        self._home_low, self._home_high = lows, highs
-        self._switches = bool(options.home_switches) or simulation.guards.has_switches
 
     def fill(self, image: ProcessImage) -> None:
         simulation = self._simulation
@@ -43,7 +37,11 @@ class Readout:
             return
         if image is not self._image or image.fresh_ns != self._fresh_ns:
             self._image, self._states, self._motion = image, None, None
-        states = simulation.communicating, simulation.states.snapshot()
+        states = (
+            simulation.communicating,
+            simulation.switches.changes,
+            simulation.states.snapshot(),
+        )
         if states != self._states:
             self._states, self._motion = states, None
             self._show_states(image)
@@ -96,15 +94,11 @@ class Readout:
             image.torque += self._torque_noise * self._random.standard_normal(servo.axes)
         if self._velocity_noise:
             image.velocity += self._velocity_noise * self._random.standard_normal(servo.axes)
-        if self._switches:
-            self._read_switches(image)
-
-    def _read_switches(self, image: ProcessImage) -> None:
-        guards, position = self._simulation.guards, image.position
-        np.less_equal(position, guards.negative_switch, image.negative_limit)
-        np.greater_equal(position, guards.positive_switch, image.positive_limit)
-        np.greater_equal(position, self._home_low, image.home_switch)
-        image.home_switch &= position <= self._home_high
+        switches = self._simulation.switches
+        if switches.in_use:
+            switches.read("negative_limit", image.position, image.negative_limit)
+            switches.read("positive_limit", image.position, image.positive_limit)
+            switches.read("home_switch", image.position, image.home_switch)
 
     def _keep_offline(self, image: ProcessImage) -> None:
         fresh, online = self._fresh, self._simulation.states.connected

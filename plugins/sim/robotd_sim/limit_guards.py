@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import IntEnum
 from functools import partial
 
@@ -11,8 +10,8 @@ import numpy as np
 from robotd.api import FloatArray
 from robotd_servo_model.world import World
 from robotd_sim.axis_states import AxisStates, Flags
+from robotd_sim.axis_switches import AxisSwitches
 from robotd_sim.motion import Motion
-from robotd_sim.options import LimitSwitches
 from robotd_sim.power import Power
 from robotd_wmx_parameters import WmxParameters
 
@@ -44,19 +43,13 @@ class Guards:
         states: AxisStates,
         motion: Motion,
         power: Power,
-        switches: Mapping[int, LimitSwitches],
+        switches: AxisSwitches,
     ) -> None:
         axes = world.servo.axes
         self._world, self._servo, self._states = world, world.servo, states
         self._motion, self._power = motion, power
         self._seen = np.zeros((2, axes), bool)
-        self.negative_switch, self.positive_switch = np.full(axes, -np.inf), np.full(axes, np.inf)
-        for axis, ends in switches.items():
-            if ends.negative_rad is not None:
-                self.negative_switch[axis] = ends.negative_rad
-            if ends.positive_rad is not None:
-                self.positive_switch[axis] = ends.positive_rad
-        self.has_switches = bool(switches)
+        self._switches = switches
         self._acted = [0] * axes  # number of the plan that a limit made
         world.on_watch = self._act
         power.on_home_lost = self.refresh
@@ -88,12 +81,14 @@ class Guards:
         """Recompute which limits are armed; soft limits act while the home position is known."""
         home = self._states.home_done
         negative, positive = self._soft
+        low_switch = self._switches.high["negative_limit"]
+        high_switch = self._switches.low["positive_limit"]
         self._low = np.stack([
-            np.where(self._negative_types[SWITCH] == LimitType.NONE, -np.inf, self.negative_switch),
+            np.where(self._negative_types[SWITCH] == LimitType.NONE, -np.inf, low_switch),
             -_where_set(-negative, home & (self._negative_types[SOFT] != LimitType.NONE)),
         ])  # fmt: skip
         self._high = np.stack([
-            np.where(self._positive_types[SWITCH] == LimitType.NONE, np.inf, self.positive_switch),
+            np.where(self._positive_types[SWITCH] == LimitType.NONE, np.inf, high_switch),
             _where_set(positive, home & (self._positive_types[SOFT] != LimitType.NONE)),
         ])  # fmt: skip
         armed = np.isfinite(self._low).any() or np.isfinite(self._high).any() or self._watch_error
@@ -108,6 +103,8 @@ class Guards:
         else:
             beyond, side = self._servo.watched[:, axis] < self._low[:, axis], "negative"
             limits = self._low[:, axis]
+        if beyond[SWITCH] and np.isinf(limits[SWITCH]):
+            return f"{side} limit switch is closed"
         if beyond[SWITCH]:
             return f"{side} limit switch at {limits[SWITCH]:g} is reached ({switch:.6g})"
         if beyond[SOFT]:

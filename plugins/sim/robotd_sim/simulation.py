@@ -23,6 +23,7 @@ from robotd.api import (
 )
 from robotd_servo_model import Mechanics, Servo, World
 from robotd_sim.axis_states import AxisStates
+from robotd_sim.axis_switches import AxisSwitches
 from robotd_sim.io_image import IoImage
 from robotd_sim.limit_guards import Guards
 from robotd_sim.motion import Motion
@@ -72,9 +73,8 @@ class Simulation:
         )
         coasting = options.per_axis("coast_deceleration_rad_s2", self.axes)
         self.power = Power(self.world, self.states, self.motion, self.scaling, coasting)
-        self.guards = Guards(
-            self.world, self.states, self.motion, self.power, options.limit_switches
-        )
+        self.switches = AxisSwitches(self.axes, options)
+        self.guards = Guards(self.world, self.states, self.motion, self.power, self.switches)
         self.io = IoImage(self.world, loopback=options.io_loopback)
         self.network = Network(robot, options)
         self._configure()

@@ -60,6 +60,15 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a check during which a read has raised something."""
+    result = yield
+    errors = item.config.stash[STAND].take_read_errors()
+    assert not errors, f"{len(errors)} reads failed, the first: {errors[0]}"
+    return result
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """After a failed check the next one gets a device made anew."""
     failed_before = item.session.testsfailed

@@ -17,7 +17,7 @@ from robotd.device.axes import Move
 from robotd.device.capabilities import Capability
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
-from robotd.errors import RobotdError
+from robotd.errors import OperationError, RobotdError
 from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import Backend
@@ -35,6 +35,7 @@ UNDONE_BY: dict[str, tuple[str, int, tuple[Any, ...]]] = {
     "freeze": ("freeze", 0, (False,)),
     "block": ("block", 1, (False,)),
     "set_input_bit": ("set_input_bit", 2, (False,)),
+    "press_switch": ("press_switch", 2, (False,)),
     "stick_output_bit": ("stick_output_bit", 2, (None,)),
 }
 """Method of a fault injector → the one that undoes it, its leading arguments, and the last."""
@@ -51,6 +52,7 @@ class Harness:
 
     Attributes:
         robot, drivers: the robot, and the drivers behind it.
+        read_errors: what ``read`` raised that is no error of robotd.
         fault_injector: None where the backend offers none.
         period_s, feedback_s: control period, and time between two measured values.
         clock: the time that the device lives by.
@@ -68,6 +70,8 @@ class Harness:
         self.stepped = not real_time and lives_by_clock
         self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
         self.drivers = backend.drivers(backend.context(descriptor, self.clock))
+        self.read_errors: list[str] = []
+        self._watch_reads()
         self.robot = Robot(descriptor, backend, self.clock, self.drivers)
         self.fault_injector = self.drivers.make_fault_injector()
         self.period_s = 1.0 / descriptor.cycle.rate_hz
@@ -84,6 +88,19 @@ class Harness:
     def due_ns(self) -> int:
         """Monotonic time at which a setpoint of the present control period is due."""
         return self.image.stamp_ns + self.robot.control_loop.period_ns
+
+    def _watch_reads(self) -> None:
+        read = self.drivers.axes.read
+
+        def watched(image: ProcessImage) -> None:
+            try:
+                read(image)
+            except OperationError as error:
+                if error.__cause__ is not None:
+                    self.read_errors.append(str(error))
+                raise
+
+        self.drivers.axes.read = watched  # type: ignore[method-assign]
 
     # Life
 

@@ -34,21 +34,33 @@ class KitTarget:
     Attributes:
         lives_by_clock: the device is simulated and has no time but the clock that it is given.
         real_time: the running check has a harness in real time.
+        arguments: the three above as texts, "" for no robot; the overrides follow one by one.
     """
 
     def __init__(self, backend: str, robot: str | None, overrides: Sequence[str] = ()) -> None:
+        self.arguments = (backend, str(robot or ""), *overrides)
         self.backend = load_backend(backend)
         self.descriptor = _find(robot or PLAIN_ROBOT, overrides)
         self.lives_by_clock = _lives_by_clock(self.backend, self.descriptor)
         self.real_time = not self.lives_by_clock
         self._shared: Harness | None = None
+        self._built: list[Harness] = []
 
     def build(self, **options: Any) -> Harness:
         """A rig, not brought up."""
         clocked = self.lives_by_clock
         harness = Harness(self.backend, self.descriptor, lives_by_clock=clocked, **options)
         self.real_time |= not harness.stepped
+        self._built.append(harness)
         return harness
+
+    def take_read_errors(self) -> list[str]:
+        """Return what reads have raised since the last call."""
+        errors = [error for harness in self._built for error in harness.read_errors]
+        self._built = [self._shared] if self._shared else []
+        for harness in self._built:
+            harness.read_errors.clear()
+        return errors
 
     def shared(self) -> Harness:
         """Return the shared harness, replaced when the last check broke it."""

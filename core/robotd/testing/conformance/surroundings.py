@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import locale
+import logging
 import os
 import signal
+import sys
 from pathlib import Path
 
+import numpy as np
+
+DEFAULT_SWITCH_INTERVAL_S = 0.005  # the control loop sets a shorter one
 SIGNALS = (
     signal.SIGINT,
     signal.SIGTERM,
@@ -31,5 +37,9 @@ def surroundings() -> dict[str, object]:
             for name, value in os.environ.items()
             if not name.startswith(("PYTEST", "ROBOTD"))
         },
+        "switch interval": sys.getswitchinterval() <= DEFAULT_SWITCH_INTERVAL_S,
+        "garbage collector": gc.isenabled(),
+        "floating-point errors": np.geterr(),
+        "log level": logging.getLogger().level,
         "priority": os.getpriority(os.PRIO_PROCESS, 0),
     }

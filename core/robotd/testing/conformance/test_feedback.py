@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,9 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
-LONG_S = 5.0
+LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
 CODES = (0x07, 0x2310, 0x8611)
+A_WORD = re.compile(r"[^\W\d_]{3}")
 EMPTY_WORDS = {"alarm", "error", "fault", "failed", "unknown", "none", "n/a"}
 
 
@@ -83,6 +86,23 @@ def test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known(harness: Har
         assert faster > slower, "torque has the wrong sign, or is 0 instead of NaN"
 
 
+def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -> None:
+    if np.isnan(harness.image.torque).all():
+        pytest.skip(f"the {harness.robot.backend.name} backend measures no torque")
+    shown, exerted = [], []
+    harness.move(harness.all, harness.image.position_command + harness.travel(), 0.5)
+    for _ in range(100):
+        harness.periods(2)
+        shown.append(harness.image.torque.copy())
+        exerted.append([injector.torque(axis) for axis in harness.all])
+    harness.rest()
+    measured, real = np.array(shown), np.array(exerted)
+    for axis in np.flatnonzero(np.isfinite(measured).all(0)):
+        size = (real[:, axis] ** 2).sum()
+        gain = float((measured[:, axis] * real[:, axis]).sum() / size)
+        assert gain == pytest.approx(1.0, abs=0.2), f"axis {axis}: {gain:.3g} shown for 1 N·m"
+
+
 @pytest.mark.parametrize("code", CODES)
 def test_a_code_is_shown_in_full_with_a_reason(
     harness: Harness, injector: FaultInjector, code: int
@@ -93,14 +113,24 @@ def test_a_code_is_shown_in_full_with_a_reason(
     assert harness.image.alarm_code[0] == code
     reason = harness.image.reason[0]
     assert reason == reason.strip()
-    assert not reason or any(letter.isalpha() for letter in reason), "a reason has words"
+    assert not reason or A_WORD.search(reason), f"{reason!r} has no word"
     assert reason.lower().rstrip(".!") not in EMPTY_WORDS, f"{reason!r} says nothing"
+
+
+def test_the_code_is_that_of_the_present_alarm(harness: Harness, injector: FaultInjector) -> None:
+    for code in CODES:
+        injector.trip(0, code)
+        harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+        harness.periods(5)
+        assert harness.image.alarm_code[0] == code
+        harness.robot.axes.clear_alarm(0)
+        harness.until(lambda: not harness.image.amp_alarm[0], "the alarm is cleared", 1.0)
 
 
 def test_an_alarm_stays_however_long_it_takes(harness: Harness, injector: FaultInjector) -> None:
     injector.trip(0, CODES[0])
     harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
-    harness.let(LONG_S)
+    harness.let(LONG_STEPPED_S if harness.stepped else LONG_S)
     assert harness.image.amp_alarm[0], "the alarm went away by itself"
     assert harness.image.alarm_code[0] == CODES[0]
 

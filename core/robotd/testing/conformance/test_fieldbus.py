@@ -168,6 +168,7 @@ def test_lost_frames_are_counted_until_a_reset(harness: Harness, injector: Fault
     injector.lose_packets(3)
     harness.until(lambda: lost() >= 1, "lost frames are counted", 2.0)
     harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
+    assert lost() >= 1, "reading the counters has reset them"
     harness.robot.fieldbus.reset_statistics(0)
     assert lost() == 0
 

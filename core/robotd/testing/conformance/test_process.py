@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 import threading
 import time
+import traceback
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from robotd.testing.conformance.harness import MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, MakeHarness
 from robotd.testing.conformance.surroundings import surroundings
 
 OWN_LOG = "component="
+STANDARD_ERROR = 2  # its file descriptor
 READS, SPANS, OBJECTS_PER_READ = 100, 10, 0.5
 
 
@@ -75,3 +83,67 @@ def test_reading_needs_no_memory(make_harness: MakeHarness) -> None:
 def living_objects() -> int:
     gc.collect()
     return sys.getallocatedblocks()
+
+
+def test_a_forked_process_does_not_disturb_the_device(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    start = harness.image.position_command.copy()
+    assert in_a_fork(lambda: None) == ""
+    harness.let(0.2)
+    assert harness.robot.connection.ready, "a fork has ended the communication"
+    assert harness.image.servo_on.all(), "a fork has switched servos off"
+    harness.move(harness.all, start + harness.travel(0.2))
+    harness.rest()
+    assert harness.image.position == pytest.approx(start + harness.travel(0.2), abs=SETTLED_RAD)
+
+
+def test_a_device_can_be_opened_after_a_fork(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+
+    def use() -> None:
+        harness.up(enable=False)
+        assert np.isfinite(harness.image.position).all()
+        harness.down()
+
+    failure = in_a_fork(use)
+    assert failure == "", (
+        f"the device that was made before a fork cannot be used after it: {failure}"
+    )
+
+
+def test_programs_inherit_no_handle(make_harness: MakeHarness) -> None:
+    before = inherited_handles()
+    harness = make_harness()
+    harness.up(enable=False)
+    left = inherited_handles() - before
+    assert not left, "a program that robotd starts would hold the device open"
+
+
+def in_a_fork(work: Callable[[], None]) -> str:
+    """Run ``work`` in a forked process; return its traceback, "" without one."""
+    reader, writer = os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # threads of others are not forked
+        child = os.fork()
+    if child == 0:
+        try:
+            work()
+        except BaseException:  # noqa: BLE001 - reported to the parent
+            os.write(writer, traceback.format_exc()[-2000:].encode())
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, encoding="utf-8") as report:
+        failure = report.read()
+    os.waitpid(child, 0)
+    return failure
+
+
+def inherited_handles() -> set[str]:
+    """Return the targets of the handles that a program gets which is started now."""
+    found = set[str]()
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):  # the handle of this very listing
+            if int(link.name) > STANDARD_ERROR and os.get_inheritable(int(link.name)):
+                found.add(str(link.readlink()))
+    return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -43,8 +45,21 @@ def test_a_streamed_radian_is_a_measured_radian(harness: Harness) -> None:
         pytest.skip("positions are not streamed: trajectories run on the device")
     start = harness.image.position_command.copy()
     end = start + harness.travel(0.3)
-    stream_ramp(harness, start, end, seconds=1.0)
+    with harness.recording() as recording:
+        stream_ramp(harness, start, end, seconds=1.0)
     assert harness.image.position == pytest.approx(end, abs=SETTLED_RAD)
+    fastest = 1.5 * np.abs(end - start)  # of the cubic, in 1 s
+    assert np.abs(recording.velocity_command).max(0) == pytest.approx(fastest, rel=0.3)
+
+
+def test_a_stream_moves_its_own_axes_alone(harness: Harness) -> None:
+    if harness.robot.axes.trajectories_on_device:
+        pytest.skip("positions are not streamed: trajectories run on the device")
+    start = harness.image.position_command.copy()
+    stream_ramp(harness, start, start + harness.travel(0.3), seconds=1.0, axes=[0])
+    expected = start.copy()
+    expected[0] += harness.travel(0.3)[0]
+    assert harness.image.position == pytest.approx(expected, abs=SETTLED_RAD)
 
 
 def test_the_measured_position_is_that_of_the_shaft(
@@ -211,8 +226,15 @@ def jog(harness: Harness, speeds: np.ndarray) -> None:
     harness.robot.axes.jog(jogs)
 
 
-def stream_ramp(harness: Harness, start: np.ndarray, end: np.ndarray, seconds: float) -> None:
-    """Stream a smooth path from ``start`` to ``end`` on every axis."""
+def stream_ramp(
+    harness: Harness,
+    start: np.ndarray,
+    end: np.ndarray,
+    seconds: float,
+    axes: Sequence[int] | None = None,
+) -> None:
+    """Stream a smooth path from ``start`` to ``end`` for all axes; ``axes`` (all) follow it."""
+    chosen = harness.all if axes is None else axes
     driver, began_ns = harness.drivers.axes, harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
@@ -221,6 +243,6 @@ def stream_ramp(harness: Harness, start: np.ndarray, end: np.ndarray, seconds: f
         way, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
         driver.stream(start + way * (end - start), slope * (end - start), due_ns)
 
-    with harness.robot.axes.claimed("conformance", harness.all), harness.each_period(setpoint):
+    with harness.robot.axes.claimed("conformance", chosen), harness.each_period(setpoint):
         harness.let(seconds + 0.1)
     harness.rest()

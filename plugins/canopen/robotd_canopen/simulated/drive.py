@@ -55,6 +55,7 @@ class Drive:
         self._emergency = emergency
         self._offset = model.axis_offset * _STEP
         self.motion = Motion(model.motor, model.scale, machine, self.get, model.switches)
+        self.closed_switches = 0  # bits of object 0x60FD, wherever the motor is
         self._controlword = 0
         self._blocked_at = 0.0
         self._following_error_s = 0.0
@@ -68,6 +69,16 @@ class Drive:
     def position(self) -> float:
         """True position of the motor, rad or m from its position at power-on."""
         return self._machine.position(self._model.motor) - self.motion.zero
+
+    @property
+    def torque(self) -> float:
+        """Torque of the motor, N·m."""
+        return self._machine.torque(self._model.motor)
+
+    def press(self, bit: int, *, pressed: bool) -> None:
+        """Close a switch (bit of object 0x60FD), or release it."""
+        others = self.closed_switches & ~(1 << bit)
+        self.closed_switches = others | int(pressed) << bit
 
     def push(self, delta: float) -> None:
         """Turn the motor by hand; no effect on an enabled drive."""
@@ -176,7 +187,7 @@ class Drive:
         self.put(0x606C, round(machine.velocity(motor) * scale.velocity * scale.polarity))
         torque = 1000 * machine.torque(motor) / self._model.rated_torque_nm
         self.put(0x6077, max(-32768, min(32767, round(torque * scale.polarity))))
-        self.put(0x60FD, self.motion.inputs())
+        self.put(0x60FD, self.motion.inputs() | self.closed_switches)
 
     def _supervise(self, period_s: float) -> None:
         window, error = self.get(0x6065), abs(self.get(0x60F4))

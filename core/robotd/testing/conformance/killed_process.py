@@ -1,0 +1,52 @@
+"""``python -m``: move all axes until the process is killed, for checks of the watchdog.
+
+Measured positions go to standard output, one JSON array every ``REPORT_S``, from when all axes
+move at their speed.
+"""
+
+# ruff: noqa: T201 - output for the parent process
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+
+from robotd.device.axes import Jog
+from robotd.device.capabilities import Capability
+from robotd.device.state import CommandMode
+from robotd.motion.profile import Profile
+from robotd.testing.conformance.harness import Harness
+from robotd.testing.conformance.kit_target import KitTarget
+
+SPEED_RAD_S, RAMP_RAD_S2 = 0.05, 1.0
+RUNNING_S, REPORT_S = 3.0, 0.02
+
+
+def begin(harness: Harness, speeds: np.ndarray) -> None:
+    """Start velocity commands; moves where the backend has none."""
+    profiles = [Profile(float(speed), RAMP_RAD_S2, RAMP_RAD_S2) for speed in speeds]
+    if harness.can(Capability.VELOCITY_MODE):
+        for axis in harness.all:
+            harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+        harness.robot.axes.jog([Jog(*pair) for pair in enumerate(profiles)])
+    else:
+        harness.move(harness.all, harness.image.position + RUNNING_S * speeds)
+
+
+def main(backend: str, robot: str, *overrides: str) -> None:
+    """Move until the process is killed, or for ``RUNNING_S``."""
+    harness = KitTarget(backend, robot or None, overrides).build(real_time=True)
+    harness.up()
+    begin(harness, SPEED_RAD_S * np.sign(harness.travel()))
+    fast = 0.5 * SPEED_RAD_S
+    harness.until(lambda: bool((np.abs(harness.image.velocity) > fast).all()), "all axes move")
+    for _ in range(round(RUNNING_S / REPORT_S)):
+        print(json.dumps(harness.image.copy().position.tolist()), flush=True)
+        harness.let(REPORT_S)
+    harness.down()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,84 @@
+"""Watchdog of the device: moving axes stop when setpoints or the process end."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.testing.conformance import killed_process
+from robotd.testing.conformance.harness import SETTLED_RAD, MakeHarness
+from robotd.testing.conformance.kit_target import KitTarget
+
+pytestmark = pytest.mark.needs(Capability.DEVICE_WATCHDOG)
+
+MOVES_S = 0.5
+WATCHDOG_S, GONE_S = 1.0, 2.5  # longest reaction of a device, and time until it is looked at
+
+
+def test_an_axis_stops_when_setpoints_stay_away(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.up()
+    if harness.robot.axes.trajectories_on_device:
+        pytest.skip(f"the {harness.robot.backend.name} backend streams no positions")
+    start = harness.image.position_command.copy()
+    speeds = np.sign(harness.travel()) * [
+        harness.profile(axis, 0.3).velocity for axis in harness.all
+    ]
+    began_ns = harness.clock.now_ns()
+
+    def setpoint(image: object) -> None:
+        time_s = (harness.clock.now_ns() - began_ns) * 1e-9 + harness.period_s
+        ramp_s = min(time_s, 0.2)
+        way = speeds * (ramp_s**2 / 0.4 + max(0.0, time_s - 0.2))
+        if time_s < 0.5:
+            harness.drivers.axes.stream(start + way, speeds * ramp_s / 0.2, harness.due_ns)
+
+    claim = harness.robot.axes.claimed("conformance", harness.all)
+    with claim, harness.each_period(setpoint):
+        harness.let(1.5)
+        with harness.recording() as recording:
+            harness.let(0.3)
+    assert np.ptp(recording.position, 0).max() <= SETTLED_RAD, "it went on without setpoints"
+
+
+def test_axes_stop_when_their_process_is_killed(
+    make_harness: MakeHarness, target: KitTarget
+) -> None:
+    harness = make_harness(real_time=True)
+    injector = harness.fault_injector
+    if injector is not None and injector.in_process:
+        pytest.skip("the device is simulated in the process and ends with it")
+    last = last_positions(target)
+    time.sleep(GONE_S)
+    harness.up(enable=False)
+    way = np.abs(harness.image.position - last)
+    limit = killed_process.SPEED_RAD_S * WATCHDOG_S + SETTLED_RAD
+    assert way.max() <= limit, f"axes moved by {way} rad after their process was killed"
+
+
+def last_positions(target: KitTarget) -> list[float]:
+    """Let another process move the axes, kill it, and return what it measured last."""
+    command = [sys.executable, "-m", killed_process.__name__, *target.arguments]
+    began_s, last = 0.0, ""
+    with subprocess.Popen(  # noqa: S603 - our own module
+        command, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                last, began_s = line, began_s or time.monotonic()
+                if time.monotonic() - began_s > MOVES_S:
+                    break
+            process.send_signal(signal.SIGKILL)
+            last = [last, *process.stdout.readlines()][-1]
+        finally:
+            process.kill()
+    assert last, "the other process ended before its axes moved"
+    return list(json.loads(last))

@@ -1,0 +1,78 @@
+"""The simulation as a plugin whose drivers can be exchanged; and axes that can be changed."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import robotd_sim
+from robotd.api import (
+    BackendInfo,
+    DeviceContext,
+    DeviceDriver,
+    FaultInjector,
+    ProcessImage,
+    hookimpl,
+)
+from robotd_sim import (
+    SimAxes,
+    SimDevice,
+    SimFaultInjector,
+    SimFieldbus,
+    SimIo,
+    SimOptions,
+    Simulation,
+)
+
+
+class Mutant:
+    """The simulation as a plugin whose drivers can be exchanged.
+
+    Attributes:
+        found_by: check, or checks, that must fail on it; "": no check finds it yet.
+        says: regular expression that the failure matches.
+    """
+
+    found_by: ClassVar[str | tuple[str, ...]]
+    says: ClassVar[str] = ""
+    Device: ClassVar[type[SimDevice]] = SimDevice
+    Axes: ClassVar[type[SimAxes]] = SimAxes
+    Io: ClassVar[type[SimIo]] = SimIo
+    Fieldbus: ClassVar[type[SimFieldbus]] = SimFieldbus
+    Injector: ClassVar[type[SimFaultInjector]] = SimFaultInjector
+
+    @hookimpl
+    def robotd_backend(self) -> BackendInfo:
+        return BackendInfo(
+            summary="a mutant",
+            api_version=1,
+            capabilities=robotd_sim.CAPABILITIES,
+            options=SimOptions,
+        )
+
+    @hookimpl
+    def robotd_open_device(self, context: DeviceContext[SimOptions]) -> DeviceDriver:
+        return self.Device(Simulation(context.robot, context.options, context.clock))
+
+    @hookimpl
+    def robotd_axes(self, device: SimDevice) -> SimAxes:
+        return self.Axes(device.simulation)
+
+    @hookimpl
+    def robotd_io(self, device: SimDevice) -> SimIo:
+        return self.Io(device.simulation)
+
+    @hookimpl
+    def robotd_fieldbus(self, device: SimDevice) -> SimFieldbus:
+        return self.Fieldbus(device.simulation)
+
+    @hookimpl
+    def robotd_fault_injector(self, device: SimDevice) -> FaultInjector:
+        return self.Injector(device.simulation)
+
+
+class ReadAnew(SimAxes):
+    """Axes that write the whole image at each read, so that a mutant may change it."""
+
+    def read(self, image: ProcessImage) -> None:
+        self._readout._image = None
+        super().read(image)
