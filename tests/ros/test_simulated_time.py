@@ -24,6 +24,8 @@ from tests.ros.robot_process import Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 
+from robotd.ros.nodes.follow_joint_trajectory_server import RESULT_TIMEOUT_S
+
 pytestmark = pytest.mark.ros
 
 PERIOD_S = 0.002
@@ -97,12 +99,16 @@ def test_a_goal_takes_a_fraction_of_its_time(client: Client) -> None:
 
 def test_no_result_is_lost_at_full_speed(client: Client) -> None:
     """Results are asked for more than 12 simulated seconds after their goals have ended."""
-    handles = [client.send_goal(goal(0.01, 1.0), ask_result=False) for _ in range(8)]
-    assert client.send_goal(goal(0.5, 12.0)).result()[1].error_code == 0
-    ends = []
-    for handle in handles:  # one by one: the service's queue holds ten requests
-        handle.ask_result()
-        ends.append(handle.result())
+    for _ in range(5):  # until the computer is fast enough: they are kept for 10 s of real time
+        begin_s = time.monotonic()
+        handles = [client.send_goal(goal(0.01, 1.0), ask_result=False) for _ in range(3)]
+        assert client.send_goal(goal(0.5, 12.0)).result()[1].error_code == 0
+        ends = []
+        for handle in handles:
+            handle.ask_result()
+            ends.append(handle.result())
+        if time.monotonic() - begin_s < RESULT_TIMEOUT_S:
+            break
     known = {GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_ABORTED}
     assert {status for status, _ in ends} <= known
     assert all(result.error_string for _, result in ends)

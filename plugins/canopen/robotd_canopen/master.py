@@ -115,8 +115,8 @@ class Master:
         if self._cycles % self.layout.cycles_per_sync == 0:
             if not self._transmitted:
                 self._transmit()
+            self.sync.note_start(self.clock.now_ns())
             self.sync.send(now_ns)
-            self.sync.note_handed(self.clock.now_ns())
             self.feedback.syncs = self.sync.count
             self._transmitted = False
         self._watch(now_ns)

@@ -32,7 +32,7 @@ class SyncProducer:
         self.count = self.before_ns = self.jitter_ns = 0
         self.periods = 1
         self.after_rest = False
-        self._handed_ns = 0
+        self._start_ns = 0
         self._bus = bus
         self._timing = SyncTiming(round(period_s * NANOSECONDS))
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
@@ -46,13 +46,13 @@ class SyncProducer:
 
     def begin(self) -> None:
         """Worker: communication starts; do not count the pause before as jitter."""
-        self._sent_ns = self._handed_ns = 0
+        self._sent_ns = self._start_ns = 0
 
-    def note_handed(self, now_ns: int) -> None:
-        """Note the time after ``send``: the process may have been stopped before it."""
-        elapsed_ns = now_ns - (self._handed_ns or now_ns)
+    def note_start(self, now_ns: int) -> None:
+        """Note the time right before ``send``: the process may have been stopped before it."""
+        elapsed_ns = now_ns - (self._start_ns or now_ns)
         self.after_rest = elapsed_ns > HOLD_PERIODS * self._timing.period_ns
-        self._handed_ns = now_ns
+        self._start_ns = now_ns
 
     def send(self, now_ns: int) -> None:
         """Send SYNC, and the heartbeat if it is due."""

@@ -27,16 +27,17 @@ class Harness:
         self.due_ns = self.clock.now_ns()
 
     def _send(self, frame: Frame) -> bool:
-        if self.stopped_before_sync and frame.arbitration_id == 0x080:
-            self.clock.advance(STOPPED_S)
         return True
 
     def period(self) -> None:
         """One period from its nominal time on, as the control loop runs it."""
         self.clock.sleep_until_ns(self.due_ns)
         self.due_ns += PERIOD_NS
-        self.master.sync.send(self.clock.now_ns())
-        self.master.sync.note_handed(self.clock.now_ns())
+        now_ns = self.clock.now_ns()
+        if self.stopped_before_sync:
+            self.clock.advance(STOPPED_S)
+        self.master.sync.note_start(self.clock.now_ns())
+        self.master.sync.send(now_ns)
         if self.stopped_after_sync:
             self.clock.advance(STOPPED_S)
         self.master.stream([0.0, 0.0], [0.0, 0.0], self.due_ns)

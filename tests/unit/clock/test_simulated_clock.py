@@ -150,9 +150,11 @@ def test_time_stands_while_it_is_held_and_nobody_sleeps(paced: Paced) -> None:
 
 def test_planning_takes_no_time_however_fast_the_cycle_runs() -> None:
     """The best of some goals: before planning, time flies while the interpreter is elsewhere."""
-    taken_ns = []
+    taken_ns = [NANOSECONDS]
     with open_robot("cr3a", "sim", clock=PacedClock()) as robot:
-        for target in (0.3, 0.0, 0.3, 0.0):
+        for target in (0.3, 0.0) * 10:
+            if min(taken_ns) < 0.1 * NANOSECONDS:
+                break
             request = TrajectoryRequest(robot.joint_names, np.array([0.5]), np.full((1, 6), target))
             before_ns = robot.clock.now_ns()
             with robot.follower.follow(request) as execution:
