@@ -74,7 +74,8 @@ class PathRecorder:
 
     def add(self, execution: TrajectoryExecution) -> None:
         trajectory = execution.trajectory
-        times_s = np.arange(0.0, trajectory.duration_s, 1e-3)
+        ended_s = (MonotonicClock.now_ns() - execution.start_ns) * 1e-9
+        times_s = np.arange(0.0, min(trajectory.duration_s, ended_s), 1e-3)
         velocity = trajectory.evaluate(times_s)[1][:, 0]
         self.times_ns.append(execution.start_ns + np.rint(times_s * 1e9).astype(np.int64))
         self.velocities.append(velocity)

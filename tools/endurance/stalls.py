@@ -6,13 +6,14 @@ period while its joints swing; the motors are recorded tick by tick by the simul
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -30,7 +31,10 @@ ROUNDING = 1.05  # of the motors, which follow their commands with a lag
 REVERSAL_SHARE = 0.02  # of the velocity limit; drives that hold go on for a period by themselves
 GAP_S = (0.05, 0.2)  # between two stalls
 LEAVING_NS = 300_000_000  # after a goal that failed
+HELD_NS = 50_000_000  # after a stall, in which a device that holds may still stop dead
+STALLED_NS = 5_000_000  # between two periods; the computer stalls by itself, too
 TICK_S = 0.001
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
@@ -82,13 +86,14 @@ def judge(
     if holds:  # such a device stops dead in a stall, and is judged by how it goes on
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
     beyond = np.maximum(velocity - high, low - velocity) / joint.velocity
-    for begin_ns, end_ns in data["failed_ns"]:  # stopped, by the device's watchdog or the core
-        beyond[(times_ns >= begin_ns) & (times_ns <= end_ns + LEAVING_NS)] = 0.0
+    # A goal that failed was stopped, by the device's watchdog or the core.
+    beyond[between(times_ns, data["failed_ns"], LEAVING_NS)] = 0.0
     periods = round(1.0 / robot.cycle.rate_hz / TICK_S)
     before, after = velocity[:-periods], velocity[periods:]
     change = np.abs(after - before) / (periods * TICK_S)
     if holds:
-        change[np.abs(after) < np.abs(before)] = 0.0
+        stopped = between(times_ns[:-periods], all_stalls_ns(data), HELD_NS)
+        change[stopped & (np.abs(after) < np.abs(before))] = 0.0
     moving = np.abs(path) > 0.01
     against = np.where(moving, -velocity * np.sign(path), 0.0)
     return Verdict(
@@ -115,6 +120,23 @@ def path_on(times_ns: np.ndarray, path_ns: np.ndarray, velocities: FloatArray) -
     return np.where(near, velocities[index], 0.0)
 
 
+def all_stalls_ns(data: dict[str, np.ndarray]) -> np.ndarray:
+    """Begin and end (k, 2) of each stall, whether it was made here or by the computer."""
+    fresh_ns = data["image"][:, 0].astype(np.int64)
+    own = np.stack([fresh_ns[:-1], fresh_ns[1:]], axis=1)[np.diff(fresh_ns) > STALLED_NS]
+    return np.concatenate([data["stalls_ns"], own])
+
+
+def between(times_ns: np.ndarray, spans_ns: np.ndarray, more_ns: int) -> np.ndarray:
+    """True for the times within one of ``spans_ns`` (k, 2), each longer by ``more_ns``."""
+    begins = np.searchsorted(times_ns, spans_ns[:, 0])
+    ends = np.searchsorted(times_ns, spans_ns[:, 1] + more_ns)
+    inside = np.zeros(len(times_ns) + 1, int)
+    np.add.at(inside, begins, 1)
+    np.add.at(inside, ends, -1)
+    return np.cumsum(inside[:-1]) > 0
+
+
 def runs(flags: np.ndarray) -> int:
     """Number of groups of true values that are at least 50 ticks apart."""
     where = np.flatnonzero(flags)
@@ -123,22 +145,31 @@ def runs(flags: np.ndarray) -> int:
 
 def stall(
     process: subprocess.Popen[str], times: int, span_s: tuple[float, float], seed: int
-) -> None:
-    """Stop ``process`` ``times`` times for a random time within ``span_s``."""
-    chance = random.Random(seed)
-    for _ in range(times):
+) -> np.ndarray:
+    """Stop ``process`` ``times`` times for a random time within ``span_s``.
+
+    Returns (times, 2): monotonic times of stop and continuation, ns.
+    """
+    chance, spans_ns = random.Random(seed), np.zeros((times, 2), np.int64)
+    for span_ns in spans_ns:
         time.sleep(chance.uniform(*GAP_S))
+        span_ns[0] = time.monotonic_ns()
         process.send_signal(signal.SIGSTOP)
         time.sleep(chance.uniform(*span_s))
         process.send_signal(signal.SIGCONT)
+        span_ns[1] = time.monotonic_ns()
+    return spans_ns
 
 
 @contextmanager
-def robot_process(robot_file: str, backend: str, out: Path) -> Iterator[subprocess.Popen[str]]:
+def robot_process(
+    robot_file: str, backend: str, out: Path, environment: dict[str, str]
+) -> Iterator[subprocess.Popen[str]]:
     """``stalled_robot`` while its joints swing; afterwards ``out`` is written."""
     command = [sys.executable, "-m", "tools.endurance.stalled_robot", robot_file, backend, str(out)]
+    pipe = subprocess.PIPE
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        command, stdin=pipe, stdout=pipe, text=True, bufsize=1, env=environment, cwd=ROOT
     ) as process:
         try:
             assert process.stdout is not None
@@ -153,19 +184,28 @@ def robot_process(robot_file: str, backend: str, out: Path) -> Iterator[subproce
 def run(
     backend: str, times: int, span_s: tuple[float, float], seed: int, save: Path | None = None
 ) -> Verdict:
-    """Stall a CR3A on ``backend`` ("sim" or "canopen": drives in this process)."""
+    """Stall a CR3A on ``backend``.
+
+    "sim": its motors are in the stalled process; "canopen": drives in this process; "wmx": the
+    stand-in's engine process.
+    """
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        motors, robot_file = None, "cr3a"
+        robot_file, environment = "cr3a", dict(os.environ)
+        motors: Callable[[], dict[str, np.ndarray]] | None = None
         if backend == "canopen":
             from tools.endurance.stalled_drives import drives
 
             robot_file, world = stack.enter_context(drives(Path(folder)))
-            motors = MotorRecorder(world)
+            motors = MotorRecorder(world).arrays
+        elif backend == "wmx":
+            from tools.endurance.stalled_engine import engine
+
+            environment, motors = stack.enter_context(engine(Path(folder)))
         out = Path(folder) / "recording.npz"
-        with robot_process(robot_file, backend, out) as process:
+        with robot_process(robot_file, backend, out, environment) as process:
             time.sleep(0.3)
-            stall(process, times, span_s, seed)
-        data = {**np.load(out), **(motors.arrays() if motors else {})}
+            stalls_ns = stall(process, times, span_s, seed)
+        data = {**np.load(out), "stalls_ns": stalls_ns, **(motors() if motors else {})}
         if save is not None:
             np.savez(save, **data)
         return judge(
@@ -174,7 +214,13 @@ def run(
 
 
 @click.command()
-@click.option("--backend", type=click.Choice(["sim", "canopen"]), default="sim", show_default=True)
+@click.option(
+    "--backend",
+    type=click.Choice(["sim", "canopen", "wmx"]),
+    default="sim",
+    show_default=True,
+    help="wmx: needs `make -C plugins/wmx tools`.",
+)
 @click.option("--times", default=200, show_default=True, help="Number of stalls.")
 @click.option("--shortest-ms", default=3.0, show_default=True)
 @click.option("--longest-ms", default=200.0, show_default=True)
@@ -184,6 +230,10 @@ def main(
     backend: str, times: int, shortest_ms: float, longest_ms: float, save: Path | None, seed: int
 ) -> None:
     """Print the extremes of the motors; exit status 1 when one is beyond its limit."""
+    if backend == "wmx":
+        from tools.endurance.stalled_engine import build
+
+        build()
     verdict = run(backend, times, (shortest_ms * 1e-3, longest_ms * 1e-3), seed, save)
     for name, value in asdict(verdict).items():
         click.echo(f"{name:14} {value}")

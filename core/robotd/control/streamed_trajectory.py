@@ -166,6 +166,8 @@ class StreamedTrajectory:
     def _recover(self, due_ns: int, period_ns: int) -> None:
         """Continue from the position after an underrun; request a fault when too far off."""
         found = self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS)
+        if found:  # the return of the command waits, too
+            self._return_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
         if found and self.stall_recovery.is_far.any():
             self._completion.request(Outcome.FAULT, self._deviation_text())
 

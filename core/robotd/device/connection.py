@@ -313,18 +313,23 @@ class Connection:
         self._readiness.prepared = False
         try:
             if before is not ConnectionState.COMMUNICATING:
+                if self._driver.parameters_before_communication:
+                    self._apply_parameters()
                 with self.step.running("starting communication"):
                     self._driver.start_communication(self.settings.communication_timeout_s)
             self.require_alive()
-            if self.parameters.due:
-                with self.step.running("loading parameters"):
-                    self.parameters.apply()
+            self._apply_parameters()
         except Exception:
             # A device that partly communicated, or for other programs, goes on as before.
             if before is ConnectionState.RUNNING:
                 self._undo_start()
             raise
         self._readiness.prepared = True
+
+    def _apply_parameters(self) -> None:
+        if self.parameters.due:
+            with self.step.running("loading parameters"):
+                self.parameters.apply()
 
     def _undo_start(self) -> None:
         try:

@@ -85,6 +85,14 @@ class DeviceDriver(ABC):
         """Return a one-line summary of the devices that answer."""
         return "not scanned: this backend has no scan"
 
+    @property
+    def parameters_before_communication(self) -> bool:
+        """The descriptor's parameter file is applied before ``start_communication``, not after.
+
+        Where the device allows it, it should: then it never communicates with other parameters.
+        """
+        return False
+
     def load_parameters(self, path: Path) -> str:
         """Apply a parameter file, all of it or (on an error) nothing (PARAMETERS_FILE).
 

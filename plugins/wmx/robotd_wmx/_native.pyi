@@ -222,19 +222,21 @@ class Master:
     """Why it was aborted; empty otherwise."""
 
 class PositionStream:
-    """Setpoints as commands of the cyclic buffers. Values are SI, parameters user units.
+    """Setpoints as commands of the cyclic buffers.
 
-    ``put`` is for one thread and never blocks; everything else may be called by any thread.
+    ``units`` are user units per SI unit, ``velocity`` and ``acceleration`` limits in user units,
+    all of shape (n_axes,). ``put`` takes SI, is for one thread and never blocks; everything else
+    may be called by any thread.
     """
 
     def __init__(
         self,
         device: Device,
         units: list[float],
-        deceleration: list[float],
+        velocity: list[float],
+        acceleration: list[float],
         period_s: float,
         buffer_s: float,
-        max_acceleration: float,
         priority: int,
         /,
     ) -> None: ...
@@ -251,4 +253,4 @@ class PositionStream:
     def fault(self) -> str: ...
     @property
     def rate(self) -> float:
-        """Of the sampling against the clock, 0.98 … 1.02: it keeps the buffers filled."""
+        """Of the sampling against the clock, 0.99 … 1.01: it keeps the buffers filled."""

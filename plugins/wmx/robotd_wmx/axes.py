@@ -81,7 +81,7 @@ class WmxAxes(AxisDriver):
         if by_position and not self._positions.available:
             raise Unsupported("streamed positions")
         if by_position:
-            with translated(f"axis {', '.join(map(str, by_position))}: streaming positions"):
+            with translated(f"streaming positions of axes {by_position}"):
                 self._positions.begin(by_position)
         self._stream.begin([axis for axis in axes if axis not in by_position])
 
@@ -89,14 +89,14 @@ class WmxAxes(AxisDriver):
         self._slow_down(self._stream.end(axes))
         self._positions.stop(axes)
         if not self._wait(lambda: not any(map(self._positions.active, axes)), STREAM_END_S):
-            raise DeviceTimeout(f"axis {axes}: the stream did not end within {STREAM_END_S:g} s")
+            raise DeviceTimeout(f"streaming of axes {axes} did not end within {STREAM_END_S:g} s")
 
     def follow(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:
         self._splines.start(axes, times_s, positions)
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
-        what = f"axis {axis}: servo {'on' if on else 'off'}"
-        with translated(what):
+        what = f"servo {'on' if on else 'off'}"
+        with translated(what, axis=axis):
             if on:
                 self._bring_command_to_position(axis)
             self._device.set_servo(axis, on)
@@ -109,53 +109,52 @@ class WmxAxes(AxisDriver):
             return status.servo_on(axis) == on or bool(failure)
 
         if not self._wait(settled, timeout_s):
-            raise DeviceTimeout(f"{what}: the drive did not obey within {timeout_s:g} s")
+            raise DeviceTimeout(f"{what}: no confirmation within {timeout_s:g} s", axis=axis)
         if failure:
-            raise OperationError(f"{what}: {failure}")
+            raise OperationError(f"{what}: {failure}", axis=axis)
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
-        what = f"axis {axis}: clearing the alarm"
+        what = "clearing the alarm"
         status = self._status()
         if status.offline(axis):
-            raise NotReady(f"{what}: the drive is offline")
-        with translated(what):
+            raise NotReady(f"{what}: the drive is offline", axis=axis)
+        with translated(what, axis=axis):
             if status.amp_alarm(axis):
                 self._device.clear_amp_alarm(axis)
             if status.following_error_alarm(axis):
                 self._device.clear_axis_alarm(axis)
         if not self._wait(lambda: not _alarmed(self._status(), axis), timeout_s):
-            raise DeviceTimeout(f"{what}: it is still there after {timeout_s:g} s")
+            raise DeviceTimeout(f"{what}: it is still there after {timeout_s:g} s", axis=axis)
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         if mode is CommandMode.TORQUE:
             raise Unsupported("torque mode")
-        what = f"axis {axis}: mode {mode.name.lower()}"
-        with translated(what):
+        what = f"mode {mode.name.lower()}"
+        with translated(what, axis=axis):
             self._device.set_command_mode(axis, int(mode))
         if not self._wait(lambda: self._status().mode_feedback(axis) == mode, MODE_TIMEOUT_S):
-            raise DeviceTimeout(f"{what}: the drive did not follow within {MODE_TIMEOUT_S:g} s")
+            raise DeviceTimeout(f"{what}: no confirmation within {MODE_TIMEOUT_S:g} s", axis=axis)
 
     def set_polarity(self, axis: int, polarity: int) -> None:
-        with translated(f"axis {axis}: polarity {polarity}"):
+        with translated(f"polarity {polarity}", axis=axis):
             self._device.set_polarity(axis, polarity)
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
-        with translated(f"axis {axis}: gear ratio {numerator:g}/{denominator:g}"):
+        with translated(f"gear ratio {numerator:g}/{denominator:g}", axis=axis):
             self._device.set_gear_ratio(axis, numerator, denominator)
 
     def home(self, axis: int, timeout_s: float) -> None:
-        what = f"axis {axis}: homing"
-        with translated(what):
+        with translated("homing", axis=axis):
             self._device.set_home_type_current(axis)
             self._device.start_home(axis)
         if not self._wait(lambda: self._status().idle(axis), timeout_s):
-            raise DeviceTimeout(f"{what}: not done within {timeout_s:g} s")
+            raise DeviceTimeout(f"homing: not done within {timeout_s:g} s", axis=axis)
         if not self._status().home_done(axis):
-            raise OperationError(f"{what}: it was interrupted")
+            raise OperationError("homing: it was interrupted", axis=axis)
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
         units = target * float(self._scaling.units[axis])
-        with translated(f"axis {axis}: move to {target:g}"):
+        with translated(f"move to {target:g}", axis=axis):
             self._device.start_pos(axis, units, *self._scaling.profile(axis, profile))
 
     def jog(self, axis: int, profile: Profile) -> None:
@@ -164,7 +163,7 @@ class WmxAxes(AxisDriver):
             return
         in_velocity_mode = self._status().mode(axis) == CommandMode.VELOCITY
         start = self._device.start_vel if in_velocity_mode else self._device.start_jog
-        with translated(f"axis {axis}: velocity {profile.velocity:g}"):
+        with translated(f"velocity {profile.velocity:g}", axis=axis):
             start(axis, *self._scaling.profile(axis, profile))
 
     def stop(self, axes: Sequence[int]) -> None:
@@ -225,14 +224,14 @@ class WmxAxes(AxisDriver):
         self._device.command_to_feedback(axis)
         if not self._wait(together, MODE_TIMEOUT_S):
             raise OperationError(
-                f"axis {axis}: the command is not at the measured position, enabling would jump"
+                "the command is not at the measured position, enabling would jump", axis=axis
             )
 
     def _slow_down(self, axes: Sequence[int]) -> None:
         """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""
         status = self._status()
         for axis in axes:
-            with translated(f"axis {axis}: stop"):
+            with translated("stop", axis=axis):
                 milliseconds = self._stop_s(status, [axis]) * 1000.0
                 self._device.timed_stop_velocity(axis, max(1.0, milliseconds))
 
@@ -261,9 +260,11 @@ class WmxAxes(AxisDriver):
     def _excuse(self, error: CallError, axes: Sequence[int]) -> None:
         """A stop may be refused for an axis that came to rest meanwhile."""
         status = self._status()
-        still = [str(axis) for axis in axes if not status.idle(axis) and status.servo_on(axis)]
+        still = [axis for axis in axes if not status.idle(axis) and status.servo_on(axis)]
+        if len(still) == 1:
+            raise translate(error, "stop", axis=still[0]) from error
         if still:
-            raise translate(error, f"axis {', '.join(still)}: stop") from error
+            raise translate(error, f"stop of axes {still}") from error
 
 
 def _alarmed(status: Snapshot, axis: int) -> bool:

@@ -70,6 +70,7 @@ class WmxDevice(DeviceDriver):
         if self.connection.options.shared:
             self._await_communication(timeout_s)
         else:
+            self._require_scale()
             self._request_communication(timeout_s)
         self._attached = True
 
@@ -119,6 +120,11 @@ class WmxDevice(DeviceDriver):
             )
         return "; ".join(lines)
 
+    @property
+    def parameters_before_communication(self) -> bool:
+        """The engine takes parameters as soon as it runs, and starts with its defaults."""
+        return True
+
     def load_parameters(self, path: Path) -> str:
         """Check the file, complete its missing elements, and import it.
 
@@ -152,6 +158,18 @@ class WmxDevice(DeviceDriver):
         enabled = [axis for axis in range(self.connection.robot.axes) if status.servo_on(axis)]
         if enabled:
             require_same_scaling(self._parameters_in_force().columns, parameters.columns, enabled)
+
+    def _require_scale(self) -> None:
+        """Raise NotReady while a joint or wheel has the engine's default scale."""
+        scale, units = self._parameters_in_force().columns, self.connection.scaling.units
+        ratio = zip(scale["AxisGearRatioNumerator"], scale["AxisGearRatioDenominator"], strict=True)
+        default = [axis for axis, pair in enumerate(ratio) if pair == (1.0, 1.0)]
+        moved = self.connection.scaling.moved_axes
+        if unscaled := [axis for axis in moved if axis in default and units[axis] == 1.0]:
+            raise NotReady(
+                f"axes {unscaled} have the engine's default gear ratio 1/1, by which 1 rad is one"
+                " encoder count: name the robot's parameters_file, or backends.wmx.units_per_si"
+            )
 
     def _engine_lives(self) -> bool:
         return self.connection.state() in (ConnectionState.RUNNING, ConnectionState.COMMUNICATING)

@@ -92,13 +92,18 @@ def text_of(api: str, code: int, sdk_text: str = "") -> str:
 
 
 def translate(
-    error: CallError, what: str, fallback: type[RobotdError] = OperationError
+    error: CallError,
+    what: str,
+    fallback: type[RobotdError] = OperationError,
+    *,
+    axis: int | None = None,
 ) -> RobotdError:
-    """The error to raise instead; ``code`` is the engine's number.
+    """Return the error to raise instead; ``code`` is the engine's number.
 
     Args:
-        what: the thing that failed, first in the text (``axis 3``).
+        what: the command that failed, first in the reason (``servo on``).
         fallback: its type where the code does not say more.
+        axis: that it concerns; None: no single axis.
     """
     call, api, code, name, sdk_text = error.args
     kind: type[RobotdError] = fallback
@@ -106,21 +111,20 @@ def translate(
         for chosen, group in (
             (NotReady, NOT_READY),
             (DeviceTimeout, TIMEOUTS),
-            (
-                InvalidArgument,
-                INVALID,
-            ),
+            (InvalidArgument, INVALID),
         ):
             kind = chosen if name in group else kind
     translated = kind(f"{what}: {text_of(api, code, sdk_text)} from {call}")
-    translated.code = code
+    translated.axis, translated.code = axis, code
     return translated
 
 
 @contextmanager
-def translated(what: str, fallback: type[RobotdError] = OperationError) -> Iterator[None]:
-    """Calls of the engine in this block raise robotd's errors. See ``translate``."""
+def translated(
+    what: str, fallback: type[RobotdError] = OperationError, *, axis: int | None = None
+) -> Iterator[None]:
+    """Raise robotd's errors for failed calls of the engine in this block. See ``translate``."""
     try:
         yield
     except CallError as error:
-        raise translate(error, what, fallback) from error
+        raise translate(error, what, fallback, axis=axis) from error

@@ -87,10 +87,10 @@ class PositionStream:
             self._native = _native.PositionStream(
                 device,
                 scaling.units.tolist(),
+                (scaling.velocity * scaling.units).tolist(),
                 (scaling.stop_deceleration * scaling.units).tolist(),
                 1.0 / robot.cycle.rate_hz,
                 options.stream_buffer_s,
-                0.0,
                 robot.cycle.realtime_priority,
             )
         return self._native

@@ -7,6 +7,8 @@ import numpy as np
 from robotd.api import DescriptorError, FloatArray, Profile, RobotDescriptor
 from robotd_wmx.options import WmxOptions
 
+UNLIMITED = 10.0  # rad/s or m/s, stands for a missing velocity limit
+
 
 class Scaling:
     """Scale of n axes.
@@ -15,6 +17,8 @@ class Scaling:
         units: user units per rad or m, (n,).
         si: its inverse.
         torque: N·m per percent of the rated torque, (n,); NaN where that is not known.
+        velocity: limit in rad/s or m/s, (n,); 10 where there is none.
+        moved_axes: those of joints and wheels.
         stop_deceleration: of a controlled stop, rad/s² or m/s², (n,).
     """
 
@@ -27,12 +31,16 @@ class Scaling:
         self.si: FloatArray = 1.0 / self.units
         self.torque: FloatArray = np.full(robot.axes, np.nan)
         self.stop_deceleration: FloatArray = np.full(robot.axes, options.stop_deceleration_rad_s2)
+        self.velocity: FloatArray = np.full(robot.axes, UNLIMITED)
+        self.moved_axes = [joint.axis for joint in robot.joints]
         for joint in robot.joints:
+            self.velocity[joint.axis] = min(joint.velocity, UNLIMITED)
             self.stop_deceleration[joint.axis] = joint.acceleration
             if joint.rated_effort is not None:
                 self.torque[joint.axis] = joint.rated_effort / 100.0
         if robot.drive:
             wheels = list(robot.drive.axes)
+            self.moved_axes += wheels
             self.stop_deceleration[wheels] = (
                 robot.drive.deceleration_m_s2 / robot.drive.wheel_radius_m
             )

@@ -3,6 +3,7 @@
 #include <pthread.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 
@@ -14,7 +15,7 @@ using namespace wmx3Api;
 constexpr std::size_t RING = 64;            // setpoints between two turns of the sending thread
 constexpr unsigned int CAPACITY = 4000;     // commands of a buffer; a stop must fit
 constexpr double GAP_PERIODS = 1.5;         // as the core's: a longer gap is an underrun
-constexpr double MAX_RATE_CHANGE = 0.02, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
+constexpr double MAX_RATE_CHANGE = 0.01, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
 constexpr double STEEPEST_S = 1e-3;         // shortest ramp to rest
 constexpr auto POLL = std::chrono::milliseconds(2);
 
@@ -112,15 +113,11 @@ void PositionStream::begin(const std::vector<int> &axes) {
         axes_[axis].position = axes_[axis].sent = status->axesStatus[axis].posCmd;
     }
     if (in_state(STREAMING).empty()) last_due_ns_ = 0;
+    commands_.clear();
     hold(axes, target_);
+    add(axes);
     AxisSelection chosen = selection(axes);
-    if (settings_.max_acceleration > 0) {
-        auto option = std::make_unique<CyclicBufferMultiAxisOption>();
-        for (int axis : axes) option->option[axis].maxAcc = settings_.max_acceleration;
-        check("CyclicBuffer::Execute", Api::CyclicBuffer, buffer_.Execute(&chosen, option.get()));
-    } else {
-        check("CyclicBuffer::Execute", Api::CyclicBuffer, buffer_.Execute(&chosen));
-    }
+    check("CyclicBuffer::Execute", Api::CyclicBuffer, buffer_.Execute(&chosen));
     {
         std::lock_guard lock(waiting_);
         fault_.clear();
@@ -204,80 +201,114 @@ bool PositionStream::wait(Setpoint &setpoint) {
     return true;
 }
 
-// The fewest commands that wait in a buffer and the least room. Takes those out of `axes` whose
-// buffer does not run: after a failure of the drive, or a stop that was not ours.
-void PositionStream::look(std::vector<int> &axes, unsigned int &depth, unsigned int &room) {
+// Takes those out of `axes` whose buffer does not run: after a failure of the drive, or a stop that
+// was not ours.
+PositionStream::Fill PositionStream::look(std::vector<int> &axes) {
+    constexpr unsigned int MOST = std::numeric_limits<unsigned int>::max();
+    Fill fill{MOST, MOST, false};
     AxisSelection chosen = selection(axes);
     auto status = std::make_unique<CyclicBufferMultiAxisStatus>();
     check("CyclicBuffer::GetStatus", Api::CyclicBuffer, buffer_.GetStatus(&chosen, status.get()));
-    depth = room = std::numeric_limits<unsigned int>::max();
     const auto ended = [&](int axis) {
         const CyclicBufferSingleAxisStatus &one = status->status[axis];
         if (one.state == CyclicBufferState::ExecutingCommand ||
             one.state == CyclicBufferState::WaitingForCommand) {
-            depth = std::min(depth, one.remainCount);
-            room = std::min(room, one.availableCount - std::min(one.availableCount, one.remainCount));
+            const unsigned int room = one.availableCount - std::min(one.availableCount, one.remainCount);
+            fill.depth = std::min(fill.depth, one.remainCount);
+            fill.room = std::min(fill.room, room);
+            fill.dry |= one.state == CyclicBufferState::WaitingForCommand && one.remainCount == 0;
             return false;
         }
         states_[axis] = OFF;
         if (one.state == CyclicBufferState::MaxAccError)
-            report("axis " + std::to_string(axis) + ": a setpoint exceeded the acceleration limit of"
-                   " the engine's cyclic buffer (MaxAccError)");
+            report("a setpoint of axis " + std::to_string(axis) + " exceeded the acceleration limit"
+                   " of the engine's cyclic buffer (MaxAccError)");
         return true;
     };
     axes.erase(std::remove_if(axes.begin(), axes.end(), ended), axes.end());
+    return fill;
 }
 
+// A process may be stopped between the look at the buffers and the new commands. Where these have run
+// dry meanwhile, the commands would start at speed from rest: look again.
 void PositionStream::send(const Setpoint &setpoint) {
+    before_ = axes_;
+    const double sampled_s = sampled_s_, mean_depth = mean_depth_;
+    while (!try_send(setpoint)) {
+        axes_ = before_;
+        sampled_s_ = sampled_s, mean_depth_ = mean_depth;
+    }
+}
+
+bool PositionStream::try_send(const Setpoint &setpoint) {
     std::vector<int> axes;
     for (int axis : in_state(STREAMING))
         if (std::isfinite(setpoint.position[axis]) && std::isfinite(setpoint.velocity[axis]))
             axes.push_back(axis);
-    unsigned int depth = 0, room = 0;
-    if (!axes.empty()) look(axes, depth, room);
+    if (axes.empty()) return true;
+    const auto looked = std::chrono::steady_clock::now();
+    const Fill fill = look(axes);
     const double gap_s = (setpoint.due_ns - last_due_ns_) * 1e-9;
     // No room: the engine does not execute. The image shows that, and the control loop judges it.
-    if (axes.empty() || room < CAPACITY / 2) return;
-    if (last_due_ns_ == 0 || gap_s <= 0 ||
-        gap_s > GAP_PERIODS * settings_.period_s + settings_.buffer_s) {
-        restart(axes, depth);
+    if (axes.empty() || fill.room < CAPACITY / 2) return true;
+    const bool gap = last_due_ns_ == 0 || gap_s <= 0 ||
+                     gap_s > GAP_PERIODS * settings_.period_s + settings_.buffer_s;
+    commands_.clear();
+    if (gap || fill.dry) {
+        rejoin(axes, setpoint, fill);
     } else {
         start_s_ = -gap_s;
         sampled_s_ -= gap_s;
-        mean_depth_ += DEPTH_FILTER * (depth - mean_depth_);
+        mean_depth_ += DEPTH_FILTER * (fill.depth - mean_depth_);
+        const double excess = (mean_depth_ - target_) / target_;
+        rate_ = 1 + std::clamp(RATE_PER_TARGET * excess, -MAX_RATE_CHANGE, MAX_RATE_CHANGE);
+        sample(axes, setpoint);
     }
-    const double excess = (mean_depth_ - target_) / target_;
-    rate_ = 1 + std::clamp(RATE_PER_TARGET * excess, -MAX_RATE_CHANGE, MAX_RATE_CHANGE);
-    sample(axes, setpoint);
-    add(axes, static_cast<unsigned int>(commands_.size()));
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - looked;
+    if (!fill.dry && took.count() > (fill.depth + 0.5) * cycle_s_) return false;
+    add(axes);
     last_due_ns_ = setpoint.due_ns;
+    return true;
 }
 
-// The axes rest at their last setpoint: fill the buffers with that, and leave it one period later.
-void PositionStream::restart(const std::vector<int> &axes, unsigned int depth) {
+// After a gap, the commands continue where the axes are: at rest at the last command where a buffer
+// has run dry. Their difference from the setpoint fades from now on. A setpoint that is as old as a
+// stall, or the last of several, makes no motion by itself.
+void PositionStream::rejoin(const std::vector<int> &axes, const Setpoint &setpoint,
+                            const Fill &fill) {
     for (int axis : axes) {
-        axes_[axis].position = axes_[axis].sent;
-        axes_[axis].velocity = 0;
+        Axis &mine = axes_[axis];
+        if (fill.dry) mine.sent_velocity = 0;
+        mine.position = setpoint.position[axis];
+        mine.velocity = setpoint.velocity[axis];
+        mine.deviation = {mine.sent - mine.position, mine.sent_velocity - mine.velocity};
     }
-    if (depth < target_) hold(axes, target_ - depth);
-    start_s_ = sampled_s_ = -settings_.period_s;
-    mean_depth_ = target_;
+    if (fill.dry && fill.depth < target_) hold(axes, target_ - fill.depth);
+    sampled_s_ = 0;
+    mean_depth_ = fill.depth + static_cast<double>(commands_.size());
+    rate_ = 1;
 }
 
 // Commands up to the setpoint, along the cubic from the last one. Times count from its due time.
 void PositionStream::sample(const std::vector<int> &axes, const Setpoint &setpoint) {
     const double length_s = -start_s_;
-    commands_.clear();
     for (double time_s = sampled_s_ + cycle_s_ * rate_; time_s <= 1e-9;
          time_s += cycle_s_ * rate_) {
         const double u = 1 + time_s / length_s;
         const double from = (1 + 2 * u) * (1 - u) * (1 - u), to = 1 - from;
         const double out = u * (1 - u) * (1 - u) * length_s, in = u * u * (u - 1) * length_s;
+        const double slope = 6 * u * (1 - u) / length_s;
+        const double slope_out = (1 - u) * (1 - 3 * u), slope_in = u * (3 * u - 2);
         CyclicBufferMultiAxisCommands &command = commands_.emplace_back();
         for (int axis : axes) {
             Axis &mine = axes_[axis];
-            mine.sent = from * mine.position + to * setpoint.position[axis] +
-                        out * mine.velocity + in * setpoint.velocity[axis];
+            const double position = from * mine.position + to * setpoint.position[axis] +
+                                    out * mine.velocity + in * setpoint.velocity[axis];
+            const double velocity = slope * (setpoint.position[axis] - mine.position) +
+                                    slope_out * mine.velocity + slope_in * setpoint.velocity[axis];
+            mine.deviation.fade(velocity, cycle_s_, settings_.limits[axis]);
+            mine.sent = position + mine.deviation.offset;
+            mine.sent_velocity = velocity + mine.deviation.rate;
             command.cmd[axis].type = CyclicBufferCommandType::AbsolutePos;
             command.cmd[axis].command = mine.sent;
             command.cmd[axis].intervalCycles = 1;
@@ -290,6 +321,7 @@ void PositionStream::sample(const std::vector<int> &axes, const Setpoint &setpoi
     }
 }
 
+// Commands that keep the axes at their last one.
 void PositionStream::hold(const std::vector<int> &axes, unsigned int cycles) {
     CyclicBufferMultiAxisCommands command;
     for (int axis : axes) {
@@ -297,22 +329,24 @@ void PositionStream::hold(const std::vector<int> &axes, unsigned int cycles) {
         command.cmd[axis].command = axes_[axis].sent;
         command.cmd[axis].intervalCycles = 1;
     }
-    commands_.assign(cycles, command);
-    add(axes, cycles);
+    commands_.insert(commands_.end(), cycles, command);
 }
 
-void PositionStream::add(const std::vector<int> &axes, unsigned int count) {
-    if (count == 0) return;
+void PositionStream::add(const std::vector<int> &axes) {
+    if (commands_.empty()) return;
     AxisSelection chosen = selection(axes);
     check("CyclicBuffer::AddCommand", Api::CyclicBuffer,
-          buffer_.AddCommand(&chosen, commands_.data(), static_cast<int>(count)));
+          buffer_.AddCommand(&chosen, commands_.data(), static_cast<int>(commands_.size())));
 }
 
 // Slow down from the last command with the axis' own deceleration; ``end_drained`` does the rest.
 void PositionStream::brake(int axis) {
     Axis &mine = axes_[axis];
-    const double speed = std::fabs(mine.velocity);
-    const double ramp_s = std::min(std::max(speed / settings_.deceleration[axis], STEEPEST_S),
+    CyclicBufferSingleAxisStatus status;
+    check("CyclicBuffer::GetStatus", Api::CyclicBuffer, buffer_.GetStatus(axis, &status));
+    if (status.state == CyclicBufferState::WaitingForCommand) mine.sent_velocity = 0;
+    const double speed = std::fabs(mine.sent_velocity);
+    const double ramp_s = std::min(std::max(speed / settings_.limits[axis].acceleration, STEEPEST_S),
                                    CAPACITY / 2 * cycle_s_);
     std::vector<CyclicBufferSingleAxisCommand> ramp;
     if (speed > 1e-9)
@@ -320,7 +354,7 @@ void PositionStream::brake(int axis) {
             const double t = std::min(time_s, ramp_s);
             CyclicBufferSingleAxisCommand &command = ramp.emplace_back();
             command.type = CyclicBufferCommandType::AbsolutePos;
-            command.command = mine.sent + mine.velocity * (t - t * t / (2 * ramp_s));
+            command.command = mine.sent + mine.sent_velocity * (t - t * t / (2 * ramp_s));
             command.intervalCycles = 1;
         }
     states_[axis] = STOPPING;

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "deviation.hpp"
 #include "native.hpp"
 
 namespace robotd {
@@ -22,8 +23,8 @@ struct Setpoint {
 
 // Between two setpoints runs the cubic through their positions and velocities, one command for
 // each cycle of the engine. The buffers are kept `target` cycles full, by sampling the cubics up to
-// 2 % faster or slower than the clock. A gap that the buffers cannot bridge ends in rest, and the
-// motion continues from there.
+// 1 % faster or slower than the clock. A gap that the buffers cannot bridge ends in rest; from there
+// the commands come back to the setpoints within the limits, see Deviation.
 //
 // `put` is for one thread and never waits for the engine; everything else may be called by any
 // thread, without the interpreter's lock.
@@ -31,10 +32,9 @@ class PositionStream {
 public:
     struct Settings {
         std::vector<double> units;         // user units per SI unit
-        std::vector<double> deceleration;  // of a stop, user units/s²
+        std::vector<AxisLimits> limits;    // their acceleration is that of a stop, too
         double period_s, buffer_s;
-        double max_acceleration;  // user units/s², 0: not watched by the engine
-        int priority;             // SCHED_FIFO of the sending thread, 0: as it is
+        int priority;  // SCHED_FIFO of the sending thread, 0: as it is
     };
     PositionStream(Device &device, Settings settings);
     ~PositionStream();
@@ -55,29 +55,36 @@ private:
     // STOPPING: its last commands are in the buffer.
     enum State { OFF, STREAMING, STOPPING };
     struct Axis {
-        double position = 0, velocity = 0;  // of the last setpoint, and of the last command
-        double sent = 0;
+        double position = 0, velocity = 0;   // of the last setpoint
+        double sent = 0, sent_velocity = 0;  // of the last command
+        Deviation deviation;
+    };
+
+    struct Fill {
+        unsigned int depth, room;  // fewest commands that wait in a buffer, and least room
+        bool dry;                  // a buffer has executed its last command
     };
 
     void run();
     bool wait(Setpoint &setpoint);
     void send(const Setpoint &setpoint);
-    void restart(const std::vector<int> &axes, unsigned int depth);
+    bool try_send(const Setpoint &setpoint);
+    void rejoin(const std::vector<int> &axes, const Setpoint &setpoint, const Fill &fill);
     void sample(const std::vector<int> &axes, const Setpoint &setpoint);
     void hold(const std::vector<int> &axes, unsigned int cycles);
-    void add(const std::vector<int> &axes, unsigned int count);
+    void add(const std::vector<int> &axes);
     void brake(int axis);
     void end_drained();
     void open(const std::vector<int> &axes);
     void fail(const CallFailed &failed);
     void report(const std::string &reason);
-    void look(std::vector<int> &axes, unsigned int &depth, unsigned int &room);
+    Fill look(std::vector<int> &axes);
     std::vector<int> in_state(State state) const;
 
     Device &device_;
     wmx3Api::CyclicBuffer buffer_;
     const Settings settings_;
-    std::vector<Axis> axes_;
+    std::vector<Axis> axes_, before_;  // before_: of the setpoint before
     std::vector<std::atomic<State>> states_;
     std::vector<bool> open_;
     double cycle_s_ = 0;

@@ -14,11 +14,13 @@ using Values = std::vector<double>;
 
 void bind_position_stream(nb::module_ &module) {
     nb::class_<PositionStream>(module, "PositionStream")
-        .def("__init__", [](PositionStream *self, Device &device, Values units, Values deceleration,
-                            double period_s, double buffer_s, double max_acceleration,
-                            int priority) {
-            new (self) PositionStream(device, {std::move(units), std::move(deceleration), period_s,
-                                               buffer_s, max_acceleration, priority});
+        .def("__init__", [](PositionStream *self, Device &device, Values units, Values velocity,
+                            Values acceleration, double period_s, double buffer_s, int priority) {
+            std::vector<AxisLimits> limits;
+            for (std::size_t axis = 0; axis < units.size(); axis++)
+                limits.push_back({velocity.at(axis), acceleration.at(axis)});
+            new (self) PositionStream(device, {std::move(units), std::move(limits), period_s,
+                                               buffer_s, priority});
         }, nb::keep_alive<1, 2>())
         .def("begin", &PositionStream::begin, Unlocked())
         .def("put", [](PositionStream &self, Numbers position, Numbers velocity, long long due_ns) {

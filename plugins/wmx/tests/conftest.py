@@ -15,6 +15,7 @@ os.environ["WMX_STANDIN_SHM"] = f"wmx-test-{os.getpid()}"
 
 from standin_build import SDK, SITE, build_all
 from standin_port import port
+from standin_trace import Trace
 
 settings.register_profile("wmx", deadline=None, derandomize=True)  # as tests/conftest.py
 settings.load_profile("wmx")
@@ -30,6 +31,14 @@ def pytest_sessionfinish() -> None:
     if (SDK / "bin" / "standin-port").exists():
         port("reset")
     Path("/dev/shm", os.environ["WMX_STANDIN_SHM"]).unlink(missing_ok=True)
+
+
+@pytest.fixture
+def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Trace:
+    """Record of the engine that the test starts."""
+    path = tmp_path / "trace.bin"
+    monkeypatch.setenv("WMX_STANDIN_TRACE", str(path))
+    return Trace(path)
 
 
 @pytest.fixture(autouse=True)

@@ -76,6 +76,33 @@ def test_parameters_of_the_file_are_in_force(tmp_path: Path) -> None:
     assert "AxisPolarity" in text
 
 
+def test_no_communication_with_parameters_that_cannot_be_loaded(tmp_path: Path) -> None:
+    path = descriptor(tmp_path)
+    data = yaml.safe_load(path.read_text("utf-8"))
+    bad = tmp_path / "bad.xml"
+    bad.write_text(Path(data["parameters_file"]).read_text("utf-8").replace("52953088", "-1"))
+    path.write_text(yaml.safe_dump(data | {"parameters_file": str(bad)}), "utf-8")
+    robot = build_robot(path, "wmx")
+    robot.connection.open()
+    with pytest.raises(DescriptorError, match="AxisGearRatioNumerator"):
+        robot.connection.start_communication()
+    assert "state 1 cycle 0" in port("show")
+    robot.shutdown()
+
+
+def test_no_communication_with_the_default_gear_ratio(tmp_path: Path) -> None:
+    path = descriptor(tmp_path)
+    data = yaml.safe_load(path.read_text("utf-8"))
+    del data["parameters_file"]
+    path.write_text(yaml.safe_dump(data), "utf-8")
+    robot = build_robot(path, "wmx")
+    robot.connection.open()
+    with pytest.raises(NotReady, match=r"axes \[0, 1, 2, 3, 4, 5\] have .* gear ratio 1/1"):
+        robot.connection.start_communication()
+    assert "state 1 cycle 0" in port("show")
+    robot.shutdown()
+
+
 def test_missing_elements_become_defaults_not_zeros(tmp_path: Path) -> None:
     original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text("utf-8")
     lines = [line for line in original.splitlines() if "QuickStopDec" not in line]

@@ -67,10 +67,12 @@ def test_an_unknown_code_keeps_what_the_sdk_says() -> None:
     ],
 )
 def test_errors_are_of_their_phase_and_keep_the_code(name: str, kind: type[Exception]) -> None:
-    with pytest.raises(kind, match=r"^axis 3: wmx 1 .* from Call$") as raised, translated("axis 3"):
+    text = r"^axis 3: servo on: wmx 1 .* from Call$"
+    with pytest.raises(kind, match=text) as raised, translated("servo on", axis=3):
         raise CallError("Call", "engine", 1, name, "")
     assert type(raised.value) is kind
     assert raised.value.code == 1  # type: ignore[attr-defined]
+    assert raised.value.axis == 3  # type: ignore[attr-defined]
 
 
 def test_opening_fails_with_a_connect_error_whatever_the_code() -> None:

@@ -138,6 +138,28 @@ def test_parameters_are_applied_once_per_opening(device: FakeDevice, parameters:
     assert device.calls.count(("load_parameters", parameters)) == 2
 
 
+class EarlyParameters(FakeDevice):
+    parameters_before_communication = True
+
+
+def test_parameters_come_before_communication_where_the_device_allows_it(parameters: Path) -> None:
+    device = EarlyParameters()
+    connection = make(device, parameters)
+    connection.start()
+    assert names(device) == ["open", "scan_network", "load_parameters", "start_communication"]
+    connection.stop_communication()
+    connection.start_communication()
+    assert names(device).count("load_parameters") == 1
+
+
+def test_without_its_parameters_such_a_device_never_communicates(parameters: Path) -> None:
+    device = EarlyParameters()
+    device.failures["load_parameters"] = DescriptorError("axis 3 is missing")
+    with pytest.raises(DescriptorError, match="axis 3"):
+        make(device, parameters).start()
+    assert "start_communication" not in names(device)
+
+
 def test_a_missing_parameter_file_stops_before_communication(
     device: FakeDevice, tmp_path: Path
 ) -> None:

@@ -59,6 +59,17 @@ Block *map_block() {
     close(file);
     return block;
 }
+
+// True for a process that was stopped by a signal.
+bool stopped(pid_t process) {
+    char path[32], state = 0;
+    std::snprintf(path, sizeof path, "/proc/%d/stat", static_cast<int>(process));
+    if (FILE *file = std::fopen(path, "r")) {
+        if (std::fscanf(file, "%*d (%*[^)]) %c", &state) != 1) state = 0;
+        std::fclose(file);
+    }
+    return state == 'T';
+}
 }  // namespace
 
 Faults::Faults() {
@@ -83,11 +94,24 @@ Block &block() {
     return *mapped;
 }
 
-Lock::Lock() : shared(block()) {
-    if (pthread_mutex_lock(&shared.mutex) == EOWNERDEAD) pthread_mutex_consistent(&shared.mutex);
+Lock::Lock(bool engine) : shared(block()) {
+    int code = engine ? EBUSY : pthread_mutex_lock(&shared.mutex);
+    while (code == EBUSY) {
+        code = pthread_mutex_trylock(&shared.mutex);
+        if (code != EBUSY) break;
+        if (stopped(shared.holder)) {
+            held = false;
+            return;
+        }
+        sleep_ms(0.05);
+    }
+    if (code == EOWNERDEAD) pthread_mutex_consistent(&shared.mutex);
+    shared.holder = getpid();
 }
 
-Lock::~Lock() { pthread_mutex_unlock(&shared.mutex); }
+Lock::~Lock() {
+    if (held) pthread_mutex_unlock(&shared.mutex);
+}
 
 bool engine_alive(const Block &block) {
     return block.engine_pid != 0 && !block.quit &&

@@ -110,6 +110,7 @@ struct Faults {  // survive a restart of the engine, so that they can be set bef
 struct Block {
     std::uint64_t magic;
     pthread_mutex_t mutex;
+    pid_t holder;  // of the mutex
     Faults faults;
     Device devices[constants::maxDevices];
     pid_t engine_pid;
@@ -146,10 +147,11 @@ bool communicating(const Block &block);
 void reset_engine(Block &block);  // what a start of the engine finds
 double counts_per_unit(const Block &block, int axis);
 
-// Holds the block's mutex; the death of a holder is survived.
+// Holds the block's mutex; the death of a holder is survived. With `engine` a stopped holder is, too:
+// the engine goes on without the mutex, as a real one does not depend on the processes that use it.
 class Lock {
 public:
-    Lock();
+    explicit Lock(bool engine = false);
     ~Lock();
     Lock(const Lock &) = delete;
     Lock &operator=(const Lock &) = delete;
@@ -158,6 +160,7 @@ public:
 
 private:
     Block &shared;
+    bool held = true;
 };
 
 }  // namespace standin

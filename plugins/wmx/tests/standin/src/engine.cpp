@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 
 #include "sim.hpp"
@@ -14,8 +16,36 @@ using namespace standin;
 
 namespace {
 constexpr std::int64_t TICK_NS = 1'000'000;
-constexpr std::int64_t CATCH_UP_NS = 200 * TICK_NS;   // beyond it time is lost, as cycles are
+constexpr std::int64_t CATCH_UP_NS = 1000 * TICK_NS;   // beyond it time is lost, as cycles are
 constexpr std::int64_t ORPHAN_NS = 10'000'000'000;    // invented: nobody alive needs the engine
+
+// Record of the axes in every cycle, in the file that WMX_STANDIN_TRACE names.
+class Trace {
+public:
+    Trace() {
+        if (const char *path = std::getenv("WMX_STANDIN_TRACE")) file_ = std::fopen(path, "ab");
+    }
+    ~Trace() {
+        if (file_) std::fclose(file_);
+    }
+    void add(const Block &block, std::int64_t due_ns) {
+        if (!file_ || !communicating(block)) return;
+        Row row{due_ns, {}, {}};
+        for (int axis = 0; axis < TRACED; axis++) {
+            row.command[axis] = block.status.axesStatus[axis].posCmd;
+            row.position[axis] = block.status.axesStatus[axis].actualPos;
+        }
+        std::fwrite(&row, sizeof row, 1, file_);
+    }
+
+private:
+    static constexpr int TRACED = 6;
+    struct Row {
+        std::int64_t due_ns;
+        double command[TRACED], position[TRACED];
+    };
+    std::FILE *file_ = nullptr;
+};
 
 void start_communication(Block &block) {
     block.state = block.status.engineState = EngineState::Communicating;
@@ -107,6 +137,7 @@ int main() {
     const sched_param priority{50};
     sched_setscheduler(0, SCHED_FIFO, &priority);
     signal(SIGHUP, SIG_IGN);
+    Trace trace;
     std::int64_t due = now_ns(), needed_ns = due;
     {
         Lock block;
@@ -125,7 +156,7 @@ int main() {
         timespec wake{static_cast<time_t>(due / 1'000'000'000),
                       static_cast<long>(due % 1'000'000'000)};
         while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr) == EINTR) {}
-        Lock block;
+        Lock block(true);
         const std::int64_t now = now_ns();
         if (now - due > CATCH_UP_NS) {
             block->over_cycle++;
@@ -134,7 +165,11 @@ int main() {
         block->heartbeat_ns = now;
         // Late cycles are made up for before anybody sees the axes: where they are is always
         // where they would be on a computer that is never late.
-        for (step(*block, now); due + TICK_NS <= now; due += TICK_NS) step(*block, now);
+        for (;; due += TICK_NS) {
+            step(*block, now);
+            trace.add(*block, due);
+            if (due + TICK_NS > now) break;
+        }
         needed = !block->quit && watch(*block, now, needed_ns);
     }
     Lock block;
