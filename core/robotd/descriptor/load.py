@@ -75,7 +75,7 @@ def load_robot_descriptor(
         DescriptorError: the robot or its variant is not known, or the file is wrong. All
             variants are checked, so that one deployment cannot break another unseen.
     """
-    tree = _extended(_find(robot, search_path), ())
+    tree = _extended(_find(robot, search_path), (), search_path)
     names, default = _variants(tree)
     if variant is not None and variant not in names:
         raise DescriptorError(
@@ -168,16 +168,17 @@ def _with_files(tree: Node, problems: list[DescriptorError]) -> Node:
     return replace(tree, value=children)
 
 
-def _extended(path: Path, above: tuple[Path, ...]) -> Node:
-    """Return the tree of ``path`` merged over that of the file that it extends."""
+def _extended(path: Path, above: tuple[Path, ...], search_path: Sequence[Path] | None) -> Node:
+    """Return the tree of ``path``, merged over the one that it extends."""
     tree = read_yaml(path)
     node = tree.value.pop("extends", None)
     if node is None:
         return tree
     if not isinstance(node.value, str):
-        raise DescriptorError("must be a path", path=path, line=node.line, key="extends")
+        what = "must be the name of a robot, or a path"
+        raise DescriptorError(what, path=path, line=node.line, key="extends")
     chain = (*above, path.absolute())
-    base = beside(path, node.value)
+    base = _base(path, node, search_path)
     if base in chain or len(chain) >= MAX_EXTENDS:
         what = " → ".join(str(link) for link in (*chain, base))
         raise DescriptorError(
@@ -186,8 +187,18 @@ def _extended(path: Path, above: tuple[Path, ...]) -> Node:
     if not is_file(base):
         what = f"file {str(base)!r} does not exist"
         raise DescriptorError(what, path=path, line=node.line, key="extends")
-    merged = merge(_extended(base, chain), tree)
+    merged = merge(_extended(base, chain, search_path), tree)
     return replace(merged, path=path)
+
+
+def _base(path: Path, node: Node, search_path: Sequence[Path] | None) -> Path:
+    """Return the file that ``path`` extends, by path or by name of a robot."""
+    if os.sep in node.value or node.value.endswith(".yaml"):
+        return beside(path, node.value)
+    try:
+        return _find(node.value, search_path)
+    except DescriptorError as error:
+        raise DescriptorError(str(error), path=path, line=node.line, key="extends") from None
 
 
 def _find(robot: str | Path, search_path: Sequence[Path] | None) -> Path:

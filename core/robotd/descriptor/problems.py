@@ -59,11 +59,18 @@ def _problem(
     keys = (*prefix, *loc)
     node = tree.find(keys) if tree else None
     return DescriptorError(
-        _text(model, found, loc),
+        _text(model, found, loc) + _extension(tree, node),
         path=node.path if node else None,
         line=node.line if node else None,
         key=".".join(str(key) for key in keys) or None,
     )
+
+
+def _extension(tree: Node | None, node: Node | None) -> str:
+    """Return which file extends the one with the problem; "" where it is the same."""
+    if tree is None or node is None or node.line is None or node.path == tree.path:
+        return ""
+    return f"; extended by {tree.path}"
 
 
 def _text(model: type[BaseModel], found: ErrorDetails, loc: Sequence[str | int]) -> str:

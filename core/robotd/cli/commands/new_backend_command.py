@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import re
-from importlib.metadata import version
 from pathlib import Path
-from string import Template
 
 import click
 
 from robotd.cli.options import configure_logging, log_options
+from robotd.cli.package_templates import package_words, write_package
 from robotd.errors import InvalidArgument, OperationError
 from robotd.plugin.manager import discover
-
-TEMPLATES = Path(__file__).parents[1] / "templates"
-SUFFIX = ".in"  # so that no tool treats a template as source code
 
 
 @click.command("new-backend")
@@ -55,28 +51,12 @@ def write_backend(name: str, into: Path, *, minimal: bool = False) -> None:
     taken = [origin for origin, _ in discover() if origin.name == name]
     if taken:
         raise InvalidArgument(f"backend name {name!r} is taken by {taken[0]}")
-    words = _words(name)
+    words = package_words(name)
     folder = into / words["distribution"]
     if folder.exists():
         raise OperationError(f"folder {folder} exists already")
-    templates = TEMPLATES / ("minimal" if minimal else "backend")
-    for template in sorted(templates.rglob(f"*{SUFFIX}")):
-        relative = template.relative_to(templates).as_posix().removesuffix(SUFFIX)
-        target = folder / relative.replace("PACKAGE", words["package"])
-        target.parent.mkdir(parents=True, exist_ok=True)
-        text = Template(template.read_text(encoding="utf-8")).substitute(words)
-        target.write_text(text, encoding="utf-8")
+    write_package("minimal" if minimal else "backend", folder, words)
     click.echo(f"{folder} is a backend that moves imaginary drives. Install it and check it:\n")
     click.echo(f"  pip install --editable {folder}\n  robotd conform --backend {name}\n")
     replaces = f"{words['package']}.py: replace the class Controller" if minimal else "README.md"
     click.echo(f"What to replace by your hardware: {replaces}.")
-
-
-def _words(name: str) -> dict[str, str]:
-    return {
-        "name": name,
-        "package": f"robotd_{name}",
-        "distribution": f"robotd-{name.replace('_', '-')}",
-        "Name": "".join(word.capitalize() for word in name.split("_")),
-        "robotd_version": ".".join(version("robotd").split(".")[:2]),
-    }

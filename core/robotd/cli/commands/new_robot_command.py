@@ -12,9 +12,12 @@ import click
 from robotd.cli.commands.check_command import check_robot
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
+from robotd.cli.installed import load_installed
 from robotd.cli.options import configure_logging, names, not_nan
+from robotd.cli.package_templates import package_words, write_package
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import client_options, robot_client
+from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.files import read_limited
 from robotd.descriptor.from_urdf import Choices, robot_files
 from robotd.descriptor.from_urdf.joint_roles import GripperDrive
@@ -28,6 +31,8 @@ Examples:
   robotd new-robot rover --urdf rover.urdf --wheels left_wheel,right_wheel --wheel-radius 0.1
   robotd canopen scan --json > bus.json
   robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
+  robotd new-robot my_arm --urdf my_arm.urdf --package
+  robotd new-robot cell7 --extends cr3a
   robotd new-robot my_arm                # the URDF that a running system publishes
 """
 
@@ -45,6 +50,16 @@ Examples:
     metavar="FILE",
     type=click.Path(path_type=Path),
     help="Drives of the robot: the output of 'robotd canopen scan --json'.",
+)
+@click.option(
+    "--extends",
+    metavar="NAME",
+    help="Robot that the new one extends, instead of a URDF.",
+)
+@click.option(
+    "--package",
+    is_flag=True,
+    help="Write an installable package that holds the robot, with a test.",
 )
 @click.option(
     "--into",
@@ -87,7 +102,9 @@ Examples:
 )
 @client_options
 @click.pass_context
-def new_robot(ctx: click.Context, /, *, name: str, into: Path, **options: Any) -> None:
+def new_robot(
+    ctx: click.Context, /, *, name: str, into: Path, package: bool, **options: Any
+) -> None:
     """Write a robot's folder from its URDF, ready to run on the simulation.
 
     Limits, names, gripper, wheels and drive models are taken from the URDF; comments in robot.yaml
@@ -99,19 +116,49 @@ def new_robot(ctx: click.Context, /, *, name: str, into: Path, **options: Any) -
         raise InvalidArgument(
             f"robot name {name!r}: must begin with a letter and hold only letters, digits and _"
         )
-    folder = into / name
-    if folder.exists():
-        raise OperationError(f"folder {folder} exists already")
-    text, path = _urdf_text(options["urdf"], ros_args(ctx), options["timeout_s"])
-    urdf = parse_urdf(text, path)
-    files = robot_files(name, urdf, text, path, _choices(options), options["bus"])
+    words = package_words(name)
+    top = into / (words["distribution"] if package else name)
+    if top.exists():
+        raise OperationError(f"folder {top} exists already")
+    if options["extends"]:
+        files = {"robot.yaml": _extension(name, options["extends"])}
+    else:
+        text, path = _urdf_text(options["urdf"], ros_args(ctx), options["timeout_s"])
+        urdf = parse_urdf(text, path)
+        files = robot_files(name, urdf, text, path, _choices(options), options["bus"])
+    folder = top / words["package"] / "robots" / name if package else top
     _write(folder, files)
+    if package:
+        write_package("robot", top, words)
     click.echo(f"{folder} is a robot: {', '.join(files)}\n")
     status = check_robot(str(folder / "robot.yaml"), None, (), None)
     if status == ExitCode.OK:
-        click.echo(f"\nRun it on the simulation:\n\n  robotd run --robot {folder}/robot.yaml")
-        click.echo(f"\nWhat was chosen, and why: {folder}/robot.yaml")
+        _show_next(name, folder, top if package else None)
     ctx.exit(status)
+
+
+def _show_next(name: str, folder: Path, package: Path | None) -> None:
+    """Print the next steps; ``package`` is the folder of a package to install."""
+    robot = f"{folder}/robot.yaml" if package is None else name
+    if package is not None:
+        click.echo(f"\nInstall it:\n\n  pip install --editable {package}")
+    click.echo(f"\nRun it on the simulation:\n\n  robotd run --robot {robot}")
+    click.echo(f"\nWhat was chosen, and why: {folder}/robot.yaml")
+
+
+def _extension(name: str, base: str) -> bytes:
+    """Return the ``robot.yaml`` of a robot that extends ``base``, which is installed."""
+    load_robot_descriptor(base, search_path=load_installed().search_path)
+    lines = (
+        f"# {name} is {base}, except for what is stated here: mappings merge key by key, scalars",
+        "# and lists replace, null restores a default (docs/reference/descriptor.md).",
+        "schema: 1",
+        f"name: {name}",
+        f"extends: {base}",
+        f'summary: "{name}, as {base}"',
+        "",
+    )
+    return "\n".join(lines).encode()
 
 
 def _choices(options: Mapping[str, Any]) -> Choices:
