@@ -57,6 +57,8 @@ from robotd.plugin.hookspecs import (
 )
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 from robotd.realtime import request_realtime
+from robotd.recording.frame_ring import Frames
+from robotd.recording.recording_reader import Recording, read_recording
 
 __all__ = [
     "API_VERSION",
@@ -80,6 +82,7 @@ __all__ = [
     "FaultInjector",
     "FieldbusDriver",
     "FloatArray",
+    "Frames",
     "InvalidArgument",
     "IoDriver",
     "LateSetpoint",
@@ -92,6 +95,7 @@ __all__ = [
     "ProcessImage",
     "Profile",
     "ProfiledAxes",
+    "Recording",
     "RobotDescriptor",
     "RobotRegistry",
     "RobotdError",
@@ -106,6 +110,7 @@ __all__ = [
     "profile_to_rest",
     "profile_to_velocity",
     "read_limited",
+    "read_recording",
     "request_realtime",
     "validate_section",
     "wait_until",

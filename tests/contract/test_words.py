@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = {
     "robotd": ROOT / "core" / "robotd",
     "robotd_canopen": ROOT / "plugins" / "canopen" / "robotd_canopen",
+    "robotd_replay": ROOT / "plugins" / "replay" / "robotd_replay",
     "robotd_servo_model": ROOT / "plugins" / "servo_model" / "robotd_servo_model",
     "robotd_sim": ROOT / "plugins" / "sim" / "robotd_sim",
     "robotd_wmx": ROOT / "plugins" / "wmx" / "robotd_wmx",

@@ -1,0 +1,46 @@
+"""Replay backend: a recording as a robot whose axes cannot be commanded."""
+
+from __future__ import annotations
+
+from robotd.api import (
+    AxisDriver,
+    BackendInfo,
+    Capability,
+    DeviceContext,
+    DeviceDriver,
+    IoDriver,
+    hookimpl,
+)
+from robotd_replay.axes import ReplayAxes
+from robotd_replay.device import ReplayDevice
+from robotd_replay.io import ReplayIo
+from robotd_replay.options import Replayed, ReplayOptions
+
+
+@hookimpl
+def robotd_backend() -> BackendInfo:
+    """Nothing moves, and nothing can be commanded."""
+    return BackendInfo(
+        summary="a recording, played as a robot with read-only axes",
+        api_version=1,
+        capabilities=frozenset({Capability.SIMULATED}),
+        options=ReplayOptions,
+    )
+
+
+@hookimpl
+def robotd_open_device(context: DeviceContext[Replayed]) -> DeviceDriver:
+    """Make the device; the recording begins with the communication."""
+    return ReplayDevice(context.options, context.clock)
+
+
+@hookimpl
+def robotd_axes(device: ReplayDevice) -> AxisDriver:
+    """The recorded axes."""
+    return ReplayAxes(device)
+
+
+@hookimpl
+def robotd_io(device: ReplayDevice) -> IoDriver:
+    """The recorded inputs and outputs."""
+    return ReplayIo(device)

@@ -1,0 +1,70 @@
+"""Life cycle of a replayed device, and the position in its recording."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robotd.api import Clock, ConnectionState, DeviceDriver, NotReady
+from robotd_replay.options import Replayed
+
+
+class ReplayDevice(DeviceDriver):
+    """Device whose recording begins when communication starts.
+
+    Attributes:
+        replayed: what is played.
+        clock: of the control loop.
+    """
+
+    def __init__(self, replayed: Replayed, clock: Clock) -> None:
+        self.replayed, self.clock = replayed, clock
+        self._is_open = False
+        self._began_ns = 0  # 0: it does not communicate
+        self._starts_ns = replayed.frames["start_ns"] - replayed.frames["start_ns"][0]
+        # The last period lasts as long as the others.
+        period_ns = round(1e9 / replayed.recording.info.rate_hz)
+        self._duration_ns = int(self._starts_ns[-1]) + period_ns
+
+    def open(self, path: str = "", name: str = "") -> None:
+        self._is_open = True
+
+    def close(self) -> None:
+        self._is_open = False
+        self._began_ns = 0
+
+    def start_communication(self, timeout_s: float) -> None:
+        if not self._is_open:
+            raise NotReady("the recording is not open")
+        self._began_ns = self.clock.now_ns()
+
+    def stop_communication(self, timeout_s: float) -> None:
+        self._began_ns = 0
+
+    def state(self) -> ConnectionState:
+        if self._began_ns:
+            return ConnectionState.COMMUNICATING
+        return ConnectionState.RUNNING if self._is_open else ConnectionState.IDLE
+
+    def scan_network(self) -> str:
+        info = self.replayed.recording.info
+        return f"recording of {info.robot} on {info.backend}: {len(info.axes)} axes"
+
+    def frame(self) -> tuple[Any, int] | None:
+        """Return the present frame and its age in ns; None before and after the recording."""
+        began_ns = self._began_ns
+        if not began_ns:
+            return None
+        elapsed_ns = self.clock.now_ns() - began_ns
+        if elapsed_ns >= self._duration_ns and not self.replayed.repeat:
+            return None
+        elapsed_ns %= self._duration_ns
+        index = int(np.searchsorted(self._starts_ns, elapsed_ns, side="right")) - 1
+        return self.replayed.frames[index], elapsed_ns - int(self._starts_ns[index])
+
+    def recorded_ns(self) -> int:
+        """Return the present time in the recording's clock; its start when stopped."""
+        frame = self.frame()
+        first = self.replayed.frames[0] if frame is None else frame[0]
+        return int(first["start_ns"])

@@ -1,0 +1,111 @@
+"""The replay backend, behind the same facades as a real robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.observation.harness import Observed
+from tests.unit.recording.frames import ramp, write
+
+from robotd.clock.simulated import SteppedClock
+from robotd.descriptor import load_robot_descriptor, parse_override
+from robotd.device.state import ConnectionState
+from robotd.errors import DescriptorError, Unsupported
+from robotd.motion import TrajectoryRequest
+from robotd.plugin.manager import load_backend
+from robotd.recording.recording_reader import Recording, read_recording
+from robotd.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Recording]:
+    """A motion of cr3a that ends with an alarm of joint 3, and a gripper that closes."""
+    arm = Observed(tmp_path_factory.mktemp("replay"))
+    arm.robot.io.set_output_bit(0, 0, True)
+    with arm.goal([0.3] * 6):
+        arm.step(0.4)
+        arm.robot.fault_injector.trip(2, 0x8611)
+        arm.step(0.3)
+    arm.step(0.6)
+    arm.flight.close()
+    (path,) = arm.files()
+    yield read_recording(path)
+    arm.close()
+
+
+def replay(path: Path, *overrides: str) -> Robot:
+    values = [parse_override(each) for each in (f"backends.replay.file={path}", *overrides)]
+    descriptor = load_robot_descriptor("cr3a", overrides=values)
+    return Robot(descriptor, load_backend("replay"), SteppedClock())
+
+
+def test_every_value_is_shown_at_its_time(recording: Recording) -> None:
+    robot = replay(recording.path)
+    robot.start()
+    recorded = recording.frames[np.flatnonzero(recording.frames["ready"])[0] :]
+    shown, alarms = [], []
+    for _ in range(500):
+        robot.step(1)
+        shown.append(robot.image.values.copy())
+        alarms.append(robot.image.alarm_code[2])
+    last = len(recorded) - len(shown)
+    same = [
+        first
+        for first in range(last)
+        if np.array_equal(recorded["values"][first : first + 500], shown, equal_nan=True)
+    ]
+    assert len(same) == 1
+    np.testing.assert_array_equal(recorded["numbers"][same[0] : same[0] + 500, 0, 2], alarms)
+    assert set(alarms) == {0, 0x8611}
+    assert robot.image.fault(2) == "amplifier alarm 34321"
+    robot.shutdown()
+
+
+def test_motion_is_rejected_with_the_name_of_the_backend(recording: Recording) -> None:
+    robot = replay(recording.path)
+    robot.start()
+    robot.step(20)
+    request = TrajectoryRequest.from_rows(robot.joint_names, [1.0], [[0.1] * 6])
+    with (
+        pytest.raises(Unsupported, match="motion of a recording: not supported by the replay"),
+        robot.follower.follow(request),
+    ):
+        pass
+    with pytest.raises(Unsupported, match="outputs of a recording: not supported"):
+        robot.io.set_output_bit(0, 1, True)
+    robot.step(150)
+    assert robot.io.output_bit(0, 0)  # as it was recorded
+    robot.shutdown()
+
+
+def test_it_begins_again_at_the_end_or_becomes_stale(recording: Recording) -> None:
+    seconds = recording.duration_s + 0.5
+    robot = replay(recording.path)
+    robot.start()
+    alarms = []
+    for _ in range(round(2 * seconds * 50)):
+        robot.step(10)
+        alarms.append(bool(robot.image.amp_alarm[2]))
+    assert (True, False) in pairwise(alarms)  # of the next round
+    assert robot.connection.ready
+    robot.shutdown()
+    once = replay(recording.path, "backends.replay.repeat=false")
+    once.start()
+    once.step(round(seconds * 500))
+    assert not once.connection.ready
+    assert "old" in once.connection.fault
+    once.shutdown()
+    assert once.connection.state is ConnectionState.SHUTDOWN
+
+
+def test_a_file_that_does_not_fit_is_rejected(tmp_path: Path) -> None:
+    path = tmp_path / "three.mcap"
+    write(path, ramp())
+    with pytest.raises(DescriptorError, match=r"three\.mcap has 3 axes \(arm\), not 6"):
+        replay(path)
+    with pytest.raises(DescriptorError, match=r"none\.mcap: No such file"):
+        replay(tmp_path / "none.mcap")
