@@ -30,18 +30,40 @@ def sim() -> None:
 
 
 @sim.command("run")
-@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--robot", metavar="NAME|FILE", help="The robot; by default the scenario's own.")
+@click.option(
+    "--from",
+    "recording",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Instead of a scenario: repeat the commands of a recording, and compare the motion.",
+)
 @time_scale
 @log_options
 @click.pass_context
-def run(ctx: click.Context, /, file: Path, robot: str | None, *, time_scale: float | None) -> None:
+def run(
+    ctx: click.Context,
+    /,
+    file: Path | None,
+    robot: str | None,
+    recording: Path | None,
+    *,
+    time_scale: float | None,
+) -> None:
     """Run a scenario as a test: status 0 when it passes, else 1.
 
     Without ROS, and as fast as the computer goes unless --time-scale says otherwise.
     """
     configure_logging(ctx)
-    ctx.exit(run_scenario(file, robot, time_scale))
+    if (file is None) is (recording is None):
+        raise click.UsageError("either a scenario or --from FILE is needed")
+    if recording is not None:
+        from robotd.cli.recording_comparison import repeat_recording
+
+        ctx.exit(repeat_recording(recording, robot))
+    if file is not None:
+        ctx.exit(run_scenario(file, robot, time_scale))
 
 
 @sim.command("inject", epilog=ROS_EPILOG)

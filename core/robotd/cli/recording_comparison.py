@@ -1,0 +1,62 @@
+"""``robotd sim run --from``: recorded commands on the simulation, and the difference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.installed import load_installed
+from robotd.cli.layout import columns
+from robotd.descriptor import load_robot_descriptor
+from robotd.errors import OperationError
+from robotd.observation.motion_comparison import Difference, compare
+from robotd.observation.recorded_commands import CommandRepeater
+from robotd.plugin.manager import load_backend
+from robotd.recording.recording_reader import read_recording
+
+
+def repeat_recording(path: Path, robot: str | None) -> ExitCode:
+    """Repeat and print the differences; FAILED when one exceeds the path tolerance.
+
+    Raises RobotdError: the recording cannot be read, or does not fit the robot.
+    """
+    recording = read_recording(path)
+    info = recording.info
+    search_path = load_installed().search_path
+    descriptor = load_robot_descriptor(robot or info.robot, info.variant or None, search_path)
+    if descriptor.axes != len(info.axes):
+        text = f"{path} has {len(info.axes)} axes, {descriptor.name} has {descriptor.axes}"
+        raise OperationError(text)
+    try:
+        repeater = CommandRepeater(recording, descriptor, load_backend("sim"))
+    except ValueError as error:
+        raise OperationError(str(error)) from error
+    repetition = repeater.run()
+    tolerance = descriptor.trajectory.goal_tolerance_rad
+    differences = [*compare(repetition, info.axes, tolerance)]
+    for line in columns([HEADING, *map(_row, differences)]):
+        click.echo(line)
+    for time_s, text in repetition.rejections:
+        click.echo(f"{time_s:9.3f} s  rejected by the simulation: {text}")
+    seconds = len(repetition.recorded) / info.rate_hz
+    click.echo(f"{repetition.commands} commands over {seconds:.1f} s, tolerance {tolerance:g} rad")
+    beyond = [each for each in differences if each.first_s is not None]
+    if not beyond:
+        click.echo("the simulation moved as recorded")
+        return ExitCode.OK
+    first = min(beyond, key=lambda each: each.first_s or 0.0)
+    click.echo(
+        f"differs from {first.first_s:.3f} s on: {first.name} recorded {first.recorded:+.4f},"
+        f" simulated {first.simulated:+.4f} rad"
+    )
+    return ExitCode.FAILED
+
+
+HEADING = ("axis", "largest difference", "at", "beyond the tolerance from")
+
+
+def _row(each: Difference) -> tuple[str, ...]:
+    first = "-" if each.first_s is None else f"{each.first_s:.3f} s"
+    return each.name, f"{each.largest:.5f} rad", f"{each.largest_s:.3f} s", first

@@ -1,0 +1,53 @@
+"""Comparison of recorded and simulated motion, joint by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.observation.recorded_commands import Repetition
+
+_POSITION = 2  # row of the measured position in ProcessImage.values
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Difference of one axis.
+
+    Attributes:
+        name: of the axis.
+        largest: largest difference of the measured position, rad or m.
+        largest_s: its time from the start of the comparison, seconds.
+        first_s: time at which the tolerance was exceeded first; None: never.
+        recorded, simulated: positions at that time, else at the time of the largest difference.
+    """
+
+    name: str
+    largest: float
+    largest_s: float
+    first_s: float | None
+    recorded: float
+    simulated: float
+
+
+def compare(repetition: Repetition, names: Sequence[str], tolerance: float) -> Iterator[Difference]:
+    """Yield the difference of each axis; ``tolerance`` in rad or m."""
+    recorded = repetition.recorded["values"][:, _POSITION]
+    simulated = repetition.simulated["values"][:, _POSITION]
+    starts = repetition.recorded["start_ns"]
+    times_s = (starts - starts[0]) * 1e-9
+    errors = np.nan_to_num(np.abs(recorded - simulated))
+    for axis, name in enumerate(names):
+        worst = int(np.argmax(errors[:, axis]))
+        beyond = np.flatnonzero(errors[:, axis] > tolerance)
+        shown = int(beyond[0]) if len(beyond) else worst
+        yield Difference(
+            name,
+            float(errors[worst, axis]),
+            float(times_s[worst]),
+            float(times_s[shown]) if len(beyond) else None,
+            float(recorded[shown, axis]),
+            float(simulated[shown, axis]),
+        )

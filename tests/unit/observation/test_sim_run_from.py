@@ -1,0 +1,54 @@
+"""``robotd sim run --from``: what was commanded, repeated on the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from tests.unit.observation.harness import Observed
+
+from robotd.cli import main
+from robotd.device.axes import Move
+from robotd.motion.profile import Profile
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Iterator[Observed]:
+    observed = Observed(tmp_path)
+    yield observed
+    observed.close()
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(main, ["sim", "run", *map(str, arguments)])
+
+
+def test_goals_and_moves_lead_to_the_same_motion(arm: Observed) -> None:
+    with arm.goal([0.3, -0.2, 0.1, 0.0, 0.4, -0.5]):
+        arm.step(1.2)
+    arm.robot.axes.move([Move(1, 0.1, Profile(0.5, 2.0, 2.0))])
+    arm.step(1.5)
+    result = run("--from", arm.flight.snapshot("test"))
+    assert result.exit_code == 0, result.output
+    assert "the simulation moved as recorded" in result.output
+    assert " commands over" in result.output
+    assert "joint6" in result.output
+
+
+def test_the_first_difference_is_named(arm: Observed) -> None:
+    with arm.goal([0.3] * 6):
+        arm.step(0.5)
+        arm.robot.fault_injector.trip(2, 0x8611)
+        arm.step(0.8)
+    result = run("--from", arm.flight.snapshot("test"))
+    assert result.exit_code == 1, result.output
+    last = result.output.splitlines()[-1]
+    assert last.startswith("differs from 0."), last
+    assert "recorded +0.1" in last
+
+
+def test_a_scenario_or_a_recording_is_needed(tmp_path: Path) -> None:
+    assert run().exit_code == 2
+    assert "No such file" in run("--from", tmp_path / "none.mcap").output
