@@ -90,6 +90,8 @@ bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench.canopen
 	$(say) 'tools.bench.recorder'
 	.venv/bin/python -m tools.bench.recorder
+	$(say) 'tools.bench.streams'
+	.venv/bin/python -m tools.bench.streams
 	$(say) 'tools.bench.middleware'
 	.venv/bin/python -m tools.bench.middleware
 	$(MAKE) -C plugins/wmx bench
