@@ -13,6 +13,7 @@ from rclpy.node import Node
 from robotd.device.gripper import Gripper, GripperState
 from robotd.errors import DescriptorError, InvalidArgument, RobotdError
 from robotd.log import get_logger
+from robotd.node_settings.command_settings import read_gripper_controller
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import RealTimeResultServer
@@ -38,10 +39,7 @@ class GripperController(Node):
         if robot.gripper is None:
             raise DescriptorError(f"{NAME} needs a gripper, which {robot.descriptor.name} has not")
         parameters = Parameters(self, robot.descriptor)
-        single = parameters.topic("gripper_action", "name of the GripperCommand action")
-        parallel = parameters.topic(
-            "parallel_gripper_action", "name of the ParallelGripperCommand action"
-        )
+        single, parallel = read_gripper_controller(parameters, robot.descriptor)
         parameters.done()
         self._actions = []
         if single:

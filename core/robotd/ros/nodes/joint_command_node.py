@@ -13,6 +13,7 @@ from std_msgs.msg import Float64MultiArray
 from robotd.control.joint_motion import OWNER
 from robotd.control.joint_stream import JointStream
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
+from robotd.node_settings.command_settings import read_joint_command
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.controller_state_topic import ControllerStateTopic, TrajectoryQuery
@@ -23,7 +24,6 @@ from robotd.ros.services import add_service, add_subscription
 
 NAME = "joint_command_node"
 DEPTH = 10
-STATE_HZ = 50
 
 
 class JointCommandNode(Node):
@@ -42,38 +42,26 @@ class JointCommandNode(Node):
         self._robot, self._host = robot, host
         self._names = robot.joint_names
         parameters = Parameters(self, robot.descriptor)
-        self._timeout_s = parameters.positive(
-            "command_timeout_s",
-            robot.descriptor.stream.timeout_s,
-            "age of the last message at which the joints slow to rest, in s",
-        )
-        trajectory = parameters.topic("joint_trajectory_topic", "trajectories and single points")
-        position = parameters.topic("position_commands_topic", "positions of all joints")
-        velocity = parameters.topic("velocity_commands_topic", "velocities of all joints")
-        jog = parameters.topic("joint_jog_topic", "velocities of named joints")
-        state = parameters.topic("controller_state_topic", "commanded and measured motion")
-        query = parameters.topic("query_state_service", "commanded motion at a time")
-        highest = int(robot.descriptor.cycle.rate_hz)
-        rate_hz = parameters.integer(
-            "state_publish_rate", STATE_HZ, (1, highest), "rate of the state topic in Hz"
-        )
+        settings = read_joint_command(parameters, robot.descriptor)
+        self._timeout_s = settings.timeout_s
         parameters.done()
-        if trajectory:
-            stream = self._stream(trajectory, OWNER)
-            self._trajectories = TrajectoryTopic(self, robot, host, trajectory, stream)
-        if position:
-            self._forward(position, Float64MultiArray, _positions)
-        if velocity:
-            self._forward(velocity, Float64MultiArray, _velocities)
-        if jog:
-            self._forward(jog, JointJog, self._jog)
-        if state:
-            publisher = ControllerStateTopic(self, robot, state)
+        if settings.trajectory:
+            stream = self._stream(settings.trajectory, OWNER)
+            self._trajectories = TrajectoryTopic(self, robot, host, settings.trajectory, stream)
+        if settings.position:
+            self._forward(settings.position, Float64MultiArray, _positions)
+        if settings.velocity:
+            self._forward(settings.velocity, Float64MultiArray, _velocities)
+        if settings.jog:
+            self._forward(settings.jog, JointJog, self._jog)
+        if settings.state:
+            publisher = ControllerStateTopic(self, robot, settings.state)
+            rate_hz = settings.state_rate_hz
             robot.control_loop.every(rate_hz, "controller state", publisher.publish)
             self.rates_hz = {publisher.topic: float(rate_hz)}
-        if query:
+        if settings.query:
             answer = TrajectoryQuery(self, robot).answer
-            add_service(self, host, QueryTrajectoryState, query, answer, blocking=False)
+            add_service(self, host, QueryTrajectoryState, settings.query, answer, blocking=False)
 
     def _forward(self, topic: str, message_type: Any, command: Any) -> None:
         """Let every message of ``topic`` command a stream of its own."""
