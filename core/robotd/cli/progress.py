@@ -12,6 +12,15 @@ import click
 _CLEAR_LINE = "\r\x1b[K"
 
 
+BAR_WIDTH = 20
+
+
+def bar(part: float) -> str:
+    """Return a bar of ``BAR_WIDTH`` characters that is filled to ``part``, 0 to 1."""
+    filled = round(min(max(part, 0.0), 1.0) * BAR_WIDTH)
+    return "━" * filled + "╌" * (BAR_WIDTH - filled)
+
+
 class Progress:
     """Shows the progress of a motion on standard error, on one line.
 
@@ -36,7 +45,7 @@ class Progress:
         values = "  ".join(
             f"{joint} {self._text(joint, positions[joint])}" for joint in self._joints
         )
-        line = f"{passed_s:.1f} of {self._time_s:.1f} s  {values}"
+        line = f"{bar(passed_s / self._time_s)} {passed_s:.1f} of {self._time_s:.1f} s  {values}"
         width = shutil.get_terminal_size().columns - 1
         click.echo(f"{_CLEAR_LINE}{line[:width]}", nl=False, err=True)
         self._shown = True

@@ -11,6 +11,7 @@ import click
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
+from robotd.cli.interrupt import Interrupt
 from robotd.cli.layout import columns, field, warning
 from robotd.cli.options import as_json, configure_logging
 from robotd.cli.preflight import import_ros
@@ -19,14 +20,21 @@ from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.client.status_client import AxisReport
 
+REFRESH_HZ = 8
+
 
 @click.command("status", epilog=ROS_EPILOG)
 @as_json
+@click.option("--watch", is_flag=True, help="Show the state as it changes, until Ctrl-C.")
 @client_options
 @click.pass_context
-def status(ctx: click.Context, /, *, as_json: bool, timeout_s: float) -> None:
+def status(ctx: click.Context, /, *, as_json: bool, watch: bool, timeout_s: float) -> None:
     """Show connection and axes of the running robot."""
     configure_logging(ctx)
+    if watch:
+        if as_json:
+            raise click.UsageError("--watch and --json exclude each other")
+        ctx.exit(_watch(ros_args(ctx), timeout_s))
     ctx.exit(_status(ros_args(ctx), timeout_s, as_json=as_json))
 
 
@@ -52,6 +60,24 @@ def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> Exit
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
     return ExitCode.OK if report.ready and not report.stopped else ExitCode.FAILED
+
+
+def _watch(ros_args: Sequence[str], timeout_s: float) -> ExitCode:
+    """Show the state until Ctrl-C; OK if the robot was ready then, else FAILED."""
+    from rich.live import Live
+
+    from robotd.cli.status_view import view
+
+    with robot_client(ros_args, timeout_s, searches=True) as client:
+        live_status = import_ros("client.live_status").live_status
+        with Interrupt() as interrupt, live_status(client) as status:
+            report = status.report()
+            with Live(view(report), refresh_per_second=REFRESH_HZ) as screen:
+                while not interrupt.happened:
+                    client.spin()
+                    report = status.report()
+                    screen.update(view(report))
+    return ExitCode.OK if report.ready else ExitCode.FAILED
 
 
 def _table(axes: Sequence[AxisReport]) -> list[str]:

@@ -165,7 +165,7 @@ def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:
     name = action and client.node.resolve_topic_name(action)
 
     def find() -> list[tuple[str, str]]:
-        return [found for found in _action_servers(client.node) if name in (None, found[0])]
+        return [found for found in action_servers(client.node) if name in (None, found[0])]
 
     what = f"action {name}" if name else "arm (a FollowJointTrajectory action)"
     found: tuple[str, str] = client.wait(find, what)[0]
@@ -176,13 +176,13 @@ def _check_only_one(client: RosClient, settled_s: float) -> None:
     """Raise OperationError for several arms, after the time that discovery takes."""
     while time.monotonic() < settled_s:
         client.spin()
-    servers = _action_servers(client.node)
+    servers = action_servers(client.node)
     if len(servers) > 1:
         listing = ", ".join(f"{action} (of {node})" for action, node in servers)
         raise OperationError(f"several arms: choose one by --action (available: {listing})")
 
 
-def _action_servers(node: Node) -> list[tuple[str, str]]:
+def action_servers(node: Node) -> list[tuple[str, str]]:
     """FollowJointTrajectory actions in the client's namespace or below, and the servers' nodes."""
     servers = []
     own = node.get_namespace().rstrip("/")

@@ -1,0 +1,64 @@
+"""Live view of a robot's state in the terminal, for ``robotd status --watch``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Group
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd.ros.client.live_status import LiveReport
+
+LEVELS = ("green", "yellow", "bold red", "dim")
+BAR_WIDTH = 40
+
+
+def view(report: LiveReport) -> Group:
+    """Return the view of one state."""
+    parts = [_head(report)]
+    if report.goal_s is not None:
+        line = Table.grid(padding=(0, 1))
+        # Feedback has no duration: the bar moves, and the time on the path is beside it.
+        bar = ProgressBar(total=None, pulse=True, width=BAR_WIDTH)
+        line.add_row(Text("goal", style="bold"), bar, f"{report.goal_s:.1f} s on its path")
+        parts.append(line)
+    parts.append(_axes(report))
+    parts.append(_parts(report))
+    return Group(*parts)
+
+
+def _head(report: LiveReport) -> Table:
+    words = {True: ("ready", "bold green"), False: ("not ready", "bold red"), None: ("?", "dim")}
+    text, style = words[report.ready]
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row(Text(text, style=style), Text("stop with Ctrl-C", style="dim"))
+    return grid
+
+
+def _axes(report: LiveReport) -> Table:
+    table = Table("axis", "servo", "alarm", box=None, header_style="dim")
+    for heading in ("position", "velocity", "torque", "following error"):
+        table.add_column(heading, justify="right")
+    for each in report.axes or ():
+        torque = "-" if each.torque is None else f"{each.torque:+.2f} N·m"
+        table.add_row(
+            str(each.axis),
+            Text("on", style="green") if each.servo_on else Text("off", style="yellow"),
+            Text("ALARM", style="bold red") if each.alarm else "-",
+            f"{each.position:+.4f}",
+            f"{each.velocity:+.4f}",
+            torque,
+            f"{each.position_command - each.position:+.5f}",
+        )
+    return table
+
+
+def _parts(report: LiveReport) -> Table:
+    table = Table("part", "state", box=None, header_style="dim")
+    for part in report.parts:
+        style = LEVELS[min(part.level, len(LEVELS) - 1)]
+        table.add_row(part.name, Text(part.message, style=style))
+    return table

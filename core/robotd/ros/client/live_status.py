@@ -1,0 +1,98 @@
+"""State of a running robot as it changes, from its topics alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from control_msgs.action import FollowJointTrajectory
+from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import Bool
+from wmx_ros2_message.msg import AxisState
+
+from robotd.clock import NANOSECONDS
+from robotd.ros.client.motion_client import action_servers
+from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
+from robotd.ros.client.status_client import AXIS_STATE, AxisReport, axis_reports
+
+GOAL_SILENCE_S = 0.5  # after the last feedback of a goal it has ended
+ENGINE = "engine"
+
+
+@dataclass(frozen=True)
+class PartReport:
+    """Part of ``/diagnostics``; levels are 0 OK, 1 WARN, 2 ERROR, 3 STALE."""
+
+    name: str
+    level: int
+    message: str
+
+
+@dataclass(frozen=True)
+class LiveReport:
+    """Newest state.
+
+    Attributes:
+        ready: the robot takes commands; None before it was heard of.
+        axes: None while they are not published.
+        parts: engine, axes, fieldbus, control loop.
+        goal_s: time that the running goal has got to on its path, seconds; None: no goal.
+    """
+
+    ready: bool | None
+    axes: tuple[AxisReport, ...] | None
+    parts: tuple[PartReport, ...]
+    goal_s: float | None
+
+
+class LiveStatus:
+    """Subscriptions of a robot's state: ``with live_status(client) as status:``. One thread."""
+
+    def __init__(
+        self, ready: Listener, axes: Listener, diagnostics: Listener, feedback: Listener | None
+    ) -> None:
+        self._ready, self._axes, self._diagnostics = ready, axes, diagnostics
+        self._feedback = feedback
+        self._seen: Any = None
+        self._seen_s = 0.0
+
+    def report(self) -> LiveReport:
+        """Return the newest state; never waits."""
+        ready, axes = self._ready.newest, self._axes.newest
+        is_ready = None if ready is None else bool(ready.data)
+        statuses = self._diagnostics.newest.status if self._diagnostics.newest else ()
+        parts = tuple(
+            PartReport(each.name.rpartition(": ")[2], each.level[0], each.message)
+            for each in statuses
+        )
+        reports = axis_reports(axes) if is_ready and axes is not None else None
+        return LiveReport(is_ready, reports, parts, self._goal_s())
+
+    def _goal_s(self) -> float | None:
+        message = self._feedback.newest if self._feedback else None
+        now_s = time.monotonic()
+        if message is not self._seen:
+            self._seen, self._seen_s = message, now_s
+        if message is None or now_s - self._seen_s > GOAL_SILENCE_S:
+            return None
+        passed = message.feedback.desired.time_from_start
+        return float(passed.sec + passed.nanosec / NANOSECONDS)
+
+
+@contextmanager
+def live_status(client: RosClient) -> Iterator[LiveStatus]:
+    """Subscribe to the state of the running robot. Raises DeviceTimeout when there is none."""
+    with ExitStack() as stack:
+        ready = stack.enter_context(client.listen(Bool, "wmx/engine/ready", LATCHED))
+        axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
+        diagnostics = stack.enter_context(client.listen(DiagnosticArray, "/diagnostics", 10))
+        ready.wait()
+        feedback = None
+        if servers := action_servers(client.node):
+            topic = f"{servers[0][0]}/_action/feedback"
+            kind = FollowJointTrajectory.Impl.FeedbackMessage
+            feedback = stack.enter_context(client.listen(kind, topic))
+        yield LiveStatus(ready, axes, diagnostics, feedback)

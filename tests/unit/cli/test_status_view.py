@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from robotd.cli.status_view import view
+from robotd.ros.client.live_status import LiveReport, PartReport
+from robotd.ros.client.status_client import AxisReport
+
+
+def shown(report: LiveReport) -> str:
+    stream = io.StringIO()
+    Console(file=stream, width=120).print(view(report))
+    return stream.getvalue()
+
+
+def axis(number: int, *, alarm: bool = False) -> AxisReport:
+    return AxisReport(
+        axis=number,
+        servo_on=not alarm,
+        alarm=alarm,
+        home_done=False,
+        home_switch=False,
+        negative_limit=False,
+        positive_limit=False,
+        motion_complete=True,
+        position_command=0.5,
+        position=0.25,
+        velocity=-0.1,
+        torque=None,
+    )
+
+
+def test_axes_and_parts_are_shown_with_their_state() -> None:
+    parts = (PartReport("joint3", 2, "amplifier alarm 34321"),)
+    text = shown(LiveReport(True, (axis(0), axis(2, alarm=True)), parts, 1.25))
+    lines = text.splitlines()
+    assert lines[0].startswith("ready")
+    assert "1.2 s on its path" in lines[1]
+    first, second = (line for line in lines if "+0.2500" in line)
+    assert first.split() == ["0", "on", "-", "+0.2500", "-0.1000", "-", "+0.25000"]
+    assert second.split()[:3] == ["2", "off", "ALARM"]
+    assert "amplifier alarm 34321" in text
+
+
+def test_a_robot_that_is_not_ready_has_no_axes() -> None:
+    text = shown(LiveReport(False, None, (), None))
+    assert text.startswith("not ready")
+    assert "on its path" not in text
