@@ -110,6 +110,22 @@ def test_a_goal_is_slowed_paused_and_resumed(
     assert (code, "neither 0 nor 0.01 to 1" in error) == (1, True)
 
 
+def test_a_joint_is_jogged_by_increments(
+    cr3a: RobotProcess, client: Client, joints: list[Any]
+) -> None:
+    client.next(joints)
+    begin = position(joints)
+    for increment in ("+0.03", "-0.01"):
+        code, output, error = robotd(cr3a.domain, "jog", "joint2", increment, "--speed", "0.5")
+        assert code == 0, error
+        assert output.startswith("joint2: +0.0")
+    client.next(joints)
+    assert position(joints)[1] - begin[1] == pytest.approx(0.02, abs=2e-3)
+    assert position(joints)[0] == pytest.approx(begin[0], abs=2e-3)
+    code, _, error = robotd(cr3a.domain, "jog", "joint9", "0.1")
+    assert (code, "unknown joint 'joint9'" in error) == (2, True)
+
+
 def test_a_recovery_of_a_sound_robot_changes_nothing(client: Client) -> None:
     response = client.call(Trigger, "/robotd/recover")
     assert (response.success, response.message) == (

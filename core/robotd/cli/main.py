@@ -15,6 +15,7 @@ COMMANDS = {
     "nodes": "List the ROS nodes that a robot can name.",
     "status": "Show connection and axes of the running robot.",
     "move": "Move joints of the running arm.",
+    "jog": "Move one joint of the running arm by an increment.",
     "gripper": "Open or close the gripper of the running robot.",
     "servo": "Switch the servos of the running robot.",
     "stop": "Stop all motion of the running robot, until a reset.",
