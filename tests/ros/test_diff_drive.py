@@ -13,9 +13,10 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
+from rclpy.duration import Duration
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import Client, RobotProcess, names_of, stamp_s, wait_until
@@ -321,6 +322,35 @@ def test_without_a_servo_it_stands_and_says_so_once(
     base.rest()
 
 
+def check_old_commands_are_ignored(client: Client, publisher: Any, odometry: list[Any]) -> None:
+    now = client.node.get_clock().now()
+    message = TwistStamped()
+    message.twist.linear.x = 0.3
+    message.header.stamp = (now - Duration(seconds=5.0)).to_msg()
+    began = len(odometry)
+    for _ in range(10):
+        publisher.publish(message)
+        client.next(odometry)
+    assert max(abs(each.twist.twist.linear.x) for each in odometry[began:]) < 1e-3
+    message.header.stamp = client.node.get_clock().now().to_msg()
+    publisher.publish(message)
+    client.next(odometry, lambda each: each.twist.twist.linear.x > 1e-3)
+    client.next(odometry, lambda each: abs(each.twist.twist.linear.x) < 1e-3)
+
+
+def check_pose_is_set(client: Client, odometry: list[Any]) -> None:
+    poses = client.publisher(PoseWithCovarianceStamped, "/diff_drive_controller/set_pose")
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = "odom"
+    message.pose.pose.position.x, message.pose.pose.position.y = 3.0, -1.0
+    message.pose.pose.orientation.z = message.pose.pose.orientation.w = math.sqrt(0.5)
+    poses.publish(message)
+    found = client.next(
+        odometry, lambda each: abs(each.pose.pose.position.x - 3.0) < 1e-6
+    ).pose.pose
+    assert (found.position.y, found.orientation.z) == pytest.approx((-1.0, math.sqrt(0.5)))
+
+
 def test_stamped_commands_and_a_client_of_the_other_type() -> None:
     with RobotProcess(*ros_args("use_stamped_vel:=true"), robot="baymax") as process:
         process.wait_ready()
@@ -336,6 +366,9 @@ def test_stamped_commands_and_a_client_of_the_other_type() -> None:
                 publisher.publish(message)
                 time.sleep(PERIOD_S)
             assert odometry[-1].twist.twist.linear.x > 0.1
+            client.next(odometry, lambda each: abs(each.twist.twist.linear.x) < 1e-3)
+            check_old_commands_are_ignored(client, publisher, odometry)
+            check_pose_is_set(client, odometry)
             process.wait_output("commands of another type are not received")
         finally:
             stranger.close()

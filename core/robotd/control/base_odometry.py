@@ -46,10 +46,10 @@ class BaseOdometry:
         """Pose relative to the start or the last reset."""
         return self._odometry.pose
 
-    def reset(self) -> None:
-        """Make the current pose the origin."""
+    def reset(self, pose: Pose) -> None:
+        """Make ``pose`` the current one."""
         with self._lock:
-            self._odometry.reset()
+            self._odometry.reset(pose)
 
     def rebase(self) -> None:
         """Keep the pose, and take the next wheel positions as the baseline."""

@@ -18,7 +18,7 @@ from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.events import noted
 from robotd.log import get_logger
-from robotd.motion.diff_drive import PlanarTwist, Pose, WheelPair
+from robotd.motion.diff_drive import ORIGIN, PlanarTwist, Pose, WheelPair
 from robotd.motion.limits import AxisLimits
 from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
 
@@ -112,9 +112,11 @@ class MobileBase:
         if not self.moving:
             self._worker.wake()
 
-    def reset_odometry(self) -> None:
-        """Make the current pose the origin. Any thread."""
-        self._odometry.reset()
+    def reset_odometry(self, pose: Pose = ORIGIN) -> None:
+        """Make ``pose`` the current one. Any thread. Raises InvalidArgument: it is not finite."""
+        if not all(map(math.isfinite, pose)):
+            raise InvalidArgument(f"pose {tuple(pose)} is not finite")
+        self._odometry.reset(pose)
 
     def stop(self, timeout_s: float) -> None:
         """Slow to rest, release the wheels, and reject commands until the engine restarts.

@@ -92,9 +92,9 @@ class Odometry:
         """Take the next positions as the baseline, wherever they are; the pose stays."""
         self._last = None
 
-    def reset(self) -> None:
-        """The present pose becomes the origin."""
-        self.pose = ORIGIN
+    def reset(self, pose: Pose = ORIGIN) -> None:
+        """Make ``pose`` the present one."""
+        self.pose = pose
 
     def _step(self, change: float) -> float:
         return change if self._wrap is None else math.remainder(change, self._wrap)

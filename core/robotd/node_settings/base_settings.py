@@ -27,7 +27,7 @@ class DiffDriveSettings(NamedTuple):
         stamped: commands are ``TwistStamped`` instead of ``Twist``.
         commands, echo, wheel_speeds, odometry: topics.
         rate_hz: of the topics.
-        odom_frame, base_frame: of the odometry.
+        odom_frame, base_frame: of the odometry, with their prefix.
         pose_variances, twist_variances: six each: x, y, z, roll, pitch, yaw.
         publish_tf: odom → base on ``/tf``.
         description: URDF to publish; "" for none.
@@ -57,6 +57,7 @@ def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) ->
     if descriptor.drive is None:
         raise DescriptorError(f"{parameters.node} needs a drive, which {descriptor.name} has not")
     highest = int(descriptor.cycle.rate_hz)
+    prefix = parameters.text("frame_prefix", "", "put before the names of all frames")
     return DiffDriveSettings(
         _drive(parameters, descriptor.drive),
         parameters.file("wmx_param_file_path", FILE_MEANING),
@@ -66,8 +67,8 @@ def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) ->
         parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz"),
         parameters.topic("encoder_omega_topic", "speeds of the wheels", required=True),
         parameters.topic("encoder_odometry_topic", "odometry", required=True),
-        parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
-        parameters.text("base_frame_id", "base_link", "frame of the base"),
+        prefix + parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
+        prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
         _variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
         _variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
         parameters.flag("publish_tf", False, "publish odom → base on tf"),

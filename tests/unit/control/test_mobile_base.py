@@ -378,6 +378,20 @@ def test_a_setpoint_that_was_not_sent_leaves_no_jump(harness: Harness) -> None:
     assert mixer.stats.late_setpoints > 50
 
 
+def test_odometry_is_set_to_a_pose_and_goes_on_from_there(harness: Harness) -> None:
+    harness.drive(0.5, 0.0, 1.0)
+    harness.run(2.0)
+    harness.base.reset_odometry(Pose(3.0, -1.0, math.pi / 2))
+    assert harness.base.pose == Pose(3.0, -1.0, math.pi / 2)
+    harness.drive(0.5, 0.0, 1.0)
+    harness.run(2.0)
+    x, y, heading = harness.base.pose
+    assert (x, heading) == pytest.approx((3.0, math.pi / 2), abs=1e-3)
+    assert y > -0.9
+    with pytest.raises(InvalidArgument, match="is not finite"):
+        harness.base.reset_odometry(Pose(math.nan, 0.0, 0.0))
+
+
 def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(harness: Harness) -> None:
     harness.drive(0.8, 0.4, 2.0)
     harness.robot.axes.stop_latch.engage("by the operator")
