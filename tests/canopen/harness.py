@@ -50,7 +50,7 @@ class Harness:
     def inject(self, line: str) -> None:
         assert inject(self.network, line) == "ok"
 
-    def until(self, condition: Callable[[], bool], timeout_s: float = 5.0) -> None:
+    def until(self, condition: Callable[[], bool], timeout_s: float = 15.0) -> None:
         assert wait_until(condition, timeout_s, MonotonicClock())
 
     def idle(self, axis: int) -> None:
@@ -90,13 +90,17 @@ class Harness:
 
     def threads(self) -> list[threading.Thread]:
         """Threads that must never end: control loop, receive thread, simulated drives."""
-        found = [self.robot.control_loop._thread, self.master.bus._thread, self.network._thread]
+        found = [
+            self.robot.control_loop._thread._thread,
+            self.master.bus._thread,
+            self.network._thread,
+        ]
         return [thread for thread in found if thread is not None]
 
     def follow(self, seconds: float, target: float) -> TrajectoryExecution:
         """Run a trajectory of one point to its end, whatever that is."""
         with self.robot.follower.follow(self.request(seconds, target)) as execution:
-            assert execution.wait(seconds + 5)
+            assert execution.wait(seconds + 15)
         return execution
 
     def positions(self) -> FloatArray:
@@ -142,7 +146,7 @@ def broken(
             fault()
         else:
             harness.inject(fault)
-        assert execution.wait(5)
+        assert execution.wait(15)
     harness.until(lambda: not harness.image.operation[chosen].any())
     harness.until(lambda: bool((np.abs(harness.image.velocity[chosen]) < 0.01).all()))
     assert harness.image.servo_on[chosen].all()

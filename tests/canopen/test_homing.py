@@ -87,7 +87,7 @@ def test_a_limit_switch_stops_an_axis_with_a_reason(open_rig: OpenRig) -> None:
         axes.set_command_mode(1, CommandMode.VELOCITY)
         axes.jog([Jog(1, Profile(0.8, 5.0, 5.0))])
         harness.until(lambda: bool(harness.image.amp_alarm[1]))
-        assert "EMCY 0x8612 reference limit" in harness.image.fault(1)
+        harness.until(lambda: "EMCY 0x8612 reference limit" in harness.image.fault(1))
         harness.until(lambda: bool(harness.image.positive_limit[1]))
         assert not harness.image.negative_limit[1]
         axes.clear_alarm(1)
