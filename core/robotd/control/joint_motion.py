@@ -141,17 +141,18 @@ class JointMotion:
             raise NotReady(f"{name}: in use by {self._owner}")
 
     def _submit(self, plan: Planner[Source], start_ns: int, owner: str) -> Source:
-        lead_s = LEAD_S
-        for _ in range(PLANNINGS):
+        for attempt in range(PLANNINGS):
+            lead_s = LEAD_S * 2**attempt
             self._axes.stop_latch.check()
             running = self._slot.running
             if running is None or running.completion.done:
                 after, planned_ns = None, 0
-                source = self._plan_from_rest(plan, running, start_ns, owner)
+                # At once, unless it takes longer than a period to make the source.
+                earliest_ns = self._clock.now_ns() + round(lead_s * NANOSECONDS) if attempt else 0
+                source = self._plan_from_rest(plan, running, max(earliest_ns, start_ns), owner)
             else:
                 after = running
                 source, planned_ns = self._plan_splice(plan, running, start_ns, lead_s)
-                lead_s *= 2.0
             if source is not None and self._slot.submit(source, after, planned_ns):
                 self._axes.hand_over(self._joint_axes, owner)
                 self._owner = owner

@@ -202,3 +202,18 @@ def test_a_request_that_is_planned_late_does_not_preempt_a_newer_one(harness: Ha
             harness.follower.follow(request, ticket=older).__enter__()
         harness.end(execution)
     assert execution.outcome is Outcome.SUCCEEDED
+
+
+def test_a_source_that_takes_long_to_make_starts_later(harness: Harness) -> None:
+    """As the points of a device that interpolates, on a busy computer."""
+    make, names = harness.follower._execution, harness.robot.joint_names
+
+    def slow(*arguments: Any) -> TrajectoryExecution:
+        harness.run(0.02)
+        return make(*arguments)
+
+    harness.follower._execution = slow  # type: ignore[assignment]
+    request = TrajectoryRequest.from_rows(names, [1.0], [[0.3] * len(names)])
+    with harness.follower.follow(request) as execution:
+        harness.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED
