@@ -16,8 +16,8 @@ def test_it_prints(robotd: Robotd) -> None:
     result = robotd("export", "moveit", "--robot", "cr3a", "--namespace", "left")
     assert result.exit_code == 0, result.output
     parameters = yaml.safe_load(result.stdout)["/**"]["ros__parameters"]
-    (controller,) = parameters["moveit_simple_controller_manager"]["controller_names"]
-    assert controller == "left/movensys_manipulator_arm_controller"
+    controllers = parameters["moveit_simple_controller_manager"]["controller_names"]
+    assert controllers == ["left/movensys_manipulator_arm_controller", "left/gripper_controller"]
 
 
 def test_it_writes_a_file(robotd: Robotd, tmp_path: Path) -> None:
