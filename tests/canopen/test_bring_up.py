@@ -29,7 +29,7 @@ def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
         assert harness.robot.connection.ready
 
 
-def test_a_wrong_identity_is_refused(open_rig: OpenRig) -> None:
+def test_a_wrong_identity_is_rejected(open_rig: OpenRig) -> None:
     identity = {"vendor_id": 0x1234}
     defaults = {"counts_per_rad": 1e5, "identity": identity}
     with open_rig(SMALL, axis_defaults=defaults, enable=False) as harness:
@@ -40,7 +40,7 @@ def test_a_wrong_identity_is_refused(open_rig: OpenRig) -> None:
             harness.robot.connection.open()
 
 
-def test_two_nodes_with_one_id_are_refused(open_rig: OpenRig) -> None:
+def test_two_nodes_with_one_id_are_rejected(open_rig: OpenRig) -> None:
     with open_rig(SMALL, enable=False) as harness:
         harness.robot.connection.close()
         with harness.second_network(), pytest.raises(ConnectError, match="duplicate node id"):

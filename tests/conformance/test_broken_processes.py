@@ -88,14 +88,14 @@ def begin_goal(client: Client, time_s: int = 20) -> Goal:
 
 
 def rejection(goal: Goal) -> str:
-    """Why it failed; it must have."""
+    """Return the reason of the failure; there must be one."""
     result = goal.result()[1]
     assert result.error_code != FollowJointTrajectory.Result.SUCCESSFUL
     return str(result.error_string)
 
 
 @pytest.mark.parametrize(
-    ("backend", "ended", "refused"),
+    ("backend", "ended", "rejected"),
     [
         (
             broken.RaisesInRead,
@@ -109,7 +109,7 @@ def rejection(goal: Goal) -> str:
     ids=lambda value: value.__name__ if isinstance(value, type) else "",
 )
 def test_a_driver_that_breaks_ends_all_motion_and_the_daemon_lives(
-    backend: type[Mutant], ended: str, refused: str, switch: Path, install_mutant: InstallMutant
+    backend: type[Mutant], ended: str, rejected: str, switch: Path, install_mutant: InstallMutant
 ) -> None:
     with served(install_mutant(backend)) as (process, client):
         running = begin_goal(client)
@@ -118,7 +118,7 @@ def test_a_driver_that_breaks_ends_all_motion_and_the_daemon_lives(
         client.wait_engine(ready=False)
         said = rejection(begin_goal(client))
         assert "engine is not ready (state Unknown)" in said
-        assert refused in said
+        assert rejected in said
         assert process.end() == ExitCode.OK, process.output
 
 

@@ -1,4 +1,4 @@
-"""What docs/tutorial/first-backend.md breaks is found by the checks that it names."""
+"""Checks that docs/tutorial/first-backend.md names find the faults that it makes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the nodes of a robot offer, made but not started, without a word on the network."""
+"""ROS interfaces of a robot's nodes, which are made but not started."""
 
 from __future__ import annotations
 

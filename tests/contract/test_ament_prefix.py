@@ -1,4 +1,4 @@
-"""What the wheel lays down for the command line tools of ROS: index, executables, files."""
+"""Files that the wheel installs for the tools of ROS: index, executables, launch files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOT_ON_THE_INDEX = {"control_msgs", "launch", "launch_ros", "tf2_msgs", "wmx_ros
 
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the wheel, built from a copy of the sources, was installed."""
+    """Folder in which the wheel, built from a copy of the sources, is installed."""
     folder = tmp_path_factory.mktemp("wheel")
     for name in SOURCES:
         source = ROOT / name

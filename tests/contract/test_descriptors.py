@@ -1,4 +1,4 @@
-"""What ships in robots/ is sound, complete and explained."""
+"""Contract of the robots in robots/: valid, complete and documented."""
 
 from pathlib import Path
 from typing import Any

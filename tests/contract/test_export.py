@@ -1,4 +1,4 @@
-"""What is exported for clients is what the nodes really offer."""
+"""Contract of the exports for clients: they agree with the interfaces of the nodes."""
 
 from __future__ import annotations
 

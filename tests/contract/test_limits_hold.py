@@ -1,4 +1,4 @@
-"""Whatever clients send: no joint leaves its limits, and what is refused moves nothing."""
+"""Whatever clients send: no joint leaves its limits, and what is rejected moves nothing."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_limits_hold(robot: Robot, excess: Excess, commands: list[tuple[str, Any
         except RobotdError:
             robot.step(3)
             if before is not None:
-                assert idle(robot), f"{name} was refused, and an axis moves"
+                assert idle(robot), f"{name} was rejected, and an axis moves"
                 assert robot.image.position_command == pytest.approx(before, abs=SETTLING)
     robot.axes.rest(range(AXES), 30.0)
     assert excess.position <= ROUNDING

@@ -144,7 +144,7 @@ def rows(section: str) -> dict[str, str]:
 
 
 class Served:
-    """What the nodes of all robots have: names with their types, and parameters' defaults."""
+    """Return what the nodes of all robots have: names with types, parameters with defaults."""
 
     def __init__(self) -> None:
         self.nodes: set[str] = set()

@@ -19,6 +19,8 @@ PACKAGES = {
     "robotd_wmx": ROOT / "plugins" / "wmx" / "robotd_wmx",
     "robotd_wmx_parameters": ROOT / "plugins" / "wmx_parameters" / "robotd_wmx_parameters",
 }
+FOLDERS = ("tests", "tools", "examples", "docs/_ext", "plugins/canopen", "plugins/wmx")
+OLD_WORD = "refu" + "sed"  # "rejected" in the glossary
 MAX_WORDS = 15
 NOUN_CLAUSES = ("What", "Where", "Who", "Whoever", "Whether", "How", "Why", "Which")
 SHARED_NAMES = {"__init__", "__main__", "conftest"}
@@ -49,6 +51,29 @@ def test_a_docstring_opens_with_a_short_statement(package: str) -> None:
             if words[0] in NOUN_CLAUSES:
                 problems.append(f"{path.relative_to(ROOT)}:{line}: opens with {words[0]}: {text}")
     assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_a_docstring_of_tests_and_tools_is_no_noun_clause(folder: str) -> None:
+    problems = [
+        f"{path.relative_to(ROOT)}:{line}: opens with {text.split()[0]}: {text}"
+        for path in modules(ROOT / folder)
+        for line, text in docstrings(path)
+        if text.split()[0] in NOUN_CLAUSES
+    ]
+    assert not problems, "\n".join(problems)
+
+
+def test_one_word_is_used_for_a_rejection() -> None:
+    folders = [*PACKAGES.values(), *(ROOT / folder for folder in FOLDERS)]
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for folder in folders
+        for path in modules(folder)
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if OLD_WORD in line
+    ]
+    assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -71,7 +71,7 @@ def test_mode_velocity_and_back(client: Client) -> None:
         ("homing", [0, 0], [], "axis 0 is given twice"),
     ],
 )
-def test_bad_requests_are_refused_with_the_reason(
+def test_bad_requests_are_rejected_with_the_reason(
     client: Client, name: str, index: list[int], data: list[int], reason: str
 ) -> None:
     response = set_axis(client, name, index, data)
@@ -79,7 +79,7 @@ def test_bad_requests_are_refused_with_the_reason(
     assert reason in response.message
 
 
-def test_a_refused_request_does_nothing_to_any_axis(client: Client, states: list[Any]) -> None:
+def test_a_rejected_request_does_nothing_to_any_axis(client: Client, states: list[Any]) -> None:
     assert not set_axis(client, "set_on", [0, 99], [0, 0]).success
     client.next(states)
     assert all(client.next(states).servo_on)
@@ -141,7 +141,7 @@ def test_parameters_can_be_read(client: Client) -> None:
 
 
 @pytest.mark.parametrize("path", ["", "/nowhere/parameters.xml"])
-def test_loading_a_missing_parameter_file_is_refused(client: Client, path: str) -> None:
+def test_loading_a_missing_parameter_file_is_rejected(client: Client, path: str) -> None:
     response = client.call(LoadWmxParams, "/wmx/params/load", file_path=path)
     assert not response.success
     assert (path or "file_path") in response.message

@@ -1,4 +1,4 @@
-"""wmx/axis topics: moves and velocity commands arrive, bad ones are refused and logged once."""
+"""wmx/axis topics: moves and velocity commands arrive, bad ones are rejected and logged once."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_velocity_turns_the_axis_until_it_is_told_to_stop(
         (pose([4], [0.1], speed=0.0), "joint5: velocity is 0, must be positive"),
     ],
 )
-def test_bad_moves_are_refused_and_logged_once(
+def test_bad_moves_are_rejected_and_logged_once(
     cr3a: RobotProcess, client: Client, states: list[Any], message: Any, reason: str
 ) -> None:
     def rejections() -> list[str]:

@@ -167,9 +167,9 @@ def test_an_alarm_and_the_way_back(
     assert result.error_string.startswith("joint4 at ")
     assert ALARM in result.error_string
     assert told(client, "joint4") == (DiagnosticStatus.ERROR, ALARM)
-    refused = set_axis(client, "set_on", [3], [1])
-    assert not refused.success
-    assert "EMCY 0x3210 DC link over-voltage" in refused.message
+    rejected = set_axis(client, "set_on", [3], [1])
+    assert not rejected.success
+    assert "EMCY 0x3210 DC link over-voltage" in rejected.message
     assert set_axis(client, "clear_alarm", [3], []).success
     assert set_axis(client, "set_on", [3], [1]).success
     succeed(client, 1, 0.0)

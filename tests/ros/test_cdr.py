@@ -140,7 +140,7 @@ def test_float_views_are_aligned_and_template_values_are_kept() -> None:
     "path", ["torque", "position.0", "name", "name.0", "header.stamp", "header.nothing.x"]
 )
 @pytest.mark.parametrize("kind", [PatchedMessage, PlainMessage])
-def test_wrong_path_is_refused_with_the_path_in_the_text(kind: Any, path: str) -> None:
+def test_wrong_path_is_rejected_with_the_path_in_the_text(kind: Any, path: str) -> None:
     with pytest.raises(ValueError, match=path.replace(".", r"\.")) as caught:
         kind(joint_state(), [path])
     assert not isinstance(caught.value, LayoutError)

@@ -293,7 +293,7 @@ def test_odometry_and_transform_agree(client: Client, base: Base) -> None:
     assert sum(odometry.pose.covariance) == pytest.approx(sum(diagonal))
 
 
-def test_a_command_that_is_not_finite_is_refused_once(process: RobotProcess, base: Base) -> None:
+def test_a_command_that_is_not_finite_is_rejected_once(process: RobotProcess, base: Base) -> None:
     base.rest()
     for _ in range(5):
         base.command(math.nan, 0.0)

@@ -139,11 +139,11 @@ def test_every_handler_is_answered(
     for name, handler in (("refuse", reject), ("break", break_), ("forget", lambda *_: None)):
         add_service(server, host, Trigger, name, handler, blocking=blocking)
     with capture_logs() as logs:
-        refused = caller.call(Trigger, "refuse")
+        rejected = caller.call(Trigger, "refuse")
         broken = caller.call(Trigger, "break")
         forgot = caller.call(Trigger, "forget")
-    assert not refused.success
-    assert refused.message == "joint2: 4 rad is over the limit of 3 rad"
+    assert not rejected.success
+    assert rejected.message == "joint2: 4 rad is over the limit of 3 rad"
     assert broken.message == "internal error: 'joint9'"
     assert not forgot.success
     raised = [log for log in logs if log.get("exc_info")]
@@ -163,7 +163,7 @@ def test_request_reaches_the_handler(host: RosHost, server: Node, caller: Caller
     assert [answer().message for answer in answers] == [f"[{i}] [{-i}]" for i in range(5)]
 
 
-def test_flood_is_refused(host: RosHost) -> None:
+def test_flood_is_rejected(host: RosHost) -> None:
     release = threading.Event()
     for _ in range(64):
         host.submit(release.wait, WAIT_S)

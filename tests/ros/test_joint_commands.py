@@ -160,7 +160,7 @@ def test_wrong_commands_are_logged_with_the_reason(arm: Arm, cr3a: RobotProcess)
         )
 
 
-def test_a_goal_is_refused_with_the_owner_while_a_topic_moves_the_arm(arm: Arm) -> None:
+def test_a_goal_is_rejected_with_the_owner_while_a_topic_moves_the_arm(arm: Arm) -> None:
     message = JointJog(joint_names=["joint1"], velocities=[0.05])
     arm.publish_until(lambda: arm.jog.publish(message), lambda: arm.position[0] > 0.01)
     goal = FollowJointTrajectory.Goal()

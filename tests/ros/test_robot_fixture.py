@@ -70,7 +70,7 @@ def test_time_can_be_stepped(robotd_robot: Start) -> None:
     robot.pause()
 
 
-def test_faults_that_do_not_exist_or_fit_are_refused(robotd_robot: Start) -> None:
+def test_faults_that_do_not_exist_or_fit_are_rejected(robotd_robot: Start) -> None:
     robot = robotd_robot("standalone")
     with pytest.raises(DescriptorError, match="unknown key"):
         robot.inject("amp_alarmm", axis=1)

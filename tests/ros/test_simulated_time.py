@@ -179,13 +179,13 @@ def test_the_same_steps_give_the_same_joint_states(client: Client) -> None:
         ({"periods": 1, "more": 2}, "whole number"),
     ],
 )
-def test_steps_that_make_no_sense_are_refused(client: Client, fields: Any, reason: str) -> None:
+def test_steps_that_make_no_sense_are_rejected(client: Client, fields: Any, reason: str) -> None:
     answer = ask(client, "step", **fields)
     assert not answer.successful
     assert reason in answer.reason
 
 
-def test_a_fault_is_injected_and_a_wrong_one_refused(client: Client) -> None:
+def test_a_fault_is_injected_and_a_wrong_one_rejected(client: Client) -> None:
     states = client.listen(AxisState, "/wmx/axis/state")
     assert "did you mean 'axis'?" in ask(client, "inject", amp_alarm__axs=1).reason
     assert "axis 9 is outside 0..5" in ask(client, "inject", amp_alarm__axis=9).reason

@@ -99,7 +99,7 @@ def test_shutdown_ends_a_jog_with_a_ramp_that_takes_for_ever_by_a_quick_stop() -
     harness, axis = (
         Harness(arm(axes=4)).up(),
         3,
-    )  # one without limits: others are refused such a ramp
+    )  # one without limits: others are rejected such a ramp
     harness.robot.axes.servo(axis, True)
     harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     harness.robot.axes.jog([Jog(axis, Profile(1.0, 5.0, 1e-6))])

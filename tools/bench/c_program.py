@@ -62,7 +62,7 @@ class CProgram:
 
 
 def _prefixes() -> list[Path]:
-    """Where ROS is: the environment of the wheels, or what was sourced."""
+    """Prefix of ROS: the environment of the wheels, or the sourced one."""
     sourced = os.environ.get("AMENT_PREFIX_PATH", "").split(":")
     found = [Path(path) for path in (sys.prefix, *sourced) if path]
     with_headers = [path for path in dict.fromkeys(found) if (path / "include").is_dir()]

@@ -177,13 +177,13 @@ def times_of_syncs(sync: SyncProducer) -> list[int]:
 
 
 def period_errors(what: str, times: list[int]) -> Figures:
-    """How far apart the events were, less the period."""
+    """Return the differences between the intervals of events and the period."""
     error_ms = np.abs(np.diff(times) - 1e9 / RATE_HZ) / 1e6
     return {f"{what}_error_p{part}_ms": float(np.percentile(error_ms, part)) for part in (50, 99)}
 
 
 def targets(figures: Figures) -> list[dict[str, object]]:
-    """What is asked of the backend, and whether it was met."""
+    """Requirements of the backend, with the results."""
     receive = figures["receive_per_s"] / figures["receive_bare_per_s"]
     send = figures["send_per_s"] / figures["send_bare_per_s"]
     rows = [

@@ -136,7 +136,7 @@ def swing(duration_s: float, amplitude_rad: float, points: int = 20) -> Any:
 
 
 def timed_us(call: Any, results: list[Any] | None = None) -> float:
-    """How long until the future that ``call`` returns is done; its result goes to ``results``."""
+    """Measure the time until the future of ``call`` is done; append to ``results``."""
     done = threading.Event()
     times: list[float] = []
 

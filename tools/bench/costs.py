@@ -1,4 +1,4 @@
-"""What each part of a period costs, in a robot of this process that runs at its real rate.
+"""Costs of the parts of a period, in a robot of this process.
 
 ``python -m tools.bench.costs SECONDS`` prints it as JSON. A timer around a call adds about 0.2 µs
 to it and to all that contain it. Between two periods the caches and the processor's clock go cold,

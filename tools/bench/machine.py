@@ -1,4 +1,4 @@
-"""Where and of what something was measured."""
+"""Description of the computer that was measured."""
 
 from __future__ import annotations
 

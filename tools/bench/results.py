@@ -1,4 +1,4 @@
-"""Where the results of long runs are kept: ``--out``, by default with the docs."""
+"""Folder for the results of long runs: ``--out``, by default in the docs."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def measure(run: Run, seconds: float, folder: Path) -> dict[str, Any]:
 
 
 def holds(figures: dict[str, Any]) -> bool:
-    """Whether the rate was held: the share of deadlines that were kept."""
+    """Return the share of deadlines that were met."""
     return bool(figures["met_percent"] >= HELD_PERCENT)
 
 
@@ -106,7 +106,7 @@ def _descriptor(run: Run) -> dict[str, Any]:
 
 
 def _timing(report: Path, window: tuple[int, int], rate_hz: int) -> dict[str, float]:
-    """What the robot itself recorded of its periods in the window, the last 8192 at most."""
+    """Periods in the window as the robot recorded them, at most 8192."""
     samples = json.loads(report.read_text(encoding="utf-8"))["samples"]
     start = np.array(samples["start_ns"])
     lateness_us = np.array(samples["lateness_ns"])[(start >= window[0]) & (start < window[1])] / 1e3

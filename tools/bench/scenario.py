@@ -131,7 +131,7 @@ def _idle_window(program: Program, seconds: float) -> tuple[tuple[int, int], dic
 
 
 def _timing(samples: dict[str, Any], window: tuple[int, int], rate_hz: int) -> dict[str, float]:
-    """What the program itself recorded of its periods in the window."""
+    """Periods in the window as the program recorded them."""
     begin_ns, end_ns = window
     start = np.array(samples["start_ns"])
     inside = (start >= begin_ns) & (start < end_ns)
@@ -151,7 +151,7 @@ def _timing(samples: dict[str, Any], window: tuple[int, int], rate_hz: int) -> d
 def _received(
     received: Any, window: tuple[int, int], rate_hz: int, figures: dict[str, float]
 ) -> Measured:
-    """What the subscriber saw in the window."""
+    """Messages in the window as the subscriber received them."""
     arrived = received["arrived_ns"]
     inside = (arrived >= window[0]) & (arrived < window[1])
     stamped = received["stamped_ns"][inside]

@@ -1,4 +1,4 @@
-"""What is compared: the daemon at rest, moving and busy, and a C and two Python publishers."""
+"""Subjects of the comparison: the daemon in three states, and three publishers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROBOT = "cr3a"
 
 
 class Load(Enum):
-    """What a client in another process does meanwhile."""
+    """Load by a client in another process."""
 
     NONE = "at rest"
     MOVING = "a trajectory runs"

@@ -1,4 +1,4 @@
-"""What the figures are held against. Nothing fails: a target that is missed is shown."""
+"""Targets of the figures. Nothing fails: a missed target is shown."""
 
 from __future__ import annotations
 

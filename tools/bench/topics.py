@@ -1,4 +1,4 @@
-"""What is published by everything that is compared. Imports nothing, for quick processes."""
+"""Topics that all subjects publish. Imports nothing, for quick processes."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Call:
 class ServiceCalls:
     """Calls the services of a robot at random, ``rate_hz`` times a second.
 
-    Counts ``calls``, ``answered``, ``refused`` (with the reasons), and by service ``done`` and
+    Counts ``calls``, ``answered``, ``rejected`` (with the reasons), and by service ``done`` and
     ``not now``.
     """
 
@@ -101,12 +101,12 @@ class ServiceCalls:
             elif call.may_refuse:
                 self._counts[f"not now {call.name}"] += 1
             else:
-                self._counts["refused"] += 1
-                self._counts[f"refused {call.name}: {answer.message}"] += 1
+                self._counts["rejected"] += 1
+                self._counts[f"rejected {call.name}: {answer.message}"] += 1
 
 
 def calls_of(descriptor: RobotDescriptor) -> list[Call]:
-    """What the nodes of a robot offer; what its backend does not support among it."""
+    """Services of a robot's nodes, and those that its backend does not support."""
     gripper = descriptor.gripper
     byte = gripper.output_byte if gripper else 0
     calls = {

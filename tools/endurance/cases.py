@@ -9,7 +9,7 @@ import click
 
 
 class Outcome(Protocol):
-    """What was seen of a case; ``problem`` is empty when all was as it should be."""
+    """Result of a case; ``problem`` is empty when it passed."""
 
     @property
     def problem(self) -> str: ...

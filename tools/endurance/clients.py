@@ -29,7 +29,7 @@ MEMORY_MIB = 30.0  # 1000 goals and their results are kept for 10 s
 
 @dataclass(frozen=True)
 class Seen:
-    """What was seen of a robot while clients of a kind misbehaved, and afterwards.
+    """Observations of a robot while clients of one kind misbehaved, and afterwards.
 
     Attributes:
         lateness_p50_us, lateness_p99_us, lateness_max_us: of the cycle meanwhile.

@@ -1,4 +1,4 @@
-"""What can be wrong with a computer, made on purpose."""
+"""Adverse conditions of a computer, made on purpose."""
 
 from __future__ import annotations
 

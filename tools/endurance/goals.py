@@ -75,7 +75,7 @@ class Goals:
         text = answer.result.error_string
         word = WORDS.get(answer.status)
         if answer.status == GoalStatus.STATUS_ABORTED:
-            word = "preempted" if "preempted" in text else "goal refused" if is_bad else None
+            word = "preempted" if "preempted" in text else "goal rejected" if is_bad else None
         self._counts[word or "unexpected"] += 1
         if word is None:
             self._counts[f"unexpected {answer.status}: {text}"] += 1

@@ -29,7 +29,7 @@ def swing(client: Client, number: int) -> str:
 
 
 def afterwards(client: Client) -> str:
-    """What does not work any more; empty when all does."""
+    """Return the services that fail; empty when all work."""
     answer = client.call(Trigger, STATUS)
     if answer.message != "Communicating":
         return f"the engine is {answer.message}"

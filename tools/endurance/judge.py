@@ -33,7 +33,7 @@ class Bound:
 
 
 def growth(times_s: Sequence[float], values: Sequence[float]) -> float:
-    """What a value gained after the warm-up: the median slope of all pairs, times the time.
+    """Return the growth of a value after the warm-up: median slope times duration.
 
     Theil and Sen's slope: up to 29 % of the samples may be outliers.
     """
@@ -45,7 +45,7 @@ def growth(times_s: Sequence[float], values: Sequence[float]) -> float:
 
 
 def drift(first: CycleLook, last: CycleLook, rate_hz: float) -> float:
-    """How far the periods, run and missed, are from those of the time that passed; a share."""
+    """Return the relative difference between periods, run or missed, and elapsed time."""
     periods = (last.periods - first.periods) + (last.missed - first.missed)
     return abs(periods / rate_hz / (last.at_s - first.at_s) - 1.0)
 
@@ -71,7 +71,7 @@ def bounds(
     yield Bound("goals without a result", counts["goals"] - counts["results"], 0)
     yield Bound("goals that ended unexpectedly", counts["unexpected"], 0)
     yield Bound("services without an answer", counts["calls"] - counts["answered"], 0)
-    yield Bound("services refused", counts["refused"], 0)
+    yield Bound("services rejected", counts["rejected"], 0)
     yield Bound("drift of the cycle", drift(*control_loop), DRIFT)
     for what, number in ending.items():
         yield Bound(what, number, 0)

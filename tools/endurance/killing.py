@@ -33,7 +33,7 @@ SEGMENTS = 6  # in shared memory: robotd removes what is older than 10 s
 
 @dataclass(frozen=True)
 class Death:
-    """What drives in a process of their own did when robotd was killed while they moved.
+    """Motion of drives in another process after robotd was killed.
 
     Attributes:
         limit_s: the watchdog's time and the braking.

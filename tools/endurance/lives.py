@@ -36,7 +36,7 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True)
 class Life:
-    """What was seen.
+    """Observations of one life of a robot.
 
     Attributes:
         phase, number, delay_s: when and by which signal it was ended.
@@ -80,7 +80,7 @@ class Lives:
         self._newest = message
 
     def _is_alive(self, since_ns: int) -> bool:
-        """Whether joint states have come that were made since then: none of the one before."""
+        """Return True if joint states have arrived that are newer than this life's start."""
         if self._newest is None:
             return False
         stamp = self._newest.header.stamp
@@ -151,7 +151,7 @@ class Lives:
 
 
 def problem_of(phase: Phase, number: signal.Signals, status: int, output: str) -> str:
-    """What is wrong with an end, empty when nothing is."""
+    """Return the problems of an end; empty without any."""
     if phase is Phase.STARTING and INTERPRETER in output:
         return ""
     if status not in _allowed(phase, number):
@@ -174,7 +174,7 @@ def _allowed(phase: Phase, number: signal.Signals) -> set[int]:
 
 
 def _disorder(output: str, *, is_enabled: bool) -> str:
-    """What is missing from the steps of a shut-down, or not in its place."""
+    """Return the steps of a shut-down that are missing or out of order."""
     found = [output.find(step) for step in ORDER]
     needed = ORDER if is_enabled else ORDER[2:] if "communication started" in output else ()
     missing = [step for step, place in zip(ORDER, found, strict=True) if place < 0]

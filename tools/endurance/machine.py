@@ -31,7 +31,7 @@ LEVELS = ("OK", "WARN", "ERROR", "STALE")
 
 @dataclass(frozen=True)
 class Borne:
-    """How a robot bore a condition.
+    """Behaviour of a robot under one condition.
 
     Attributes:
         lateness_p50_us, lateness_p99_us, lateness_max_us: of the cycle meanwhile.

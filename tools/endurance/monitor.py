@@ -1,4 +1,4 @@
-"""What the soak looks at once a second: the process, its diagnostics, its joint states."""
+"""Monitor of the soak run, once a second: process, diagnostics, joint states."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JOINTS = "/joint_states"
 
 @dataclass(frozen=True)
 class CycleLook:
-    """What the robot says of its cycle.
+    """Diagnostics of the control loop.
 
     Attributes:
         at_s: monotonic time at which it came.

@@ -1,4 +1,4 @@
-"""How something that nobody leads any more comes to rest, as seen from outside."""
+"""Coming to rest of an axis without setpoints, as observed from outside."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from wmx_ros2_message.srv import EcatGetNetworkState
 CROWD = 1000
 FLOOD_HZ = 10_000
 PROFILE = {"velocity": [0.1], "acc": [1.0], "dec": [1.0]}
-# All of them are refused: what is obeyed would be in the way of the honest client.
+# All of them are rejected: what is obeyed would be in the way of the honest client.
 FLOODED = (
     (AxisVelocity, "/wmx/axis/velocity", AxisVelocity(index=[0], **PROFILE)),
     (AxisPose, "/wmx/axis/position", AxisPose(index=[0], target=[99.0], **PROFILE)),

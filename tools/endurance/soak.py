@@ -36,7 +36,7 @@ Samples = dict[str, list[float]]
 
 @dataclass(frozen=True)
 class Run:
-    """What a run has left: samples by name, counts, the cycle at both ends, and the end."""
+    """Result of a run: samples by name, counts, control loop at both ends."""
 
     samples: Samples
     counts: Counter[str]
@@ -142,7 +142,7 @@ def _row(pid: int, monitor: Monitor, counts: Counter[str]) -> dict[str, float]:
             for key, value in asdict(control_loop).items()
             if key not in ("at_s", "level")
         }
-        | {key: counts[key] for key in ("goals", "results", "calls", "answered", "refused")}
+        | {key: counts[key] for key in ("goals", "results", "calls", "answered", "rejected")}
     )
 
 

@@ -1,4 +1,4 @@
-"""What the kernel knows of a process: the figures that must not grow."""
+"""Resources of a process as the kernel reports them; they must not grow."""
 
 from __future__ import annotations
 

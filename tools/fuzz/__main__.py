@@ -31,7 +31,7 @@ NAMES = [reader.name for reader in READERS]
 def main(
     minutes: float, seed: int | None, names: tuple[str, ...], index: int | None, out: Path
 ) -> None:
-    """Give every reader of files bad ones. The status is 1 when one is not refused in order.
+    """Give every reader of files bad ones. The status is 1 when one is not rejected in order.
 
     In order means: by an error of robotd that names the file, within 2 s of the processor and
     200 MB, without a hang or a crash.

@@ -1,4 +1,4 @@
-"""How a good text becomes a bad one: byte by byte, and by its structure."""
+"""Mutations of a valid text: by byte and by structure."""
 
 from __future__ import annotations
 

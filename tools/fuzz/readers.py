@@ -46,7 +46,7 @@ class Reader:
     in_file: bool = True
 
     def finding(self, path: Path) -> str | None:
-        """What is wrong with how ``path`` is read; None: it is read, or refused as it should be."""
+        """Return the problem of reading ``path``; None: it is read, or rejected properly."""
         try:
             self.read(path)
         except DescriptorError as error:
@@ -80,7 +80,7 @@ def _urdf(path: Path) -> None:
 
 
 def _words(path: Path) -> object:
-    """What ``robotd sim inject`` makes of its words."""
+    """Parse words as ``robotd sim inject`` does."""
     lines = path.read_bytes().decode(errors="surrogateescape").split("\n")
     return validate_fault(nested(dict(_value(line) for line in lines)))
 

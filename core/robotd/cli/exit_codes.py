@@ -20,7 +20,7 @@ class RosUnavailable(RobotdError):
 
 
 class Rejected(RobotdError):
-    """A running robot refused or aborted what a command asked of it."""
+    """A running robot rejected or aborted what a command asked of it."""
 
 
 class ExitCode(IntEnum):

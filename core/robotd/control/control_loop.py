@@ -27,7 +27,7 @@ from robotd.device.state import ConnectionState
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 
-log = get_logger("cycle")
+log = get_logger("control")
 
 
 class ControlLoop:

@@ -12,7 +12,7 @@ from robotd.control.watchdog import Watchdog, place_of
 from robotd.log import get_logger
 from robotd.realtime import request_realtime
 
-log = get_logger("cycle")
+log = get_logger("control")
 
 PR_SET_TIMERSLACK = 29  # linux/prctl.h
 STOP_S = 2.0  # time-out for the current period; a thread that hangs is abandoned

@@ -7,7 +7,7 @@ from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
 from robotd.log import get_logger
 
-log = get_logger("cycle")
+log = get_logger("control")
 
 
 class DeviceLoss:

@@ -79,4 +79,4 @@ def _stop_reason(pause_ns: int) -> str:
     pause_s = pause_ns / NANOSECONDS
     if pause_s < STALL_S:
         return "stopped by the device or another command"
-    return f"stopped by the device after the cycle had stood for {pause_s * 1e3:.0f} ms"
+    return f"stopped by the device after a control-loop stall of {pause_s * 1e3:.0f} ms"

@@ -10,7 +10,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 
-log = get_logger("cycle")
+log = get_logger("control")
 
 
 class ImageReader:

@@ -9,7 +9,7 @@ from robotd.clock import NANOSECONDS
 from robotd.device.process_image import ProcessImage
 from robotd.log import get_logger
 
-log = get_logger("cycle")
+log = get_logger("control")
 
 Task = Callable[[ProcessImage], None]
 

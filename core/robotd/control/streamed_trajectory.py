@@ -176,6 +176,6 @@ class StreamedTrajectory:
         joint = int(np.argmax(recovery.is_far))
         return (
             f"{self._trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
-            f" {self._limits.units[joint]} off its path after the cycle had stood for"
+            f" {self._limits.units[joint]} off its path after a control-loop stall of"
             f" {recovery.pause_s * 1e3:.0f} ms"
         )

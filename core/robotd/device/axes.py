@@ -48,7 +48,7 @@ class Jog:
 class Axes:
     """The axes of a robot; worker threads only (the cycle calls the driver itself).
 
-    A command on several axes is checked whole before any axis starts. Commands are refused,
+    A command on several axes is checked whole before any axis starts. Commands are rejected,
     with the reason, while the engine is not ready, and on an axis that somebody has claimed.
 
     Checks go by the process image, which is a period behind the device. So a command returns
@@ -236,7 +236,7 @@ class Axes:
         """Start or change velocity commands together; velocity 0 slows to rest.
 
         A joint is stopped before it leaves its position limits (``SoftLimitGuard``); a command
-        for which that would be too late is refused.
+        for which that would be too late is rejected.
         """
         self._require(Capability.VELOCITY_MODE, "velocity mode")
         with self._lock:
@@ -256,12 +256,12 @@ class Axes:
 
     @noted
     def stop(self, axes: Sequence[int]) -> None:
-        """Controlled stop; never refused because of an owner. Not ready: no effect."""
+        """Controlled stop; never rejected because of an owner. Not ready: no effect."""
         self._stop(axes, self._driver.stop)
 
     @noted
     def quick_stop(self, axes: Sequence[int]) -> None:
-        """The fastest controlled stop; never refused because of an owner."""
+        """The fastest controlled stop; never rejected because of an owner."""
         self._stop(axes, self._driver.quick_stop)
 
     def rest(self, axes: Sequence[int], timeout_s: float, *, quick: bool = False) -> None:

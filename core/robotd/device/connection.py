@@ -19,7 +19,7 @@ from robotd.errors import (
 )
 from robotd.log import get_logger
 
-log = get_logger("engine")
+log = get_logger("connection")
 
 ENDING = "the robot is being shut down: nothing is started or switched on any more"
 

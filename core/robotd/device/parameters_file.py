@@ -10,7 +10,7 @@ from robotd.device.drivers import DeviceDriver
 from robotd.errors import DescriptorError, OperationError, Unsupported
 from robotd.log import get_logger
 
-log = get_logger("engine")
+log = get_logger("connection")
 
 
 class ParametersFile:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from robotd.device.state import ConnectionState
 from robotd.log import get_logger
 
-log = get_logger("engine")
+log = get_logger("connection")
 
 ReadyListener = Callable[[bool], None]
 

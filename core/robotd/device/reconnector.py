@@ -8,7 +8,7 @@ from robotd.device.connection import Connection
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 
-log = get_logger("engine")
+log = get_logger("connection")
 
 MIN_INTERVAL_S = 0.1
 END_TIMEOUT_S = 15.0  # for an attempt that is under way

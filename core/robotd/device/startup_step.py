@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from robotd.log import get_logger
 
-log = get_logger("engine")
+log = get_logger("connection")
 
 REPORT_INTERVAL_S = 5.0
 

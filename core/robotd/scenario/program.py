@@ -17,7 +17,7 @@ class Expected(StrEnum):
     """Expected outcome of a command."""
 
     OK = "ok"
-    REFUSED = "refused"
+    REJECTED = "rejected"
     PATH_TOLERANCE = "path_tolerance"
     GOAL_TOLERANCE = "goal_tolerance"
     FAULT = "fault"

@@ -162,7 +162,7 @@ class ScenarioRun:
                 if not wait_until(lambda: execution.done, MOTION_TIMEOUT_S, self._clock):
                     return Expected.FAULT, f"not finished after {MOTION_TIMEOUT_S:g} s"
         except RobotdError as error:
-            return Expected.REFUSED, str(error)
+            return Expected.REJECTED, str(error)
         outcome = execution.outcome or Outcome.FAULT
         return _OUTCOMES.get(outcome, Expected.FAULT), execution.message
 
@@ -221,5 +221,5 @@ def _attempt(command: Callable[[], None]) -> tuple[Expected, str]:
     try:
         command()
     except RobotdError as error:
-        return Expected.REFUSED, str(error)
+        return Expected.REJECTED, str(error)
     return Expected.OK, ""

@@ -50,7 +50,7 @@ class Power:
         limit = int(self._enable_error_counts[axis])
         if on and not self._states.servo_on[axis] and tick_counts > limit:
             raise NotReady(
-                f"servo on refused while it moves: {tick_counts:.0f} counts a cycle,"
+                f"servo on rejected while it moves: {tick_counts:.0f} counts a cycle,"
                 f" ServoOnFollowingError allows {limit}",
                 axis=axis,
             )

@@ -191,7 +191,7 @@ class WmxAxes(AxisDriver):
         try:
             self._device.timed_stop_motion(moving, max(1.0, duration_s * 1000.0))
         except CallError as error:
-            log.warning("timed stop refused", axes=moving, reason=text_of(*error.args[1:3]))
+            log.warning("timed stop rejected", axes=moving, reason=text_of(*error.args[1:3]))
             self._each_mode(moving, self._device.stop_motion, self._device.stop_velocity)
 
     def quick_stop(self, axes: Sequence[int]) -> None:
@@ -258,7 +258,7 @@ class WmxAxes(AxisDriver):
                 self._excuse(error, chosen)
 
     def _excuse(self, error: CallError, axes: Sequence[int]) -> None:
-        """A stop may be refused for an axis that came to rest meanwhile."""
+        """A stop may be rejected for an axis that came to rest meanwhile."""
         status = self._status()
         still = [axis for axis in axes if not status.idle(axis) and status.servo_on(axis)]
         if len(still) == 1:

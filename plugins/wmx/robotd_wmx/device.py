@@ -199,9 +199,9 @@ class WmxDevice(DeviceDriver):
 
     def _not_communicating(self, error: CallError) -> Exception:
         if self._licence_invalid():
-            refused = NotReady(f"communication: {LICENCE}")
-            refused.code = error.args[2]
-            return refused
+            rejected = NotReady(f"communication: {LICENCE}")
+            rejected.code = error.args[2]
+            return rejected
         return translate(error, "communication", OperationError)
 
     def _licence_invalid(self) -> bool:

@@ -38,7 +38,7 @@ const char *hot_connect_failure(EcHotconnectAbortCode::T code) {
         case EcHotconnectAbortCode::PortOpenError: return "a port could not be opened";
         case EcHotconnectAbortCode::Timeout: return "timeout";
         case EcHotconnectAbortCode::ScanNetworkFailed: return "the scan of the network failed";
-        case EcHotconnectAbortCode::ApplyNewTopologyError: return "the new topology was refused";
+        case EcHotconnectAbortCode::ApplyNewTopologyError: return "the new topology was rejected";
         case EcHotconnectAbortCode::InitNewSlavesError: return "a new slave did not start";
         case EcHotconnectAbortCode::RecalculateDcError: return "distributed clocks did not settle";
         case EcHotconnectAbortCode::ClearDLEventError: return "a DL event could not be cleared";

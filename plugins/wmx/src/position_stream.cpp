@@ -375,7 +375,7 @@ void PositionStream::end_drained() {
     }
 }
 
-// The engine has refused a call. Axes that cannot brake any more stop within a cycle.
+// The engine has rejected a call. Axes that cannot brake any more stop within a cycle.
 void PositionStream::fail(const CallFailed &failed) {
     report(describe(failed));
     for (std::size_t index = 0; index < axes_.size(); index++) {

@@ -1,4 +1,4 @@
-"""What one read of the process image costs, from Python; ``make -C plugins/wmx bench``."""
+"""Cost of one read of the process image, from Python; ``make -C plugins/wmx bench``."""
 
 from __future__ import annotations
 

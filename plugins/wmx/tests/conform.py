@@ -18,7 +18,7 @@ BENCH = BUILD / "bench"  # metadata of the backend wmx_standin
 
 
 def environment() -> dict[str, str]:
-    """Where the plugin, the test bench and the engine of the checks are."""
+    """Environment of the checks: plugin, fault injector and engine."""
     info = BENCH / "wmx_standin-0.dist-info"
     info.mkdir(parents=True, exist_ok=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wmx-standin\nVersion: 0\n")

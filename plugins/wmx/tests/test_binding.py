@@ -108,7 +108,7 @@ def test_status_is_written_into_the_arrays(device: Device) -> None:
     assert arrays[15][3] == 0x1234
 
 
-def test_arrays_of_different_shapes_are_refused(device: Device) -> None:
+def test_arrays_of_different_shapes_are_rejected(device: Device) -> None:
     with pytest.raises(ValueError, match="one shape"):
         make_reader(device, position=AXES + 1)
 

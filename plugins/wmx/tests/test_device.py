@@ -30,7 +30,7 @@ def robot(tmp_path: Path) -> Robot:
     return build_robot(descriptor(tmp_path, lock_timeout_s=2.0), "wmx")
 
 
-@pytest.mark.parametrize("lock", ["device_locked", "process_locked", "name_refused"])
+@pytest.mark.parametrize("lock", ["device_locked", "process_locked", "name_rejected"])
 def test_a_locked_engine_is_tried_again(robot: Robot, lock: str) -> None:
     port(lock, 3)
     robot.connection.open()
@@ -52,7 +52,7 @@ def test_a_slow_engine_is_waited_for(robot: Robot) -> None:
 
 
 def test_a_link_that_is_not_up_yet_is_tried_again(tmp_path: Path) -> None:
-    port("communication_refused", 3)
+    port("communication_rejected", 3)
     with running(tmp_path) as robot:
         assert robot.connection.ready
 
@@ -143,7 +143,7 @@ def test_a_load_changes_no_scale_of_a_live_axis(tmp_path: Path) -> None:
             robot.connection.load_parameters(same)
 
 
-def test_a_file_without_axes_of_the_robot_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_axes_of_the_robot_is_rejected(tmp_path: Path) -> None:
     original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text("utf-8")
     start, end = original.index('<AxisParameters Axis="4"'), original.index("</Parameters>")
     partial = tmp_path / "partial.xml"

@@ -1,4 +1,4 @@
-"""What breaks while the arm moves: motion ends under control, the reason is said, it goes on."""
+"""Faults while the arm moves: a controlled stop, the reason, and recovery."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def works_again(robot: Robot) -> None:
 
 
 def reason(robot: Robot) -> str:
-    """What the backend says of an engine that gives no values."""
+    """Fault text of an engine without fresh values."""
     return robot.connection._driver.fault()
 
 

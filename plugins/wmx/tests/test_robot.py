@@ -61,7 +61,7 @@ def test_the_engine_follows_the_planned_path(tmp_path: Path) -> None:
         assert np.median(late) < 0.01
 
 
-def test_a_new_goal_takes_over_at_rest_and_a_refused_one_does_not(tmp_path: Path) -> None:
+def test_a_new_goal_takes_over_at_rest_and_a_rejected_one_does_not(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with robot.follower.follow(goal([2.0], 1.0)) as first:
             eventually(lambda: robot.image.position[0] > 0.05)

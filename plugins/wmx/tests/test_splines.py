@@ -1,4 +1,4 @@
-"""What is sent to the engine for a trajectory, and what is refused before."""
+"""Trajectories as the engine gets them, and requests rejected before."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def test_no_point_is_close_enough_to_be_dropped(positions: list[float]) -> None:
     np.testing.assert_allclose(points, given_points[1:], atol=5e-6)
 
 
-def test_points_too_dense_in_time_are_refused_with_figure_and_limit() -> None:
+def test_points_too_dense_in_time_are_rejected_with_figure_and_limit() -> None:
     with pytest.raises(OperationError, match=r"5e-07 ms between .* needs 0.001 ms"):
         check([0], np.array([0.0, 0.1, 0.1000000005]))
 
 
-def test_more_axes_than_a_spline_has_are_refused() -> None:
+def test_more_axes_than_a_spline_has_are_rejected() -> None:
     with pytest.raises(OperationError, match=f"at most {_native.MAX_SPLINE_AXES}"):
         check(range(_native.MAX_SPLINE_AXES + 1), np.array([0.0, 1.0]))
 

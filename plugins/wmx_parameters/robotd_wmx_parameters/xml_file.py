@@ -192,7 +192,7 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        return 0.0  # the caller has refused it already
+        return 0.0  # the caller has rejected it already
 
 
 def _parse(path: Path) -> Any:

@@ -54,7 +54,7 @@ class RescalesLiveAxes(Mutant):
 
 
 class DefaultsForAbsentAxes(Mutant):
-    found_by = "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_refused"
+    found_by = "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_rejected"
     says = "DID NOT RAISE"
 
     class Device(SimDevice):

@@ -27,6 +27,6 @@ def test_a_reset_ends_what_is_in_force_and_stays_in_the_history() -> None:
     assert len(log.history) == 2
 
 
-def test_a_frame_of_another_length_is_refused() -> None:
+def test_a_frame_of_another_length_is_rejected() -> None:
     with pytest.raises(ValueError, match="8 bytes, this one 7"):
         Emergency.decode(5, bytes(7), 0)

@@ -24,7 +24,7 @@ GENERIC = eds_path(None, None, "generic_402.eds")
         ("\udcff", "cannot be read as an EDS: 'utf-8' codec"),
     ],
 )
-def test_a_wrong_file_is_refused_at_once(tmp_path: Path, addition: str, message: str) -> None:
+def test_a_wrong_file_is_rejected_at_once(tmp_path: Path, addition: str, message: str) -> None:
     path = tmp_path / "drive.eds"
     path.write_bytes(GENERIC.read_bytes() + addition.encode(errors="surrogateescape"))
     begin_s = time.process_time()

@@ -80,13 +80,13 @@ def test_a_new_backend_has_one_file_per_contract(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["My", "9bus", "my-bus", "", "a b", "../up"])
-def test_a_name_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
+def test_a_name_that_is_none_is_rejected(name: str, tmp_path: Path) -> None:
     result = robotd("new-backend", "--into", tmp_path, "--", name)
     assert result.exit_code == ExitCode.CONFIGURATION
     assert not list(tmp_path.iterdir())
 
 
-def test_a_taken_name_is_refused(tmp_path: Path) -> None:
+def test_a_taken_name_is_rejected(tmp_path: Path) -> None:
     result = robotd("new-backend", "sim", "--into", tmp_path)
     assert result.exit_code == ExitCode.CONFIGURATION
     assert "taken by 'sim'" in result.output

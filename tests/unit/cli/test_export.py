@@ -37,7 +37,7 @@ def test_a_refusal_leaves_the_file_alone(robotd: Robotd, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("namespace", ["1x", "a//b", "a b", "~/x"])
-def test_what_is_no_namespace_is_refused(robotd: Robotd, namespace: str) -> None:
+def test_what_is_no_namespace_is_rejected(robotd: Robotd, namespace: str) -> None:
     result = robotd("export", "moveit", "--robot", "cr3a", "--namespace", namespace)
     assert result.exit_code == 2
     assert "is not a ROS namespace" in result.stderr

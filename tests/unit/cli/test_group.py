@@ -31,7 +31,7 @@ Robotd = Callable[..., Result]
 
 @pytest.fixture
 def ran(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What ``robotd run`` was asked for, instead of running it."""
+    """Arguments of ``robotd run``, recorded instead of running it."""
     seen: list[Any] = []
 
     def run_robot(options: Any) -> int:

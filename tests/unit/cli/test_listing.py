@@ -133,7 +133,7 @@ def test_a_broken_plugin_is_a_warning(robotd: Robotd, install: Install) -> None:
         assert result.stdout
 
 
-def test_a_plugin_with_the_name_of_a_built_in_node_is_refused(
+def test_a_plugin_with_the_name_of_a_built_in_node_is_rejected(
     robotd: Robotd, install: Install
 ) -> None:
     source = """

@@ -95,7 +95,7 @@ def test_a_broken_one_is_told_by_its_distribution(
     assert f"command 'wave' of acme 1.2 {text}" in result.stderr
 
 
-def test_two_of_one_name_are_refused(robotd: Robotd, command: Callable[..., Path]) -> None:
+def test_two_of_one_name_are_rejected(robotd: Robotd, command: Callable[..., Path]) -> None:
     command("wave")
     command("wave", distribution="zenith")
     result = robotd("wave")

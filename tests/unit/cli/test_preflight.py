@@ -23,7 +23,7 @@ def wheels_and_a_clean_shell(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def prefix(tmp_path: Path) -> Path:
-    """What a ROS installation looks like."""
+    """Make a folder that looks like a ROS installation."""
     package = tmp_path / "share" / "rclpy" / "package.xml"
     package.parent.mkdir(parents=True)
     package.touch()
@@ -39,7 +39,7 @@ def prefix(tmp_path: Path) -> Path:
         ("AMENT_PREFIX_PATH", "/nowhere:{prefix}", "AMENT_PREFIX_PATH leads to {prefix}"),
     ],
 )
-def test_a_sourced_ros_beside_wheels_is_refused_in_one_sentence(
+def test_a_sourced_ros_beside_wheels_is_rejected_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, prefix: Path, name: str, value: str, found: str
 ) -> None:
     monkeypatch.setenv(name, value.format(prefix=prefix))

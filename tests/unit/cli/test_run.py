@@ -72,7 +72,7 @@ class Server:
         return int(ended(None))
 
     def run(self) -> None:
-        """What happens between ready and the stop."""
+        """Run between ready and the stop."""
 
 
 @pytest.fixture

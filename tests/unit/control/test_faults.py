@@ -118,7 +118,7 @@ def test_a_control_loop_stall_is_named_as_the_reason(harness: Harness) -> None:
         harness.end(execution)
     assert_fault(execution, "joint1 at 0.")
     assert execution.message.endswith(
-        "stopped by the device after the cycle had stood for 302 ms (setpoints stayed away)"
+        "stopped by the device after a control-loop stall of 302 ms (setpoints stayed away)"
     )
     assert_works(harness)
 

@@ -140,7 +140,7 @@ def assert_ended_well(harness: Harness, execution: TrajectoryExecution) -> None:
     """Assert success, or a fault that states the deviation of a joint."""
     if execution.outcome is not Outcome.SUCCEEDED:
         assert execution.outcome is Outcome.FAULT
-        assert "off its path after the cycle had stood for" in execution.message
+        assert "off its path after a control-loop stall of" in execution.message
     else:
         last = harness.setpoints.rows[-1]
         assert last[1] == pytest.approx(execution.trajectory.final_position, abs=1e-5)

@@ -139,7 +139,7 @@ def test_a_goal_takes_over_from_a_stream_in_motion_where_the_descriptor_allows_i
     robot.robot.shutdown()
 
 
-def test_joints_of_another_owner_are_refused_by_its_name(robot: Harness) -> None:
+def test_joints_of_another_owner_are_rejected_by_its_name(robot: Harness) -> None:
     with robot.goal([1.0] * 3, seconds=2.0):
         robot.run(0.5)
         with pytest.raises(NotReady, match="joint1: in use by follow_joint_trajectory"):

@@ -1,4 +1,4 @@
-"""Names that lead to something else than a file of a fair size: refused, at once."""
+"""Names that lead to something else than a file of a fair size: rejected, at once."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ INPUTS = 60
 
 @pytest.mark.filterwarnings("ignore")  # of libraries, about what they are given here
 @pytest.mark.parametrize("reader", READERS, ids=[reader.name for reader in READERS])
-def test_bad_files_are_refused_in_order(reader: Reader, tmp_path: Path) -> None:
+def test_bad_files_are_rejected_in_order(reader: Reader, tmp_path: Path) -> None:
     for index in range(INPUTS):
         found = try_input(reader, make_input(reader, SEED, index), tmp_path)
         assert found is None, f"--seed {SEED} --reader {reader.name} --index {index}\n{found}"

@@ -93,7 +93,7 @@ def test_unknown_names_list_what_there_is(robots: Path) -> None:
         load_robot_descriptor(robots / "nothing.yaml")
 
 
-def test_one_name_in_two_folders_is_refused(robots: Path, tmp_path: Path) -> None:
+def test_one_name_in_two_folders_is_rejected(robots: Path, tmp_path: Path) -> None:
     write(tmp_path / "arm", "arm", ARM)
     with pytest.raises(DescriptorError, match="'arm' exists twice: "):
         load_robot_descriptor("arm", search_path=[robots, tmp_path / "arm"])
@@ -169,7 +169,7 @@ def test_a_file_that_extends_another(robots: Path) -> None:
     assert (cell.name, cell.path, cell.urdf) == ("cell", path, robots / "arm" / "arm.urdf")
 
 
-def test_files_that_extend_each_other_are_refused(robots: Path) -> None:
+def test_files_that_extend_each_other_are_rejected(robots: Path) -> None:
     write(robots, "x", "extends: ../y/robot.yaml\n")
     write(robots, "y", "extends: ../x/robot.yaml\n")
     with pytest.raises(DescriptorError, match="extends itself"):

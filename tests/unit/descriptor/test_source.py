@@ -85,7 +85,7 @@ def test_several_refusals_come_at_once(tmp_path: Path) -> None:
     assert len(str(caught.value).splitlines()) == 2
 
 
-def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_file_is_rejected(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "nothing", Path("a\0b"), Path("x" * 5000)):
         with pytest.raises(DescriptorError):
             read_yaml(path)

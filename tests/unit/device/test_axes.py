@@ -1,4 +1,4 @@
-"""Axis commands: what is refused, why, and that nothing reaches the driver then."""
+"""Axis commands: what is rejected, why, and that nothing reaches the driver then."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def servo_off(harness: Harness) -> Harness:
     return harness
 
 
-def refused(
+def rejected(
     harness: Harness, error: type[RobotdError], text: str, command: Callable[[], Any]
 ) -> None:
     before = list(harness.driver.calls)
@@ -64,18 +64,18 @@ def refused(
 
 @pytest.mark.parametrize("command", ONE_AXIS.values(), ids=ONE_AXIS)
 @pytest.mark.parametrize("axis", [-1, 3])
-def test_an_axis_that_is_not_there_is_refused(
+def test_an_axis_that_is_not_there_is_rejected(
     harness: Harness, command: Command, axis: int
 ) -> None:
     text = rf"^axis {axis} is outside 0\.\.2$"
-    refused(harness, InvalidArgument, text, lambda: command(harness.axes, axis))
+    rejected(harness, InvalidArgument, text, lambda: command(harness.axes, axis))
 
 
 @pytest.mark.parametrize("command", ONE_AXIS.values(), ids=ONE_AXIS)
 def test_nothing_is_commanded_before_the_engine_is_ready(command: Command) -> None:
     harness = Harness()
     text = r"^engine is not ready \(state Idle\)$"
-    refused(harness, NotReady, text, lambda: command(harness.axes, 0))
+    rejected(harness, NotReady, text, lambda: command(harness.axes, 0))
 
 
 def test_a_servo_obeys_within_the_descriptors_time_out(harness: Harness) -> None:
@@ -89,7 +89,7 @@ def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(harness: Harness)
     harness.driver.image.amp_alarm[0], harness.driver.image.alarm_code[0] = True, 16
     servo_off(harness)
     text = "^joint1: amplifier alarm 16; clear it first$"
-    refused(harness, NotReady, text, lambda: harness.axes.servo(0, True))
+    rejected(harness, NotReady, text, lambda: harness.axes.servo(0, True))
     harness.axes.servo(0, False)
     harness.axes.clear_alarm(0)
     harness.refresh()
@@ -97,9 +97,9 @@ def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(harness: Harness)
 
 
 @pytest.mark.parametrize("mode", [-1, 3])
-def test_an_unknown_mode_is_refused(harness: Harness, mode: int) -> None:
+def test_an_unknown_mode_is_rejected(harness: Harness, mode: int) -> None:
     text = f"^joint1: mode {mode} is not 0, 1 or 2$"
-    refused(harness, InvalidArgument, text, lambda: harness.axes.set_command_mode(0, mode))
+    rejected(harness, InvalidArgument, text, lambda: harness.axes.set_command_mode(0, mode))
 
 
 @pytest.mark.parametrize("operation", [op for op in Operation if op is not Operation.IDLE])
@@ -107,15 +107,15 @@ def test_mode_and_home_need_an_idle_axis(harness: Harness, operation: Operation)
     harness.driver.image.operation[0] = operation
     harness.refresh()
     text = f"needs an idle axis, this one is in {operation.name.lower()}$"
-    refused(harness, NotReady, text, lambda: harness.axes.set_command_mode(0, 1))
-    refused(harness, NotReady, text, lambda: harness.axes.home(0))
+    rejected(harness, NotReady, text, lambda: harness.axes.set_command_mode(0, 1))
+    rejected(harness, NotReady, text, lambda: harness.axes.home(0))
 
 
 def test_scaling_changes_only_while_the_servo_is_off(harness: Harness) -> None:
-    refused(
+    rejected(
         harness, NotReady, "only while the servo is off", lambda: harness.axes.set_polarity(0, 1)
     )
-    refused(
+    rejected(
         harness,
         NotReady,
         "only while the servo is off",
@@ -128,9 +128,9 @@ def test_scaling_changes_only_while_the_servo_is_off(harness: Harness) -> None:
 
 
 @pytest.mark.parametrize("polarity", [0, 2, -2])
-def test_a_polarity_that_is_none_is_refused(harness: Harness, polarity: int) -> None:
+def test_a_polarity_that_is_none_is_rejected(harness: Harness, polarity: int) -> None:
     text = f"^joint1: polarity {polarity} is not 1 or -1$"
-    refused(
+    rejected(
         servo_off(harness), InvalidArgument, text, lambda: harness.axes.set_polarity(0, polarity)
     )
 
@@ -149,16 +149,16 @@ def test_axis_numbers_are_in_range_and_unique_or_rejected(
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 2.0**31])
-def test_a_gear_ratio_that_is_none_is_refused(harness: Harness, bad: float) -> None:
+def test_a_gear_ratio_that_is_none_is_rejected(harness: Harness, bad: float) -> None:
     servo_off(harness)
     axes = harness.axes
-    refused(
+    rejected(
         harness,
         InvalidArgument,
         f"gear ratio numerator {bad}",
         lambda: axes.set_gear_ratio(0, bad, 1),
     )
-    refused(
+    rejected(
         harness,
         InvalidArgument,
         f"gear ratio denominator {bad}",
@@ -182,7 +182,7 @@ def test_what_the_backend_cannot_do_is_unsupported(
 ) -> None:
     harness = Harness(capabilities=ALL - {missing}).make_ready()
     text = f"^{feature}: not supported by the fake backend$"
-    refused(harness, Unsupported, text, lambda: command(harness.axes))
+    rejected(harness, Unsupported, text, lambda: command(harness.axes))
 
 
 def test_moves_start_together(harness: Harness) -> None:
@@ -196,7 +196,7 @@ def test_a_relative_move_counts_from_the_position_command(harness: Harness) -> N
     harness.refresh()
     harness.axes.move([Move(0, 0.25, PROFILE)], relative=True)
     assert harness.driver.calls == [("move", 0, 1.75, PROFILE)]
-    refused(
+    rejected(
         harness,
         InvalidArgument,
         "joint1: target 2.25",
@@ -223,7 +223,7 @@ def test_a_bad_move_holds_back_the_good_ones_beside_it(
     harness: Harness, move: Move, text: str
 ) -> None:
     good = Move(1, 0.5, PROFILE)
-    refused(harness, InvalidArgument, text, lambda: harness.axes.move([good, move]))
+    rejected(harness, InvalidArgument, text, lambda: harness.axes.move([good, move]))
 
 
 def test_an_axis_without_limits_goes_anywhere(harness: Harness) -> None:
@@ -232,10 +232,10 @@ def test_an_axis_without_limits_goes_anywhere(harness: Harness) -> None:
     assert harness.driver.calls == [("move", UNLIMITED_AXIS, 1e6, far.profile)]
 
 
-def test_no_axis_and_the_same_axis_twice_are_refused(harness: Harness) -> None:
-    refused(harness, InvalidArgument, "^no axis given$", lambda: harness.axes.move([]))
+def test_no_axis_and_the_same_axis_twice_are_rejected(harness: Harness) -> None:
+    rejected(harness, InvalidArgument, "^no axis given$", lambda: harness.axes.move([]))
     twice = [Move(1, 0.5, PROFILE), Move(1, 0.6, PROFILE)]
-    refused(harness, InvalidArgument, "^axis 1 is given twice$", lambda: harness.axes.move(twice))
+    rejected(harness, InvalidArgument, "^axis 1 is given twice$", lambda: harness.axes.move(twice))
 
 
 def test_jogs_are_checked_and_start_together(harness: Harness) -> None:
@@ -245,7 +245,7 @@ def test_jogs_are_checked_and_start_together(harness: Harness) -> None:
     assert [call[:2] for call in harness.driver.calls] == [("jog", 0), ("jog", 1)]
     fast = [Jog(1, PROFILE), Jog(0, Profile(-3.5, 1.0, 1.0))]
     text = r"^joint1: velocity -3\.5 rad/s .* 3 rad/s$"
-    refused(harness, InvalidArgument, text, lambda: harness.axes.jog(fast))
+    rejected(harness, InvalidArgument, text, lambda: harness.axes.jog(fast))
 
 
 @pytest.mark.parametrize(
@@ -263,12 +263,12 @@ def test_a_state_that_forbids_motion_is_named(
     getattr(harness.driver.image, array)[0] = value
     harness.refresh()
     both = [Move(1, 0.5, PROFILE), Move(0, 0.5, PROFILE)]
-    refused(harness, NotReady, reason, lambda: harness.axes.move(both))
+    rejected(harness, NotReady, reason, lambda: harness.axes.move(both))
 
 
 def test_a_jog_needs_velocity_mode(harness: Harness) -> None:
     text = "^joint1: in position mode, not in velocity mode$"
-    refused(harness, NotReady, text, lambda: harness.axes.jog([Jog(0, PROFILE)]))
+    rejected(harness, NotReady, text, lambda: harness.axes.jog([Jog(0, PROFILE)]))
 
 
 def test_claimed_axes_refuse_everybody_but_a_stop(harness: Harness) -> None:
@@ -276,7 +276,7 @@ def test_claimed_axes_refuse_everybody_but_a_stop(harness: Harness) -> None:
         harness.refresh()
         text = "^joint1: in use by the test$"
         for name in ("clear_alarm", "set_command_mode", "home", "move"):
-            refused(harness, NotReady, text, lambda name=name: ONE_AXIS[name](harness.axes, 0))
+            rejected(harness, NotReady, text, lambda name=name: ONE_AXIS[name](harness.axes, 0))
         harness.axes.move([Move(2, 0.5, PROFILE)])
         harness.axes.servo(1, False)
         harness.axes.stop([0])

@@ -169,7 +169,7 @@ def test_a_missing_parameter_file_stops_before_communication(
     assert "start_communication" not in names(device)
 
 
-def test_refused_parameters_stop_communication_again(device: FakeDevice, parameters: Path) -> None:
+def test_rejected_parameters_stop_communication_again(device: FakeDevice, parameters: Path) -> None:
     device.failures["load_parameters"] = OperationError("bad gear ratio")
     connection = make(device, parameters)
     with pytest.raises(OperationError, match="bad gear ratio"):
@@ -184,10 +184,10 @@ def test_a_backend_without_parameter_files_ignores_the_robots_and_refuses_more(
     connection = Connection(device, EngineSettings(), parameters, "fake", has_parameters=False)
     connection.start()
     assert "load_parameters" not in names(device)
-    refused = "parameter files: not supported by the fake backend"
-    with pytest.raises(Unsupported, match=refused):
+    rejected = "parameter files: not supported by the fake backend"
+    with pytest.raises(Unsupported, match=rejected):
         connection.load_parameters(parameters)
-    with pytest.raises(Unsupported, match=refused):
+    with pytest.raises(Unsupported, match=rejected):
         connection.dump_parameters(0)
 
 

@@ -32,7 +32,7 @@ def test_registers_are_read(harness: Harness) -> None:
         (-1, 0, 1, r"slave -1 is not on master 0"),
     ],
 )
-def test_registers_that_are_not_there_are_refused(
+def test_registers_that_are_not_there_are_rejected(
     harness: Harness, slave: int, address: int, length: int, text: str
 ) -> None:
     with pytest.raises(InvalidArgument, match=text):
@@ -50,7 +50,7 @@ def commands(fieldbus: Fieldbus, master: int) -> dict[Capability | None, Callabl
 
 
 @pytest.mark.parametrize("master", [-1, 1])
-def test_another_master_is_refused(harness: Harness, master: int) -> None:
+def test_another_master_is_rejected(harness: Harness, master: int) -> None:
     for command in commands(harness.fieldbus, master).values():
         with pytest.raises(InvalidArgument, match=rf"^master {master} is outside 0\.\.0$"):
             command()

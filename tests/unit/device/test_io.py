@@ -40,7 +40,7 @@ def test_bytes_are_written(harness: Harness) -> None:
 
 
 @pytest.mark.parametrize("bit", [-1, 8])
-def test_a_bit_outside_a_byte_is_refused(harness: Harness, bit: int) -> None:
+def test_a_bit_outside_a_byte_is_rejected(harness: Harness, bit: int) -> None:
     for call in (harness.io.input_bit, harness.io.output_bit):
         with pytest.raises(InvalidArgument, match=rf"^bit {bit} is outside 0\.\.7$"):
             call(0, bit)
@@ -50,7 +50,7 @@ def test_a_bit_outside_a_byte_is_refused(harness: Harness, bit: int) -> None:
 
 
 @pytest.mark.parametrize(("byte", "length"), [(-1, 1), (8, 1), (7, 2), (0, 9)])
-def test_bytes_outside_the_image_are_refused(harness: Harness, byte: int, length: int) -> None:
+def test_bytes_outside_the_image_are_rejected(harness: Harness, byte: int, length: int) -> None:
     place = rf"bytes {byte}\.\.{byte + length - 1} are outside 0\.\.7$"
     with pytest.raises(InvalidArgument, match=f"^input {place}"):
         harness.io.input_bytes(byte, length)
@@ -61,7 +61,7 @@ def test_bytes_outside_the_image_are_refused(harness: Harness, byte: int, length
     assert harness.io_driver.calls == []
 
 
-def test_no_bytes_at_all_are_refused(harness: Harness) -> None:
+def test_no_bytes_at_all_are_rejected(harness: Harness) -> None:
     for call in (lambda: harness.io.input_bytes(0, 0), lambda: harness.io.set_output_bytes(0, b"")):
         with pytest.raises(InvalidArgument, match="length 0 is less than 1"):
             call()
@@ -116,7 +116,7 @@ def test_fingers_travel_at_constant_speed_from_wherever_they_are(harness: Harnes
     assert gripper.closed(start_ns + 2 * NANOSECONDS) == 1.0
 
 
-def test_a_gripper_outside_the_output_image_is_refused_when_it_is_made(harness: Harness) -> None:
+def test_a_gripper_outside_the_output_image_is_rejected_when_it_is_made(harness: Harness) -> None:
     beyond = GRIPPER.model_copy(update={"output_byte": 8})
     with pytest.raises(InvalidArgument, match=r"output bytes 8\.\.8 are outside 0\.\.7"):
         Gripper(harness.io, beyond)

@@ -69,7 +69,7 @@ def test_other_motion_and_unlimited_axes_are_left_alone(jogged: Harness) -> None
 
 
 @pytest.mark.parametrize(("position", "velocity"), [(1.95, 1.0), (-0.95, -1.0), (2.0, 0.1)])
-def test_a_command_that_could_not_be_stopped_in_time_is_refused(
+def test_a_command_that_could_not_be_stopped_in_time_is_rejected(
     jogged: Harness, position: float, velocity: float
 ) -> None:
     jogged.driver.image.position[0] = position

@@ -1,4 +1,4 @@
-"""What the exports say is what the descriptor says; what does not apply is refused."""
+"""Exports agree with the descriptor; one that does not apply is rejected."""
 
 from __future__ import annotations
 
@@ -202,12 +202,12 @@ def test_the_urdf_is_the_file(cr3a: RobotDescriptor) -> None:
         ("urdf", "standalone", "standalone has no urdf"),
     ],
 )
-def test_what_does_not_apply_is_refused(target: str, robot: str, reason: str) -> None:
+def test_what_does_not_apply_is_rejected(target: str, robot: str, reason: str) -> None:
     with pytest.raises(DescriptorError, match=reason):
         EXPORTS[target](ExportInput(load_robot_descriptor(robot)))
 
 
-def test_an_arm_without_its_action_is_refused(cr3a: RobotDescriptor) -> None:
+def test_an_arm_without_its_action_is_rejected(cr3a: RobotDescriptor) -> None:
     without = cr3a.model_copy(update={"nodes": ("wmx_io_node",)})
     with pytest.raises(DescriptorError, match="does not run the node follow"):
         EXPORTS["moveit"](ExportInput(without))

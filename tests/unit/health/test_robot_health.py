@@ -1,4 +1,4 @@
-"""What the diagnostics say of each part, and when something is worth telling at once."""
+"""Diagnostics of each part, and changes that are reported at once."""
 
 from __future__ import annotations
 

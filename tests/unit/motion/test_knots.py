@@ -51,10 +51,10 @@ def test_the_same_point_twice_counts_once() -> None:
     assert len(planned(request([1.0, 1.0, 2.0], rows(0.1, 0.1, 0.2))).breaks) == 3
 
 
-def test_two_places_at_the_same_time_are_refused() -> None:
-    with pytest.raises(TrajectoryRejected) as refused:
+def test_two_places_at_the_same_time_are_rejected() -> None:
+    with pytest.raises(TrajectoryRejected) as rejected:
         planned(request([1.0, 1.0], [[0, 0.1, 0], [0, 0.4, 0]]))
-    assert str(refused.value) == (
+    assert str(rejected.value) == (
         "joint2 at 1.000 s: point 1 is not later than point 0 but asks for 0.4 rad after 0.1"
     )
 
@@ -84,10 +84,10 @@ def test_a_near_first_point_at_time_zero_gives_way_to_the_start(time_s: float) -
     np.testing.assert_array_equal(trajectory.breaks, [0.0, 1.0])
 
 
-def test_a_far_first_point_at_time_zero_is_refused() -> None:
-    with pytest.raises(TrajectoryRejected) as refused:
+def test_a_far_first_point_at_time_zero_is_rejected() -> None:
+    with pytest.raises(TrajectoryRejected) as rejected:
         planned(request([0.0, 1.0], [[0, 0, 0.5], [0, 0, 1]]))
-    assert str(refused.value) == (
+    assert str(rejected.value) == (
         "joint3 at 0.000 s: first point 0.5 is 0.5 rad away from the present position 0, "
         "start tolerance 0.01 rad"
     )
@@ -100,20 +100,20 @@ def test_a_goal_that_is_reached_already_stands_still() -> None:
     assert 0.0 < trajectory.duration_s <= 0.001
 
 
-def test_a_goal_that_leaves_no_time_to_stop_is_refused() -> None:
+def test_a_goal_that_leaves_no_time_to_stop_is_rejected() -> None:
     moving = MotionState(np.zeros(3), np.array([0.0, -0.5, 0.0]), np.zeros(3))
-    with pytest.raises(TrajectoryRejected) as refused:
+    with pytest.raises(TrajectoryRejected) as rejected:
         planned(request([0.0], rows(0.0)), start=moving)
-    assert str(refused.value) == (
+    assert str(rejected.value) == (
         "joint2 at 0.000 s: the last point leaves no time to stop from -0.5 rad/s"
     )
 
 
-def test_a_last_point_that_moves_is_refused() -> None:
-    with pytest.raises(TrajectoryRejected) as refused:
+def test_a_last_point_that_moves_is_rejected() -> None:
+    with pytest.raises(TrajectoryRejected) as rejected:
         planned(request([1.0, 2.0], rows(0.1, 0.2), [[0, 0, 0], [0.1, -0.2, 0]]))
     assert (
-        str(refused.value) == "joint2 at 2.000 s: velocity -0.2 rad/s at the last point, must be 0"
+        str(rejected.value) == "joint2 at 2.000 s: velocity -0.2 rad/s at the last point, must be 0"
     )
 
 
@@ -132,7 +132,7 @@ def test_the_splice_is_continuous(asked: TrajectoryRequest, start: MotionState) 
         np.testing.assert_array_equal(begin.acceleration, start.acceleration)
 
 
-def test_a_start_that_is_not_known_is_refused() -> None:
+def test_a_start_that_is_not_known_is_rejected() -> None:
     start = at_rest()
     start.position[1] = np.nan
     with pytest.raises(TrajectoryRejected, match="joint2: the present position is not known"):

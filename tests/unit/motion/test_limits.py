@@ -1,4 +1,4 @@
-"""Commands to one axis: refused by name, value and limit."""
+"""Commands to one axis: rejected by name, value and limit."""
 
 import math
 from typing import Any
@@ -30,11 +30,11 @@ JOINT = AxisLimits(-3.14, 2.86, 3.14, 12.57)
         ((0.0, 1.0, 1.0, 13.0), "deceleration 13 rad/s² exceeds 12.57 rad/s²"),
     ],
 )
-def test_a_move_beyond_a_limit_is_refused(command: tuple[float, ...], text: str) -> None:
-    with pytest.raises(InvalidArgument) as refused:
+def test_a_move_beyond_a_limit_is_rejected(command: tuple[float, ...], text: str) -> None:
+    with pytest.raises(InvalidArgument) as rejected:
         check_move(JOINT, *command)
-    assert str(refused.value) == text
-    assert isinstance(refused.value, OperationError)
+    assert str(rejected.value) == text
+    assert isinstance(rejected.value, OperationError)
 
 
 @pytest.mark.parametrize(
@@ -46,12 +46,12 @@ def test_a_move_beyond_a_limit_is_refused(command: tuple[float, ...], text: str)
         ((1.0, 1.0, 20.0), "deceleration 20 rad/s² exceeds 12.57 rad/s²"),
     ],
 )
-def test_a_velocity_command_beyond_a_limit_is_refused(
+def test_a_velocity_command_beyond_a_limit_is_rejected(
     command: tuple[float, ...], text: str
 ) -> None:
-    with pytest.raises(InvalidArgument) as refused:
+    with pytest.raises(InvalidArgument) as rejected:
         check_jog(JOINT, *command)
-    assert str(refused.value) == text
+    assert str(rejected.value) == text
 
 
 def test_values_on_the_limits_are_accepted() -> None:
@@ -67,7 +67,7 @@ def test_an_axis_without_limits_takes_any_finite_command() -> None:
         check_jog(AxisLimits.unlimited(), math.inf, 1.0, 1.0)
 
 
-def test_a_linear_axis_is_refused_in_metres() -> None:
+def test_a_linear_axis_is_rejected_in_metres() -> None:
     finger = AxisLimits(0.0, 0.045, 0.1, 1.0, unit="m")
     with pytest.raises(InvalidArgument, match=r"^target 0\.05 m exceeds 0\.045 m$"):
         check_move(finger, 0.05, 0.1, 1.0, 1.0)

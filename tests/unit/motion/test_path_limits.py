@@ -37,10 +37,10 @@ def rejection(
     start: MotionState | None = None,
     settings: TrajectorySettings = SETTINGS,
 ) -> str:
-    with pytest.raises(TrajectoryRejected) as refused:
+    with pytest.raises(TrajectoryRejected) as rejected:
         planned(asked, joints, start, settings)
-    assert refused.value.code is RejectionCode.INVALID_GOAL
-    return str(refused.value)
+    assert rejected.value.code is RejectionCode.INVALID_GOAL
+    return str(rejected.value)
 
 
 def test_a_point_beyond_a_position_limit() -> None:
@@ -177,12 +177,12 @@ def test_extremes_agree_with_the_roots_of_the_derivative(
     assert abs(polynomial(highest.time_s[0]) - highest.value[0]) <= room
 
 
-def test_a_trajectory_that_is_over_is_refused_as_such() -> None:
+def test_a_trajectory_that_is_over_is_rejected_as_such() -> None:
     check_start_delay(-1.0, 2.0)
     check_start_delay(0.0, 2.0)
-    with pytest.raises(TrajectoryRejected) as refused:
+    with pytest.raises(TrajectoryRejected) as rejected:
         check_start_delay(-3.0, 2.0)
-    assert refused.value.code is RejectionCode.OLD_HEADER_TIMESTAMP
-    assert str(refused.value) == (
+    assert rejected.value.code is RejectionCode.OLD_HEADER_TIMESTAMP
+    assert str(rejected.value) == (
         "the trajectory of 2.000 s should have begun 3.000 s ago: it is over"
     )

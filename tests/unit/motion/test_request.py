@@ -1,4 +1,4 @@
-"""What is refused before the state of the robot matters, by text and code."""
+"""Requests that are rejected whatever the state of the robot, by text and code."""
 
 import array
 
@@ -46,11 +46,11 @@ def named(*names: str) -> TrajectoryRequest:
         (named("joint1", "joint2", "joint2"), "joint 'joint2' is given 2 times"),
     ],
 )
-def test_wrong_joints_are_refused_as_such(asked: TrajectoryRequest, text: str) -> None:
-    with pytest.raises(TrajectoryRejected) as refused:
+def test_wrong_joints_are_rejected_as_such(asked: TrajectoryRequest, text: str) -> None:
+    with pytest.raises(TrajectoryRejected) as rejected:
         planned(asked, limits())
-    assert str(refused.value) == text
-    assert refused.value.code is RejectionCode.INVALID_JOINTS
+    assert str(rejected.value) == text
+    assert rejected.value.code is RejectionCode.INVALID_JOINTS
 
 
 @pytest.mark.parametrize(
@@ -94,11 +94,11 @@ def test_wrong_joints_are_refused_as_such(asked: TrajectoryRequest, text: str) -
         ),
     ],
 )
-def test_wrong_points_are_refused_as_such(asked: TrajectoryRequest, text: str) -> None:
-    with pytest.raises(TrajectoryRejected) as refused:
+def test_wrong_points_are_rejected_as_such(asked: TrajectoryRequest, text: str) -> None:
+    with pytest.raises(TrajectoryRejected) as rejected:
         planned(asked, limits())
-    assert str(refused.value) == text
-    assert refused.value.code is RejectionCode.INVALID_GOAL
+    assert str(rejected.value) == text
+    assert rejected.value.code is RejectionCode.INVALID_GOAL
 
 
 def test_three_thousand_points_are_accepted() -> None:
@@ -140,7 +140,7 @@ def test_rows_of_messages_become_tables() -> None:
     assert asked.accelerations is None
 
 
-def test_rows_without_points_are_refused_by_the_plan() -> None:
+def test_rows_without_points_are_rejected_by_the_plan() -> None:
     with pytest.raises(TrajectoryRejected, match="the trajectory has no points"):
         planned(TrajectoryRequest.from_rows(NAMES, [], []))
 
@@ -154,10 +154,10 @@ def test_rows_without_points_are_refused_by_the_plan() -> None:
         ((rows(0, 0), rows(0, 0), [[0, 0, 0, 0], []]), "point 0: 4 accelerations for 3 joints"),
     ],
 )
-def test_ragged_rows_are_refused(tables: tuple[Rows, ...], text: str) -> None:
-    with pytest.raises(TrajectoryRejected) as refused:
+def test_ragged_rows_are_rejected(tables: tuple[Rows, ...], text: str) -> None:
+    with pytest.raises(TrajectoryRejected) as rejected:
         TrajectoryRequest.from_rows(NAMES, TIMES, *tables)
-    assert str(refused.value) == text
+    assert str(rejected.value) == text
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Tolerances of a goal are honoured, or the goal is refused."""
+"""Tolerances of a goal are honoured, or the goal is rejected."""
 
 from collections.abc import Callable, Iterable
 
@@ -90,13 +90,13 @@ def test_zero_is_the_default_minus_one_no_limit_and_a_value_itself() -> None:
         ),
     ],
 )
-def test_what_cannot_be_honoured_is_refused(
+def test_what_cannot_be_honoured_is_rejected(
     make: Callable[[], Tolerances], text: str, code: RejectionCode
 ) -> None:
-    with pytest.raises(TrajectoryRejected) as refused:
+    with pytest.raises(TrajectoryRejected) as rejected:
         make()
-    assert str(refused.value) == text
-    assert refused.value.code is code
+    assert str(rejected.value) == text
+    assert rejected.value.code is code
 
 
 def test_an_acceleration_tolerance_is_said_to_be_unwatched() -> None:

@@ -130,7 +130,7 @@ def test_a_trajectory_cannot_be_changed() -> None:
         trajectory.coefficients[0, 0, 0] = 1.0
 
 
-def test_numbers_that_cannot_be_joined_are_refused() -> None:
+def test_numbers_that_cannot_be_joined_are_rejected() -> None:
     with pytest.raises(TrajectoryRejected, match="too far apart"):
         planned(request([0.001, 0.002], rows(1e308, -1e308), rows(0, 0), rows(0, 0)))
     with pytest.raises(TrajectoryRejected, match="too far apart"):

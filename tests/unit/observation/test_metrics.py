@@ -97,5 +97,5 @@ def test_metrics_are_served_on_the_loopback_interface_only(arm: Observed) -> Non
         serve_metrics(recorder_of(arm), port)
     own = socket.gethostbyname(socket.gethostname())
     if not own.startswith("127."):
-        with pytest.raises(OSError, match="refused"):
+        with pytest.raises(OSError, match="rejected"):
             socket.create_connection((own, port), timeout=5).close()

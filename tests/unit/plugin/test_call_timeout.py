@@ -72,7 +72,7 @@ def test_an_endless_import_is_given_up(install: Install, monkeypatch: pytest.Mon
         ),
     ],
 )
-def test_what_would_end_the_process_or_get_lost_is_refused(
+def test_what_would_end_the_process_or_get_lost_is_rejected(
     install: Install, source: str, reason: str
 ) -> None:
     install("odd", source)

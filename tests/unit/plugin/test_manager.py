@@ -1,4 +1,4 @@
-"""What can be wrong with a plugin, each on a real distribution, and what the user is told."""
+"""Faults of plugins, each in a real distribution, and their error messages."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_two_distributions_with_one_name_are_both_named(install: Install) -> Non
 
 
 @pytest.mark.parametrize("version", [API_VERSION + 1, API_VERSION - 1])
-def test_another_api_version_is_refused_with_both_versions(install: Install, version: int) -> None:
+def test_another_api_version_is_rejected_with_both_versions(install: Install, version: int) -> None:
     install("odd", backend_source(api_version=str(version)))
     text = rejection()
     assert f"plugin API {version}" in text
@@ -98,7 +98,7 @@ def test_another_api_version_is_refused_with_both_versions(install: Install, ver
     assert "acme" in text
 
 
-def test_a_backend_without_an_api_version_is_refused(install: Install) -> None:
+def test_a_backend_without_an_api_version_is_rejected(install: Install) -> None:
     source = backend_source().replace("api_version=1", "")
     install("odd", source)
     assert "missing 1 required positional argument: 'api_version'" in rejection()
@@ -119,7 +119,7 @@ def test_a_name_that_this_api_does_not_have_hints_at_the_version(install: Instal
     assert text.endswith("is it written for another plugin API? This is API 1")
 
 
-def test_a_refused_plugin_leaves_no_trace_for_the_next_one(install: Install) -> None:
+def test_a_rejected_plugin_leaves_no_trace_for_the_next_one(install: Install) -> None:
     install("odd", backend_source("def robotd_opn_device(context): ..."), distribution="one")
     rejection()
     install("even", backend_source(), distribution="two")
@@ -180,7 +180,7 @@ def test_the_hooks_say_what_is_there(install: Install) -> None:
         ),
     ],
 )
-def test_a_broken_backend_is_refused_with_its_origin_and_the_reason(
+def test_a_broken_backend_is_rejected_with_its_origin_and_the_reason(
     install: Install, source: str, reason: str
 ) -> None:
     install("odd", source)
@@ -194,13 +194,13 @@ def make_backend(install: Install, *hooks: str, **info: str) -> Backend:
     return load_backend("odd")
 
 
-def test_a_device_hook_of_the_wrong_type_is_refused(install: Install) -> None:
+def test_a_device_hook_of_the_wrong_type_is_rejected(install: Install) -> None:
     backend = make_backend(install, "def robotd_open_device(context): return 5")
     with pytest.raises(PluginError, match="robotd_open_device returned int, not a DeviceDriver"):
         backend.drivers(context())
 
 
-def test_a_missing_device_hook_is_refused(install: Install) -> None:
+def test_a_missing_device_hook_is_rejected(install: Install) -> None:
     backend = make_backend(install)
     with pytest.raises(PluginError, match="does not answer the hook robotd_open_device"):
         backend.drivers(context())
@@ -277,7 +277,7 @@ class Bare(AxisDriver):
         ("HOT_CONNECT", "there is no FieldbusDriver for start_hot_connect()"),
     ],
 )
-def test_a_capability_without_its_method_is_refused(
+def test_a_capability_without_its_method_is_rejected(
     install: Install, capability: str, lacks: str
 ) -> None:
     declared = f"frozenset({{Capability.{capability}}})"
@@ -369,7 +369,7 @@ def test_two_plugins_with_one_node_stop_the_start(install: Install) -> None:
         register_all(plugins)
 
 
-def test_a_folder_that_does_not_exist_is_refused(install: Install) -> None:
+def test_a_folder_that_does_not_exist_is_rejected(install: Install) -> None:
     source = """
         from pathlib import Path
         from robotd.api import hookimpl

@@ -98,7 +98,7 @@ def test_a_trajectory_without_joints_has_the_code_of_joints() -> None:
     assert rejection.value.code is RejectionCode.INVALID_JOINTS
 
 
-def test_effort_is_refused_rather_than_ignored() -> None:
+def test_effort_is_rejected_rather_than_ignored() -> None:
     with pytest.raises(TrajectoryRejected, match="effort"):
         trajectory_request(goal(positions=[1.0, 2.0], effort=[1.0, 1.0]))
 

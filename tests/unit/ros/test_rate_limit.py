@@ -45,7 +45,7 @@ def test_a_flood_gets_its_share(now: list[float]) -> None:
     assert not some.is_news
 
 
-def test_nothing_is_refused_below_the_share(now: list[float]) -> None:
+def test_nothing_is_rejected_below_the_share(now: list[float]) -> None:
     some = RateLimit(0.2)
     for _ in range(1000):
         assert some.is_left()

@@ -27,7 +27,7 @@ def robot(**options: Any) -> RobotDescriptor:
 def run(
     *program: dict[str, Any], faults: list[dict[str, Any]] | None = None, **keys: Any
 ) -> Result:
-    """What becomes of a program with these faults."""
+    """Return the result of a program with these faults."""
     values = {"schema": 1, "program": program, "faults": faults or [], **keys}
     scenario = ScenarioRun(Scenario.model_validate(values), robot(), load_backend("sim"))
     for _ in scenario.steps():

@@ -142,7 +142,7 @@ def test_a_blocked_axis_stays_where_it_is_while_others_rest() -> None:
         ({"when": {"joint": "j9", "above_rad": 0}, "engine_stopped": {}}, "unknown joint 'j9'"),
     ],
 )
-def test_a_fault_that_does_not_fit_the_robot_is_refused(fault: dict[str, Any], text: str) -> None:
+def test_a_fault_that_does_not_fit_the_robot_is_rejected(fault: dict[str, Any], text: str) -> None:
     with pytest.raises(InvalidArgument, match=text):
         run(faults=[fault])
 

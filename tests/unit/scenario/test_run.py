@@ -32,7 +32,7 @@ def test_a_program_that_goes_as_expected_passes() -> None:
         {"check": {"gripper": "closed", "within_s": 0.5, "servos_on": [0, 1], "alarms": []}},
         {"servos": "off"},
         {"check": {"servos_on": []}},
-        {**MOVE, "expect": "refused", "reason": "servo is off"},
+        {**MOVE, "expect": "rejected", "reason": "servo is off"},
         {"engine": "off"},
         {"check": {"engine": "Running"}},
     )
@@ -51,7 +51,7 @@ def test_a_program_that_goes_as_expected_passes() -> None:
         ({"check": {"gripper": "closed"}}, "gripper is 0% closed"),
         ({**MOVE, "expect": "fault"}, "expected fault, got ok: goal reached"),
         ({**MOVE, "reason": "nonsense"}, "does not contain 'nonsense'"),
-        ({"move": {"to_rad": {"joint1": 9.0}, "time_s": 5.0}}, "expected ok, got refused: "),
+        ({"move": {"to_rad": {"joint1": 9.0}, "time_s": 5.0}}, "expected ok, got rejected: "),
     ],
 )  # fmt: skip
 def test_what_is_not_as_expected_fails_and_ends_the_run(step: Any, failure: str) -> None:

@@ -123,7 +123,7 @@ def test_parameters_are_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
         made.device.load_parameters(good)
 
 
-def test_parameters_are_refused_while_an_axis_moves(tmp_path: Path) -> None:
+def test_parameters_are_rejected_while_an_axis_moves(tmp_path: Path) -> None:
     made = harness()
     write_wmx_parameters(default_wmx_parameters(), tmp_path / "parameters.xml")
     made.axes.move(1, 1.0, PROFILE)
@@ -165,7 +165,7 @@ def test_a_load_never_undoes_the_homing_of_a_live_axis(tmp_path: Path) -> None:
     assert made.look().position[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_options_that_do_not_fit_the_robot_are_refused() -> None:
+def test_options_that_do_not_fit_the_robot_are_rejected() -> None:
     with pytest.raises(DescriptorError, match=r"backends.sim.bandwidth_hz: has 3 figures"):
         closed_rig(2, bandwidth_hz=(1.0, 2.0, 3.0))
     with pytest.raises(DescriptorError, match=r"sim.limit_switches: axis 2 does not exist"):

@@ -109,7 +109,7 @@ def test_hot_connect_brings_a_lost_slave_back_with_its_servo_off() -> None:
     made.axes.servo(0, True, 1.0)
 
 
-def test_what_does_not_exist_is_refused_with_the_limits() -> None:
+def test_what_does_not_exist_is_rejected_with_the_limits() -> None:
     bus = bus_of(harness())
     with pytest.raises(InvalidArgument, match=r"master 1 .* only master 0"):
         bus.status(1)

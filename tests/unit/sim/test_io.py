@@ -37,7 +37,7 @@ def test_inputs_are_set_by_sensors_and_by_a_wire_from_the_outputs() -> None:
     assert io.read_inputs(3, 1) == b"\x00"
 
 
-def test_addresses_outside_of_the_image_are_refused_with_its_limits() -> None:
+def test_addresses_outside_of_the_image_are_rejected_with_its_limits() -> None:
     io = io_of(harness())
     assert (io.input_bytes, io.output_bytes) == (8000, 8000)
     with pytest.raises(InvalidArgument, match=r"bytes 7999 to 8000 .* 0 to 7999"):

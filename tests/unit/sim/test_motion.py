@@ -91,7 +91,7 @@ def test_a_velocity_command_of_zero_slows_to_rest_and_leaves_the_axis_idle() -> 
     assert not image.motion_complete[0]
 
 
-def test_commands_are_refused_with_the_reason() -> None:
+def test_commands_are_rejected_with_the_reason() -> None:
     made = harness()
     with pytest.raises(Unsupported, match="torque mode"):
         made.axes.set_command_mode(0, CommandMode.TORQUE)

@@ -65,7 +65,7 @@ def test_closing_a_device_twice_or_unopened_is_no_error(make_harness: MakeHarnes
     assert device.state() is ConnectionState.IDLE
 
 
-def test_calls_out_of_order_are_refused_or_have_no_effect(make_harness: MakeHarness) -> None:
+def test_calls_out_of_order_are_rejected_or_have_no_effect(make_harness: MakeHarness) -> None:
     connection = make_harness().robot.connection
     with pytest.raises(NotReady):
         connection.start_communication()
@@ -76,7 +76,7 @@ def test_calls_out_of_order_are_refused_or_have_no_effect(make_harness: MakeHarn
     assert connection.state is ConnectionState.IDLE
 
 
-def test_communication_without_an_open_device_is_refused(make_harness: MakeHarness) -> None:
+def test_communication_without_an_open_device_is_rejected(make_harness: MakeHarness) -> None:
     device = make_harness().drivers.device
     with pytest.raises(RobotdError):
         device.start_communication(1.0)
@@ -185,7 +185,7 @@ def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path
 
 
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
-def test_a_parameter_file_without_axes_of_the_robot_is_refused(
+def test_a_parameter_file_without_axes_of_the_robot_is_rejected(
     make_harness: MakeHarness, tmp_path: Path
 ) -> None:
     harness = make_harness()

@@ -122,7 +122,7 @@ def follows(harness: Harness, value: bool) -> bool:
     return harness.robot.io.input_bit(0, 3) is value
 
 
-def test_addresses_outside_are_refused(harness: Harness, io: IoDriver) -> None:
+def test_addresses_outside_are_rejected(harness: Harness, io: IoDriver) -> None:
     for call in (
         lambda: harness.robot.io.set_output_bit(io.output_bytes, 0, True),
         lambda: harness.robot.io.set_output_bit(0, 8, True),

@@ -48,7 +48,7 @@ def test_the_backend_describes_itself(target: KitTarget) -> None:
     assert "\n" not in info.summary
 
 
-def test_an_unknown_option_is_refused(target: KitTarget) -> None:
+def test_an_unknown_option_is_rejected(target: KitTarget) -> None:
     section = {"no_such_option_of_any_backend": 1}
     changed = target.descriptor.model_copy(update={"backends": {target.backend.name: section}})
     with pytest.raises(DescriptorError, match="no_such_option_of_any_backend"):
@@ -68,7 +68,7 @@ def test_what_is_declared_is_there(harness: Harness) -> None:
             FEATURES[capability](harness.robot)
 
 
-def test_values_outside_are_refused_before_the_driver_sees_them(harness: Harness) -> None:
+def test_values_outside_are_rejected_before_the_driver_sees_them(harness: Harness) -> None:
     axes, start = harness.robot.axes, harness.image.position.copy()
     nan = float("nan")
     calls: list[Callable[[], object]] = [

@@ -122,7 +122,7 @@ def test_communication_may_stop_and_start_while_others_ask(make_harness: MakeHar
         try:
             harness.robot.axes.clear_alarm(0)
         except OperationError:
-            time.sleep(0.001)  # refused while it is down: that is right
+            time.sleep(0.001)  # rejected while it is down: that is right
 
     errors = together(restart, ask, *observers(harness), seconds=0.5)
     assert not errors

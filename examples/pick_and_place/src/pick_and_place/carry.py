@@ -12,7 +12,7 @@ LIFT_S = 0.8
 
 @dataclass(frozen=True)
 class Place:
-    """Where a part lies: the base joint turns to it, the shoulder goes down to it. Radians."""
+    """Position of a part: angles of base and shoulder joint, in rad."""
 
     base: float
     shoulder: float = 0.7

@@ -21,7 +21,7 @@ Times along(const Way &way, double total_ms) {
 
 // Of a trapezoid as long, with room for the ramps of the spline.
 double duration_ms(double length, double velocity, double acceleration) {
-    if (!(velocity > 0) || !(acceleration > 0)) return 0;  // refused as points without time
+    if (!(velocity > 0) || !(acceleration > 0)) return 0;  // rejected as points without time
     return (1.5 * length / velocity + 2 * velocity / acceleration) * 1000;
 }
 

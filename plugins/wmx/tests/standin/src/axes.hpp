@@ -36,7 +36,7 @@ int for_axis(CoreMotion *core, int axis, Command command) {
     return for_axes(core, &selection, command);
 }
 
-// A command for axes in one mode; others are refused.
+// A command for axes in one mode; others are rejected.
 template <class Command>
 auto in_mode(AxisCommandMode::T mode, Command command) {
     return [=](Block &block, int axis) -> int {

@@ -100,7 +100,7 @@ struct Slave {
 };
 
 struct Faults {  // survive a restart of the engine, so that they can be set before it starts
-    int device_locked, process_locked, communication_refused, name_refused;
+    int device_locked, process_locked, communication_rejected, name_rejected;
     int idle_ms, communication_ms, hot_connect_ms, hot_connect_abort, drives, io_modules;
     bool licence_expired, loop_back, frozen;
     bool half_spline, fast_spline, swapped_spline;  // a spline is run in another way than asked

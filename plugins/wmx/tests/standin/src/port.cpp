@@ -25,10 +25,10 @@ CoreMotionAxisStatus &status(Block &block, long axis) { return block.status.axes
 const Entry COMMANDS[] = {
     {"device_locked", "TIMES", 1, [](Block &b, const long *a) { b.faults.device_locked = a[0]; }},
     {"process_locked", "TIMES", 1, [](Block &b, const long *a) { b.faults.process_locked = a[0]; }},
-    {"communication_refused", "TIMES", 1,
-     [](Block &b, const long *a) { b.faults.communication_refused = a[0]; }},
+    {"communication_rejected", "TIMES", 1,
+     [](Block &b, const long *a) { b.faults.communication_rejected = a[0]; }},
     {"communication_ms", "MS", 1, [](Block &b, const long *a) { b.faults.communication_ms = a[0]; }},
-    {"name_refused", "TIMES", 1, [](Block &b, const long *a) { b.faults.name_refused = a[0]; }},
+    {"name_rejected", "TIMES", 1, [](Block &b, const long *a) { b.faults.name_rejected = a[0]; }},
     {"idle_ms", "MS", 1, [](Block &b, const long *a) { b.faults.idle_ms = a[0]; }},
     {"topology", "DRIVES IO_MODULES", 2,
      [](Block &b, const long *a) { b.faults.drives = a[0], b.faults.io_modules = a[1]; }},

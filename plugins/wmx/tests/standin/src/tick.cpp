@@ -21,10 +21,10 @@ void power(Block &block, int index) {
     if (axis.servo_request >= 0 && --axis.servo_delay <= 0) {
         const double error = std::fabs(axis.command * counts_per_unit(block, index) +
                                        axis.home_counts - axis.counts);
-        const bool refused =
+        const bool rejected =
             axis.servo_request && error > block.system.alarmParam[index].servoOnFollowingError;
-        status.followingErrorAlarm = refused;
-        if (!refused) status.servoOn = axis.servo_request;
+        status.followingErrorAlarm = rejected;
+        if (!rejected) status.servoOn = axis.servo_request;
         axis.servo_request = -1;
         if (!status.servoOn) interrupt(block, index);
     }

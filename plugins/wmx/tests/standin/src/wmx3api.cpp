@@ -183,7 +183,7 @@ WMX3APIFUNC WMX3Api::StartCommunication(unsigned int wait) {
     const int code = with_engine(this, [](Block &block) -> int {
         if (block.state != EngineState::Running) return ErrorCode::None;
         if (block.faults.licence_expired) return ErrorCode::StartCommunicationError;
-        if (int code = take(block.faults.communication_refused, ErrorCode::StartCommunicationError))
+        if (int code = take(block.faults.communication_rejected, ErrorCode::StartCommunicationError))
             return code;
         block.communicate_ns = now_ns() + block.faults.communication_ms * 1'000'000ll;
         return ErrorCode::None;
@@ -227,7 +227,7 @@ WMX3APIFUNC WMX3Api::GetEngineStatus(EngineStatus *status) {
 WMX3APIFUNC WMX3Api::SetDeviceName(const char *name) {
     if (!name) return ErrorCode::ArgumentIsNull;
     return with_engine(this, [&](Block &block) {
-        if (int code = take(block.faults.name_refused, ErrorCode::SetDeviceNameTimeout))
+        if (int code = take(block.faults.name_rejected, ErrorCode::SetDeviceNameTimeout))
             return code;
         Device &device = block.devices[static_cast<Handle *>(dev)->id];
         std::memset(device.name, 0, sizeof device.name);
