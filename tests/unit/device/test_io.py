@@ -94,7 +94,7 @@ GRIPPER = GripperSettings(
 
 
 def test_a_gripper_closes_and_opens_by_its_bit(harness: Harness) -> None:
-    gripper = Gripper(harness.io, GRIPPER)
+    gripper = Gripper(harness.io, GRIPPER, harness.clock)
     assert gripper.closed(0) == 0.0
     gripper.command(True)
     assert harness.io_driver.outputs[1] == 0b1000
@@ -104,7 +104,7 @@ def test_a_gripper_closes_and_opens_by_its_bit(harness: Harness) -> None:
 
 
 def test_fingers_travel_at_constant_speed_from_wherever_they_are(harness: Harness) -> None:
-    gripper = Gripper(harness.io, GRIPPER.model_copy(update={"travel_time_s": 0.5}))
+    gripper = Gripper(harness.io, GRIPPER.model_copy(update={"travel_time_s": 0.5}), harness.clock)
     start_ns = 10 * NANOSECONDS
     gripper.closed(start_ns)
     gripper.command(True)
@@ -119,12 +119,12 @@ def test_fingers_travel_at_constant_speed_from_wherever_they_are(harness: Harnes
 def test_a_gripper_outside_the_output_image_is_rejected_when_it_is_made(harness: Harness) -> None:
     beyond = GRIPPER.model_copy(update={"output_byte": 8})
     with pytest.raises(InvalidArgument, match=r"output bytes 8\.\.8 are outside 0\.\.7"):
-        Gripper(harness.io, beyond)
+        Gripper(harness.io, beyond, harness.clock)
 
 
 def test_a_gripper_does_not_move_before_the_engine_is_ready() -> None:
     harness = Harness()
-    gripper = Gripper(harness.io, GRIPPER)
+    gripper = Gripper(harness.io, GRIPPER, harness.clock)
     with pytest.raises(NotReady):
         gripper.command(True)
     assert gripper.closed(0) == 0.0
