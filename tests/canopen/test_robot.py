@@ -180,3 +180,20 @@ def test_error_frames_are_told_in_words(open_rig: OpenRig) -> None:
         assert text == "1, the latest: no acknowledgement: no other node listens"
         harness.robot.fieldbus.reset_statistics(0)
         assert harness.device_state().lost_frames == 0
+
+
+def test_drives_follow_a_stream_and_a_goal_after_it(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as harness:
+        robot, clock = harness.robot, harness.robot.clock
+        with robot.stream(mode="smooth", timeout_s=1.0) as stream:
+            joints = len(stream.joints)
+            for index in range(45):
+                stream.send([min(0.02 * index, 0.6)] * joints)
+                clock.sleep_until_ns(clock.now_ns() + 33_000_000)
+            harness.until(lambda: abs(harness.positions()[0] - 0.6) < 2e-3)
+            assert stream.open, stream.message
+            for index in range(15):
+                stream.send([0.6 - 0.01 * index] * joints)
+                clock.sleep_until_ns(clock.now_ns() + 33_000_000)
+        assert stream.message == "closed by the client"
+        assert harness.follow(1.0, 0.2).outcome is Outcome.SUCCEEDED
