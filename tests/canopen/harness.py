@@ -98,9 +98,16 @@ class Harness:
         return [thread for thread in found if thread is not None]
 
     def follow(self, seconds: float, target: float) -> TrajectoryExecution:
-        """Run a trajectory of one point to its end, whatever that is."""
-        with self.robot.follower.follow(self.request(seconds, target)) as execution:
-            assert execution.wait(seconds + 15)
+        """Run a trajectory of one point to its end, whatever that is.
+
+        Repeated, at most twice, when the computer stalled the control loop for too long.
+        """
+        for _ in range(3):
+            with self.robot.follower.follow(self.request(seconds, target)) as execution:
+                assert execution.wait(seconds + 15)
+            if "the cycle had stood" not in execution.message:
+                break
+            self.robot.enable_joints()
         return execution
 
     def positions(self) -> FloatArray:

@@ -10,7 +10,7 @@ from robotd_canopen.bus_scan import scan_bus
 
 
 def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
-    with open_rig(enable=False, sdo_timeout_s=0.05) as harness:
+    with open_rig(enable=False, sdo_timeout_s=0.15) as harness:
         harness.robot.connection.stop_communication()
         for line in ("2 abort 0x1017 0x06090030", "3 timeout 0x1A00"):
             harness.inject(line)
@@ -53,7 +53,7 @@ def test_two_nodes_with_one_id_are_rejected(open_rig: OpenRig) -> None:
 
 
 def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:
-    with open_rig(enable=False, allow_partial=True, sdo_timeout_s=0.05) as harness:
+    with open_rig(enable=False, allow_partial=True, sdo_timeout_s=0.15) as harness:
         harness.robot.connection.stop_communication()
         harness.inject("6 silence")
         harness.robot.connection.start_communication()

@@ -43,7 +43,7 @@ def test_strange_frames_do_not_disturb_a_trajectory(open_rig: OpenRig) -> None:
 
 def test_corrupted_answers_and_pdos_kill_nothing(open_rig: OpenRig) -> None:
     """Every third frame of a node is garbage, during bring-up and motion."""
-    with open_rig(SMALL, sdo_timeout_s=0.03) as harness:
+    with open_rig(SMALL, sdo_timeout_s=0.08) as harness:
         engine = harness.robot.connection
         harness.inject("2 garble 0.3")
         while harness.drive(2).faults.garbled_frames < FRAMES:

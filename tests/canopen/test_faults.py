@@ -107,7 +107,7 @@ def test_a_wrong_identity_after_a_reset(open_rig: OpenRig) -> None:
 
 def test_objects_that_refuse_hurt_only_who_writes_them(open_rig: OpenRig) -> None:
     move = Move(1, 0.2, Profile(0.6, 3.0, 3.0))
-    with open_rig(SMALL, sdo_timeout_s=0.05) as harness:
+    with open_rig(SMALL, sdo_timeout_s=0.2) as harness:
         with harness.robot.follower.follow(harness.request(0.8, 0.4)) as execution:
             harness.inject("2 abort 0x6081 0x08000022")
             harness.inject("2 timeout 0x6083")

@@ -35,8 +35,9 @@ def test_a_trajectory_ends_where_it_should_and_has_no_steps(open_rig: OpenRig) -
         assert np.abs(harness.positions() - 0.6).max() < 2e-3
         # The image has the setpoint of the period before: each belongs to the stamp before its
         # own. A period that was missed moves both on, so no load on the computer shows here.
-        times_s = np.array([stamp_ns for stamp_ns, _ in seen])[:-1] * 1e-9
-        setpoints = np.array([setpoint for _, setpoint in seen])[1:]
+        rows = list(seen)  # the control loop goes on
+        times_s = np.array([stamp_ns for stamp_ns, _ in rows])[:-1] * 1e-9
+        setpoints = np.array([setpoint for _, setpoint in rows])[1:]
         speeds = np.abs(np.diff(setpoints, axis=0)) / np.diff(times_s)[:, np.newaxis]
         assert 0.6 < speeds.max() < 2 * 0.6  # from rest to rest, the fastest is 1.5 to 1.875
 
