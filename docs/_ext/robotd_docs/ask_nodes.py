@@ -56,7 +56,7 @@ def describe(node: Node) -> dict[str, Any]:
     by_value = {
         node.resolve_topic_name(str(value.value)): name
         for name, value in node.get_parameters_by_prefix("").items()
-        if name.endswith(("_topic", "_action")) and value.value
+        if name.endswith(("_topic", "_action", "_service")) and value.value
     }
     types = dict(node.get_service_names_and_types())
     own = (node.get_name(), node.get_namespace())
