@@ -12,7 +12,8 @@ from robotd.arrays import IntArray
 from robotd.clock import NANOSECONDS
 from robotd.errors import OperationError
 from robotd.events import OWN_PROCESS, EventKind
-from robotd.observation.recorder import Recorder
+from robotd.observation.flight_recorder import FlightRecorder
+from robotd.observation.tap import Tap
 
 if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry
@@ -31,20 +32,20 @@ class Metrics:
     counted as they come, so that no period is missing between two scrapes.
 
     Args:
-        recorder: observation of the robot.
+        tap: source of the counts.
+        flight: its recordings are counted.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        self._tap = recorder.tap
-        self._robot = recorder.tap.robot
+    def __init__(self, tap: Tap, flight: FlightRecorder) -> None:
+        self._tap, self._flight = tap, flight
+        self._robot = tap.robot
         self._cursor = self._event_cursor = 0
         self._late = _Histogram()
         self._execution = _Histogram()
         self._faults: Counter[str] = Counter()
         self._stops: Counter[str] = Counter()
         self._senders: set[str] = set()
-        recorder.tap.add_reader(self.update)
+        tap.add_reader(self.update)
 
     def update(self) -> None:
         """Count the new frames and events."""
@@ -98,8 +99,7 @@ class Metrics:
         yield _counters("robotd_commands", "Commands of clients.", "outcome", commands)
         yield _counters("robotd_stops", "Stops of all motion.", "cause", self._stops)
         yield _counters("robotd_faults", "Alarms and lost drives.", "axis", self._faults)
-        flight = self._recorder.flight
-        saved = {"saved": flight.saved, "lost": flight.failed}
+        saved = {"saved": self._flight.saved, "lost": self._flight.failed}
         yield _counters("robotd_recordings", "Flight recordings.", "outcome", saved)
 
     def _bus_metrics(self) -> Iterator[Metric]:
@@ -116,7 +116,7 @@ class Metrics:
         yield _gauges("robotd_bus_node_error_code", "Error of the node, 0: none.", "node", errors)
 
 
-def serve_metrics(recorder: Recorder, port: int) -> int:
+def serve_metrics(tap: Tap, flight: FlightRecorder, port: int) -> int:
     """Serve ``/metrics`` on the loopback interface until the process ends; return the port.
 
     Before the tap starts. Raises OperationError: prometheus_client is not installed, or the port
@@ -128,19 +128,19 @@ def serve_metrics(recorder: Recorder, port: int) -> int:
         text = "--metrics needs prometheus_client: pip install 'robotd[metrics]'"
         raise OperationError(text) from error
     try:
-        server, _ = start_http_server(port, ADDRESS, registry(recorder))
+        server, _ = start_http_server(port, ADDRESS, registry(tap, flight))
     except OSError as error:
         raise OperationError(f"--metrics {port}: {error.strerror or error}") from error
     return int(server.server_port)
 
 
-def registry(recorder: Recorder) -> CollectorRegistry:
+def registry(tap: Tap, flight: FlightRecorder) -> CollectorRegistry:
     """Return a registry of the robot's metrics and those of the process."""
     from prometheus_client import CollectorRegistry, ProcessCollector
 
     made = CollectorRegistry()
     ProcessCollector(registry=made)
-    made.register(Metrics(recorder))
+    made.register(Metrics(tap, flight))
     return made
 
 

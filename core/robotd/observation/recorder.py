@@ -10,6 +10,7 @@ from pathlib import Path
 from robotd.log import get_logger
 from robotd.observation.continuous_recorder import ContinuousRecorder
 from robotd.observation.flight_recorder import FlightRecorder
+from robotd.observation.metrics import serve_metrics
 from robotd.observation.tap import Tap
 from robotd.recording.recording_folder import RecordingFolder, default_folder
 from robotd.robot import Robot
@@ -66,18 +67,15 @@ def observed(
     tap = Tap(robot, settings.seconds)
     flight = FlightRecorder(tap, kept, settings.after_s)
     continuous = ContinuousRecorder(tap, recorded, split_mib * MIB, split_s)
-    recorder = Recorder(tap, flight, continuous)
     tap.add_reader(flight.check)
     if metrics_port is not None:
-        from robotd.observation.metrics import serve_metrics
-
-        port = serve_metrics(recorder, metrics_port)
+        port = serve_metrics(tap, flight, metrics_port)
         log.info("metrics", url=f"http://127.0.0.1:{port}/metrics")
     with tap:
         try:
             if record_folder is not None:
                 continuous.start()
-            yield recorder
+            yield Recorder(tap, flight, continuous)
         finally:
             continuous.close()
             flight.close()

@@ -14,10 +14,7 @@ from tests.unit.observation.harness import Observed
 from robotd.errors import OperationError
 from robotd.events import sent_by
 from robotd.motion import TrajectoryRejected
-from robotd.observation.continuous_recorder import ContinuousRecorder
 from robotd.observation.metrics import registry, serve_metrics
-from robotd.observation.recorder import Recorder
-from robotd.recording.recording_folder import RecordingFolder
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "metrics.md"
 
@@ -27,11 +24,6 @@ def arm(tmp_path: Path) -> Iterator[Observed]:
     observed = Observed(tmp_path)
     yield observed
     observed.close()
-
-
-def recorder_of(arm: Observed) -> Recorder:
-    folder = RecordingFolder(arm.folder, "cr3a", 1, 1e6)
-    return Recorder(arm.tap, arm.flight, ContinuousRecorder(arm.tap, folder, 1e9, 3600.0))
 
 
 def values(made: CollectorRegistry) -> dict[str, float]:
@@ -45,7 +37,7 @@ def values(made: CollectorRegistry) -> dict[str, float]:
 
 
 def test_goals_faults_and_periods_are_counted(arm: Observed) -> None:
-    made = registry(recorder_of(arm))
+    made = registry(arm.tap, arm.flight)
     with sent_by("/planner"):
         with arm.goal([0.1] * 6, 0.5):
             arm.step(0.8)
@@ -70,7 +62,7 @@ def test_goals_faults_and_periods_are_counted(arm: Observed) -> None:
 
 
 def test_a_stop_is_counted_by_its_cause(arm: Observed) -> None:
-    made = registry(recorder_of(arm))
+    made = registry(arm.tap, arm.flight)
     with arm.tap:
         arm.robot.axes.stop_latch.engage("a guard is open")
     found = values(made)
@@ -80,7 +72,9 @@ def test_a_stop_is_counted_by_its_cause(arm: Observed) -> None:
 
 def test_every_metric_is_on_its_page(arm: Observed) -> None:
     documented = set(re.findall(r"`(robotd_\w+)", PAGE.read_text(encoding="utf-8")))
-    families = text_string_to_metric_families(generate_latest(registry(recorder_of(arm))).decode())
+    families = text_string_to_metric_families(
+        generate_latest(registry(arm.tap, arm.flight)).decode()
+    )
     served = {
         f"{family.name}_total" if family.type == "counter" else family.name
         for family in families
@@ -90,12 +84,12 @@ def test_every_metric_is_on_its_page(arm: Observed) -> None:
 
 
 def test_metrics_are_served_on_the_loopback_interface_only(arm: Observed) -> None:
-    port = serve_metrics(recorder_of(arm), 0)
+    port = serve_metrics(arm.tap, arm.flight, 0)
     with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
         assert b"robotd_ready 1.0" in answer.read()
     with pytest.raises(OperationError, match=f"--metrics {port}: Address already in use"):
-        serve_metrics(recorder_of(arm), port)
+        serve_metrics(arm.tap, arm.flight, port)
     own = socket.gethostbyname(socket.gethostname())
     if not own.startswith("127."):
-        with pytest.raises(OSError, match="rejected"):
+        with pytest.raises(OSError, match="refused"):
             socket.create_connection((own, port), timeout=5).close()
