@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 SDK_PATH: str
 CYCLIC_BUFFER: bool
-"""Whether the SDK had CyclicBufferApi.h and its library; else there is no PositionStream."""
+"""True where the SDK had CyclicBufferApi.h and its library; else there is no PositionStream."""
 
 MAX_AXES: int
 MAX_SPLINE_AXES: int
@@ -130,7 +130,7 @@ class StatusReader:
         /,
     ) -> None: ...
     def read(self) -> int:
-        """The engine's cycle counter; it stands still while nothing is exchanged."""
+        """The engine's cycle counter; it does not count while nothing is exchanged."""
 
     @property
     def communicating(self) -> bool:
@@ -138,7 +138,7 @@ class StatusReader:
 
     @property
     def cycle_ms(self) -> float:
-        """How long a cycle of the engine is."""
+        """Length of a cycle of the engine."""
 
 class Snapshot:
     """All axes at one moment."""
@@ -190,7 +190,7 @@ class Slave:
     axes: int
 
 class Master:
-    """What the engine knows of a master and its slaves."""
+    """State of an EtherCAT master and its slaves, as the engine has it."""
 
     def __init__(self, device: Device, master: int, /) -> None: ...
     state: int
@@ -219,7 +219,7 @@ class Master:
     hot_connect: str
     """idle, running, aborted or unknown."""
     hot_connect_failure: str
-    """Why it was aborted; empty otherwise."""
+    """Reason for the abort; empty otherwise."""
 
 class PositionStream:
     """Setpoints as commands of the cyclic buffers.

@@ -4,12 +4,12 @@ The SDK wants one device per thread: calls on a shared one wait for each other. 
 takes long must not hold up a stop, so there is one device for each kind of caller:
 
 - ``status``: the cycle, and I/O reads; answers from memory only, never blocks.
-- ``command``: worker threads; every call is short, whoever waits polls the status.
+- ``command``: worker threads; every call is short; waiting threads poll the status.
 - ``stream``: the threads that send streamed velocities and positions.
 - ``diagnostics``: EtherCAT calls, which may take seconds.
 
-Losing the engine is final for a connection: its parameters are gone even if somebody starts the
-engine again, so nothing is commanded through it any more. A new connection starts anew.
+Losing the engine is final for a connection: its parameters are gone even if another program
+starts the engine again, so nothing is commanded through it any more. A new connection starts anew.
 """
 
 from __future__ import annotations

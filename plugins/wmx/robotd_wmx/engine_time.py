@@ -1,4 +1,4 @@
-"""When the engine had the values that are read now."""
+"""Age of the values that the engine reports."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ RECOVERY = 0.01  # share of the passing time by which an estimate gives way
 
 
 class EngineTime:
-    """Tells the age of values by the engine's cycle counter.
+    """Time of each engine cycle, estimated from its cycle counter.
 
     The moment of a read says little when the computer, and a counting engine with it, stood
-    still in between. Cycles are as long as each other: the fastest read so far says when cycle
-    0 was, and so when every other is. The estimate gives way slowly, because the clocks of
+    still in between. All cycles are equally long: the fastest read so far gives the time of cycle
+    0, and so of every other. The estimate gives way slowly, because the clocks of
     engine and computer differ, and an engine may lose cycles.
     """
 
     def __init__(self) -> None:
-        self._start_ns = 0  # when cycle 0 was, as the estimate has it
+        self._start_ns = 0  # estimated time of cycle 0
         self._last_ns = 0
 
     def of(self, cycle: int, cycle_ns: int, now_ns: int) -> int:

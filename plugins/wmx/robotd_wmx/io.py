@@ -58,5 +58,5 @@ class WmxIo(IoDriver):
             with translated(f"{name} byte {byte}"):
                 last[where] = call(self._connection.status, byte, length)
         except NotReady:
-            pass  # no engine, or no longer: the state tells
+            pass  # no engine, or no longer: see the state
         return bytes(last[where])

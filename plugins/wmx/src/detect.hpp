@@ -1,4 +1,4 @@
-// Differences between editions of the SDK, told apart by what compiles, not by version numbers.
+// Differences between editions of the SDK, detected by what compiles, not by version numbers.
 #pragma once
 
 #include <type_traits>
@@ -46,7 +46,7 @@ template <class Axis>
 struct HasModeFeedback<Axis, std::void_t<decltype(std::declval<Axis>().axisCommandModeFeedback)>>
     : std::true_type {};
 
-// The command mode that the drive is really in, where the engine tells.
+// Command mode reported by the drive, in editions that have it.
 template <class Axis>
 auto command_mode(const Axis &axis) {
     if constexpr (HasModeFeedback<Axis>::value) return axis.axisCommandModeFeedback;

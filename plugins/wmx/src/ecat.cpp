@@ -54,7 +54,7 @@ int wire_mode(EcMasterMode::T mode) {
     }
 }
 
-// A copy of a master's state; half a megabyte, which is why it lives on the heap.
+// A copy of a master's state; half a megabyte, therefore on the heap.
 class Master {
 public:
     Master(Device &device, int id) : info(std::make_unique<EcMasterInfo>()) {

@@ -18,7 +18,7 @@ namespace robotd {
 
 namespace nb = nanobind;
 
-// Who knows the text of an error code; the order of ErrorClass in _native.pyi.
+// Class of an error code, by which its text is found; the order of ErrorClass in _native.pyi.
 enum class Api { Engine, CoreMotion, AdvancedMotion, Io, Ecat, CyclicBuffer };
 
 // An SDK call that did not return 0; becomes _native.CallError.

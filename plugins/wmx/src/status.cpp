@@ -66,7 +66,7 @@ public:
         if (!fit) throw nb::value_error("arrays must have one shape (n_axes,)");
     }
 
-    // The engine's cycle counter. It stands still while nothing is exchanged.
+    // The engine's cycle counter. It does not count while nothing is exchanged.
     long long read() {
         get_status(device_, *status_);
         for (std::size_t axis = 0; axis < axes_; axis++) copy(axis, status_->axesStatus[axis]);

@@ -1,4 +1,4 @@
-"""Every test gets the stand-in's engine as it is before anybody started it."""
+"""Stand-in and binding for all tests; each begins without an engine."""
 
 from __future__ import annotations
 

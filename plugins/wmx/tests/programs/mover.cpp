@@ -1,4 +1,4 @@
-// A customer's program: attaches to the engine, moves one axis, tells where it is, detaches.
+// A customer's program: attaches to the engine, moves one axis, prints its position, detaches.
 #include <AdvancedMotionApi.h>
 #include <CoreMotionApi.h>
 #include <IOApi.h>

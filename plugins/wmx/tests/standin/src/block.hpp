@@ -60,7 +60,7 @@ struct Axis {
     Path path;
     double time_s;     // on the path
     double speed, acc, dec;  // of the running command
-    int run_cycles;    // until a timed command is stopped; 0: until somebody stops it
+    int run_cycles;    // until a timed command is stopped; 0: until it is stopped
     bool completes;    // the running command sets motionComplete when it ends
     bool stuck;        // fault: the motor does not follow
     int channel;       // spline channel that moves the axis, -1: none
@@ -140,7 +140,7 @@ struct Block {
 std::int64_t now_ns();
 void sleep_ms(double milliseconds);
 
-// The block, mapped and set up by whoever comes first. Aborts when there is no shared memory.
+// The block, mapped and set up by the first process. Aborts when there is no shared memory.
 Block &block();
 bool engine_alive(const Block &block);
 bool communicating(const Block &block);

@@ -1,4 +1,4 @@
-// What every library of the SDK needs of a device.
+// Device functions for every library of the SDK.
 #pragma once
 
 #include <condition_variable>

@@ -1,4 +1,4 @@
-// The engine process: starts communication when asked, ticks once a millisecond, ends when told.
+// The engine process: starts communication when asked, ticks once a millisecond, ends on request.
 #include <sched.h>
 #include <signal.h>
 #include <time.h>
@@ -17,7 +17,7 @@ using namespace standin;
 namespace {
 constexpr std::int64_t TICK_NS = 1'000'000;
 constexpr std::int64_t CATCH_UP_NS = 1000 * TICK_NS;   // beyond it time is lost, as cycles are
-constexpr std::int64_t ORPHAN_NS = 10'000'000'000;    // invented: nobody alive needs the engine
+constexpr std::int64_t ORPHAN_NS = 10'000'000'000;    // invented: no living process uses the engine
 
 // Record of the axes in every cycle, in the file that WMX_STANDIN_TRACE names.
 class Trace {
@@ -94,7 +94,7 @@ void stop_communication(Block &block) {
     for (Channel &channel : block.channels) channel.running = false;
 }
 
-// Closes devices whose process no longer feeds them; true while somebody needs the engine.
+// Closes devices whose process no longer feeds them; true while a process uses the engine.
 bool watch(Block &block, std::int64_t now, std::int64_t &needed_ns) {
     bool any = false, died = false;
     for (Device &device : block.devices) {
@@ -163,8 +163,8 @@ int main() {
             due = now;
         }
         block->heartbeat_ns = now;
-        // Late cycles are made up for before anybody sees the axes: where they are is always
-        // where they would be on a computer that is never late.
+        // Late cycles are made up for before a process can read the axes: they are always where
+        // they would be on a computer that is never late.
         for (;; due += TICK_NS) {
             step(*block, now);
             trace.add(*block, due);

@@ -7,7 +7,7 @@ namespace {
 const auto stop_position = in_mode(AxisCommandMode::Position, stop_normally);
 const auto quick_position = in_mode(AxisCommandMode::Position, stop_quickly);
 
-// What ends a Wait before the axis is idle.
+// Conditions that end a Wait before the axis is idle.
 int wait_error(const CoreMotionAxisStatus &status) {
     if (status.servoOffline) return ErrorCode::ServoOffline;
     if (status.ampAlarm) return ErrorCode::AxisAmpAlarm;
@@ -133,7 +133,7 @@ WMX3APIFUNC Motion::Wait(WaitCondition *condition, unsigned int wait) {
         return ErrorCode::NoSupportedFunction;
     return wait_idle(cmApi, condition->axis, condition->axisCount, wait);
 }
-// What is not overridden stays as it is; jerk is not simulated.
+// Values that are not overridden stay; jerk is not simulated.
 #define OVERRIDE(name, change)                                                                \
     WMX3APIFUNC Motion::Override##name(PosCommand *pCommand) {                                \
         return Override##name(1u, pCommand);                                                  \

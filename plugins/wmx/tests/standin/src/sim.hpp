@@ -1,4 +1,4 @@
-// What commands do to the engine. Every function expects the block's lock to be held.
+// Commands of the engine. Every function expects the block's lock to be held.
 #pragma once
 
 #include "AdvancedMotionApi.h"

@@ -49,7 +49,7 @@ std::string engine_program(const char *path) {
     return std::string(path ? path : "") + "/bin/standin-engine";
 }
 
-// Starts the engine unless it runs or somebody is starting it.
+// Starts the engine unless it runs or is being started.
 int start_engine(const char *path) {
     {
         Lock block;
@@ -62,7 +62,7 @@ int start_engine(const char *path) {
         block->quit = false;
         block->engine_pid = 0;
     }
-    // A shell in between, so that the engine is nobody's child and leaves no zombie.
+    // A shell in between, so that the engine has no parent and leaves no zombie.
     std::string line = "\"" + engine_program(path) + "\" </dev/null >/dev/null 2>&1 &";
     char shell[] = "/bin/sh", flag[] = "-c";
     char *arguments[] = {shell, flag, line.data(), nullptr};

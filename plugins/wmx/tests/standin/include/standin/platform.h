@@ -1,4 +1,4 @@
-// What the vendor's headers take from windows.h. Part of the stand-in.
+// Declarations that the vendor's headers take from windows.h. Part of the stand-in.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What CoreMotion::GetStatus tells. Part of the stand-in.
+// Structures of CoreMotion::GetStatus. Part of the stand-in.
 #pragma once
 
 #include "WMX3Api.h"
