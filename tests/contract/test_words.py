@@ -29,7 +29,8 @@ Named = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def modules(package: Path) -> list[Path]:
-    return sorted(path for path in package.rglob("*.py") if "templates" not in path.parts)
+    skipped = {"templates", "build"}
+    return sorted(path for path in package.rglob("*.py") if not skipped.intersection(path.parts))
 
 
 def docstrings(path: Path) -> Iterator[tuple[int, str]]:
