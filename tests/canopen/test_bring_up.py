@@ -21,7 +21,7 @@ def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
         assert "writing 0x1017:00 (Producer heartbeat time)" in text
         assert "abort 0x06090030, value range of parameter exceeded" in text
         assert "joint3 (node 3): PDO configuration: " in text
-        assert "no answer within 0.05 s, 3 tries" in text
+        assert "no answer within 0.15 s, 3 tries" in text
         assert "joint1" not in text
         for node in (2, 3):
             harness.inject(f"{node} heal")
