@@ -75,7 +75,11 @@ def goal(seconds: int, position: float) -> Any:
 
 
 def succeed(client: Client, seconds: int, position: float) -> None:
-    status, result = client.send_goal(goal(seconds, position)).result()
+    """Reach ``position``; again, at most twice, when the computer stalled robot or drives."""
+    for _ in range(3):
+        status, result = client.send_goal(goal(seconds, position)).result()
+        if "the cycle had stood" not in result.error_string:
+            break
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
 
 
@@ -114,9 +118,14 @@ def test_a_trajectory_arrives_within_2_mrad_and_without_steps(
 
 
 def test_a_cancel_stops_in_order(client: Client, joints: list[Any]) -> None:
-    sent = client.send_goal(goal(2, -0.8))
-    wait_until(lambda: joints[-1].position[0] < 0.2, "motion")
-    assert sent.cancel().goals_canceling
+    for _ in range(3):
+        sent = client.send_goal(goal(2, -0.8))
+        wait_until(lambda: joints[-1].position[0] < 0.2, "motion")
+        canceled = sent.cancel().goals_canceling
+        if canceled:
+            break
+        succeed(client, 2, 0.4)  # the computer stalled robot or drives, and the goal has ended
+    assert canceled
     assert sent.result()[0] == GoalStatus.STATUS_CANCELED
     stands = client.next(joints)
     assert max(map(abs, stands.velocity[:6])) < 0.02

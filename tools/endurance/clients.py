@@ -66,8 +66,8 @@ def main(kinds: Sequence[str], seconds: float, out: Path) -> None:
     sys.exit(bool(late or any(each.problem for each in seen)))
 
 
-def endure(kind: str, seconds: float) -> Seen:
-    """A robot of its own, a client of ``kind``, and an honest one."""
+def endure(kind: str, seconds: float, *options: str) -> Seen:
+    """A robot of its own, a client of ``kind`` with ``options`` of ``rude``, and an honest one."""
     with tempfile.TemporaryDirectory(prefix="robotd-clients-") as folder:
         report = Path(folder, "report.json")
         with RobotProcess("--report", str(report)) as robot:
@@ -77,7 +77,7 @@ def endure(kind: str, seconds: float) -> Seen:
                 client.wait_engine()
                 problem = swing(client, 0)  # whatever is made once is made now
                 before = vitals(robot.process.pid).rss_mib
-                window, reasons = _misbehave(kind, seconds, robot, client)
+                window, reasons = _misbehave((kind, *options), seconds, robot, client)
                 problem = problem or _afterwards(client)
                 more = vitals(robot.process.pid).rss_mib - before
             finally:
@@ -103,10 +103,11 @@ def _afterwards(client: Client) -> str:
 
 
 def _misbehave(
-    kind: str, seconds: float, robot: RobotProcess, client: Client
+    rude_arguments: Sequence[str], seconds: float, robot: RobotProcess, client: Client
 ) -> tuple[tuple[int, int], list[str]]:
     """Begin and end in monotonic ns, and why each goal of the honest client failed, if it did."""
-    command = [sys.executable, "-m", "tools.endurance.rude", kind, str(robot.domain)]
+    kind, *options = rude_arguments
+    command = [sys.executable, "-m", "tools.endurance.rude", kind, str(robot.domain), *options]
     reasons: list[str] = []
     with Program(command, fresh_environment(robot.domain), started="misbehaving") as rude:
         began_ns = time.monotonic_ns()

@@ -66,8 +66,8 @@ def strangers(client: Client) -> None:
         assert not wait_for(cancel.call_async(request)).goals_canceling
 
 
-def flood(client: Client) -> None:
-    """Publish commands on all topics of the axes, 10 000 a second in all."""
+def flood(client: Client, rate_hz: float = FLOOD_HZ) -> None:
+    """Publish commands on all topics of the axes, by default 10 000 a second in all."""
     publishers = [client.publisher(kind, topic) for kind, topic, _ in FLOODED]
     messages = [message for _, _, message in FLOODED]
     announce()
@@ -75,7 +75,7 @@ def flood(client: Client) -> None:
     for number in count():
         publishers[number % 3].publish(messages[number % 3])
         if number % 50 == 0:
-            time.sleep(max(0.0, began_s + number / FLOOD_HZ - time.monotonic()))
+            time.sleep(max(0.0, began_s + number / rate_hz - time.monotonic()))
 
 
 def deaf(client: Client) -> None:
@@ -125,7 +125,7 @@ def _actions(client: Client) -> GoalClient:
     return actions
 
 
-KINDS: dict[str, Callable[[Client], Any]] = {
+KINDS: dict[str, Callable[..., Any]] = {
     each.__name__: each for each in (vanish, crowd, strangers, flood, deaf, hasty)
 }
 
@@ -133,9 +133,11 @@ KINDS: dict[str, Callable[[Client], Any]] = {
 @click.command()
 @click.argument("kind", type=click.Choice([*KINDS]))
 @click.argument("domain", type=int)
-def main(kind: str, domain: int) -> None:
+@click.option("--rate-hz", type=float, help="Of a flood.")
+def main(kind: str, domain: int, rate_hz: float | None) -> None:
     """Misbehave until somebody ends it."""
-    KINDS[kind](Client(domain))
+    options = {} if rate_hz is None else {"rate_hz": rate_hz}
+    KINDS[kind](Client(domain), **options)
 
 
 if __name__ == "__main__":
