@@ -36,7 +36,7 @@ struct Deviation {
 private:
     static constexpr double SHARE = 0.004, LARGE = 0.02, MOVING = 1e-3;  // of the velocity limit
     static constexpr double HARD = 0.5, GENTLE = 0.1;                   // of the acceleration limit
-    static constexpr double TIME_CONSTANT_S = 0.5;
+    static constexpr double TIME_CONSTANT_S = 0.05;
     static constexpr double NEGLIGIBLE = 1e-6;  // s, at the velocity limit
 };
 

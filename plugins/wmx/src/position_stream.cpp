@@ -251,17 +251,18 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     const double gap_s = (setpoint.due_ns - last_due_ns_) * 1e-9;
     // No room: the engine does not execute. The image shows that, and the control loop judges it.
     if (axes.empty() || fill.room < CAPACITY / 2) return true;
-    const bool gap = last_due_ns_ == 0 || gap_s <= 0 ||
-                     gap_s > GAP_PERIODS * settings_.period_s + settings_.buffer_s;
+    const bool first = last_due_ns_ == 0 && begins(axes, setpoint);
+    const bool gap = gap_s <= 0 || gap_s > GAP_PERIODS * settings_.period_s + settings_.buffer_s;
     commands_.clear();
-    if (gap || fill.dry) {
+    if (!first && (gap || fill.dry)) {
         rejoin(axes, setpoint, fill);
     } else {
-        start_s_ = -gap_s;
-        sampled_s_ -= gap_s;
-        mean_depth_ += DEPTH_FILTER * (fill.depth - mean_depth_);
+        start_s_ = first ? -settings_.period_s : -gap_s;
+        sampled_s_ = first ? start_s_ : sampled_s_ - gap_s;
+        mean_depth_ += first ? target_ - mean_depth_ : DEPTH_FILTER * (fill.depth - mean_depth_);
         const double excess = (mean_depth_ - target_) / target_;
         rate_ = 1 + std::clamp(RATE_PER_TARGET * excess, -MAX_RATE_CHANGE, MAX_RATE_CHANGE);
+        if (first && fill.depth < target_) hold(axes, target_ - fill.depth);
         sample(axes, setpoint);
     }
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - looked;
@@ -269,6 +270,15 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     add(axes);
     last_due_ns_ = setpoint.due_ns;
     return true;
+}
+
+// True for a setpoint that the axes can reach from rest within a period.
+bool PositionStream::begins(const std::vector<int> &axes, const Setpoint &setpoint) const {
+    const double square = settings_.period_s * settings_.period_s;
+    return std::all_of(axes.begin(), axes.end(), [&](int axis) {
+        const double way = std::fabs(setpoint.position[axis] - axes_[axis].position);
+        return way <= settings_.limits[axis].acceleration * square;
+    });
 }
 
 // After a gap, the commands continue where the axes are: at rest at the last command where a buffer

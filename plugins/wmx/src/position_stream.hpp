@@ -69,6 +69,7 @@ private:
     bool wait(Setpoint &setpoint);
     void send(const Setpoint &setpoint);
     bool try_send(const Setpoint &setpoint);
+    bool begins(const std::vector<int> &axes, const Setpoint &setpoint) const;
     void rejoin(const std::vector<int> &axes, const Setpoint &setpoint, const Fill &fill);
     void sample(const std::vector<int> &axes, const Setpoint &setpoint);
     void hold(const std::vector<int> &axes, unsigned int cycles);

@@ -105,7 +105,7 @@ def test_no_communication_with_the_default_gear_ratio(tmp_path: Path) -> None:
 
 def test_missing_elements_become_defaults_not_zeros(tmp_path: Path) -> None:
     original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text("utf-8")
-    lines = [line for line in original.splitlines() if "QuickStopDec" not in line]
+    lines = [line for line in original.splitlines() if "<QuickStopDec>" not in line]
     partial = tmp_path / "partial.xml"
     partial.write_text("\n".join(lines), "utf-8")
     with running(tmp_path, enable=False) as robot:

@@ -41,7 +41,7 @@ def test_a_trajectory_runs_as_a_spline_on_the_engine(tmp_path: Path) -> None:
             eventually(lambda: bool((robot.image.operation == Operation.STREAM).all()))
             assert execution.wait(5.0)
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
-        np.testing.assert_allclose(robot.image.position, 0.2, atol=1e-6)
+        np.testing.assert_allclose(robot.image.position, 0.2, atol=1e-3)
 
 
 def test_the_engine_follows_the_planned_path(tmp_path: Path) -> None:

@@ -35,16 +35,17 @@ device.start_spline(0, [0], np.array([50.0, 100.0]), np.array([[1.5], [2.0]]))
 until(lambda: native.Snapshot(device).position_command(0) == 2.0)
 until(lambda: native.Snapshot(device).idle(0))
 if native.CYCLIC_BUFFER:
-    stream = native.PositionStream(device, [1.0], [10.0], 0.002, 0.01, 0.0, 0)
+    stream = native.PositionStream(device, [1.0], [3.0], [10.0], 0.002, 0.01, 0)
     stream.begin([0])
     due_ns = time.monotonic_ns()
     for step in range(1, 51):
         due_ns += 2_000_000
-        stream.put(np.array([2.0 + step * 1e-3]), np.array([0.5]), due_ns)
+        time_s = step * 0.002
+        stream.put(np.array([2.0 + 2.5 * time_s**2]), np.array([5.0 * time_s]), due_ns)
         time.sleep(0.002)
     stream.stop([0])
     until(lambda: not stream.active(0))
-    assert 2.05 <= native.Snapshot(device).position_command(0) <= 2.07, stream.fault
+    assert 2.01 <= native.Snapshot(device).position_command(0) <= 2.05, stream.fault
     assert native.Snapshot(device).idle(0)
     stream.close()
 device.set_command_mode(0, 1)
