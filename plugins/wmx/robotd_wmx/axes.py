@@ -70,6 +70,10 @@ class WmxAxes(AxisDriver):
     def follows_trajectories(self) -> bool:
         return not self._positions.available
 
+    @property
+    def max_trajectory_points(self) -> int:
+        return self._splines.max_points
+
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         self._stream.put(velocity)
         self._positions.put(position, velocity, due_ns)

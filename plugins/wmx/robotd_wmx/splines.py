@@ -33,9 +33,14 @@ class Splines:
         self._connection = connection
         self._channel = connection.options.spline_channel
 
+    @property
+    def max_points(self) -> int:
+        """Points of a trajectory that the buffer takes, its start included."""
+        return self._connection.robot.trajectory.max_points + 1
+
     def allocate(self) -> None:
         """Make the buffer, unless a large one is there. Raises OperationError."""
-        device, points = self._connection.command, self._connection.robot.trajectory.max_points + 1
+        device, points = self._connection.command, self.max_points
         what = f"spline buffer of {points} points on channel {self._channel}"
         try:
             device.create_spline_buffer(self._channel, points)

@@ -75,6 +75,17 @@ def test_the_buffer_is_allocated_once_for_the_longest_trajectory(tmp_path: Path)
         watcher.close(False)
 
 
+def test_a_goal_with_as_many_points_as_allowed_needs_no_decimation(tmp_path: Path) -> None:
+    with running(tmp_path, stream_positions=False) as robot:
+        driver = robot.axes._driver
+        assert driver.max_trajectory_points == robot.descriptor.trajectory.max_points + 1
+        times_s = np.arange(1, 1501) * 1e-3
+        positions = 0.05 * (1.0 - np.cos(np.pi * times_s / times_s[-1]))
+        with robot.follower.follow(goal(times_s.tolist(), *positions.tolist())) as execution:
+            assert execution.wait(20.0)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+
+
 def test_a_buffer_of_another_program_is_not_taken(tmp_path: Path) -> None:
     device = _native.Device()
     device.create(_native.SDK_PATH, 5000)
