@@ -121,7 +121,7 @@ def test_a_node_that_the_robot_does_not_have_is_a_usage_error(
 @pytest.mark.parametrize(
     ("options", "code", "text"),
     [
-        (["--robot", "cr4a"], ExitCode.CONFIGURATION, "did you mean 'cr3a'?"),
+        (["--robot", "cr33a"], ExitCode.CONFIGURATION, "did you mean 'cr3a'?"),
         (["--robot", "./no/robot.yaml"], ExitCode.CONFIGURATION, "no/robot.yaml"),
         (["--robot", "cr3a", "--variant", "x"], ExitCode.CONFIGURATION, "intel, orin"),
         (["--robot", "cr3a", "--backend", "x"], ExitCode.PLUGIN, "unknown backend 'x'"),
