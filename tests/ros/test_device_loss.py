@@ -42,7 +42,9 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
             wait_until(lambda: ready and ready[-1].data, "ready")
             drives.stop()
             wait_until(lambda: not ready[-1].data, "not ready")
-            wait_until(lambda: lines_with(process, "device lost"), "the line of the log")
+            wait_until(
+                lambda: lines_with(process, "device lost component=control"), "the line of the log"
+            )
             check_lost(process, client, "(node ")  # of any drive: the first to be missed
             drives.start()
             wait_until(lambda: lines_with(process, "were reset and answer again"), "the return")
@@ -53,7 +55,7 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
             wait_until(lambda: ready[-1].data, "ready again")
             report = json.loads(robotd(process.domain, "status", "--json")[1])
             assert (report["ready"], report["reason"], report["remedy"]) == (True, "", "")
-            assert len(lines_with(process, "device lost")) == 1
+            assert len(lines_with(process, "device lost component=control")) == 1
             assert len(lines_with(process, "device is back")) == 1
         finally:
             client.close()
@@ -77,7 +79,7 @@ def check_recovered(process: RobotProcess) -> None:
 
 def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
     """The cause is in the log line, the status, every command's answer and the diagnostics."""
-    [line] = lines_with(process, "device lost")
+    [line] = lines_with(process, "device lost component=control")
     assert cause in line
     status, output, error = robotd(process.domain, "status")
     assert (status, error) == (1, "")

@@ -40,7 +40,8 @@ def test_every_part_is_told_once_a_second(client: Client) -> None:
     stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in messages[1:4]]
     assert stamps[2] - stamps[0] < 2.5
     found = levels(messages[-1])
-    parts = ["engine", *(f"joint{number}" for number in range(1, 7)), "fieldbus", "gripper"]
+    joints = [f"joint{number}" for number in range(1, 7)]
+    parts = ["engine", "motion", *joints, "fieldbus", "gripper"]
     assert found.items() >= {f"robotd/cr3a: {part}": OK for part in parts}.items()
     assert set(found) - {f"robotd/cr3a: {part}" for part in parts} == {"robotd/cr3a: cycle"}
     assert {status.hardware_id for status in messages[-1].status} == {"cr3a"}
@@ -141,6 +142,6 @@ def test_in_a_namespace_the_names_tell_whose_it_is_and_the_end_is_told(
             wait_until(lambda: levels(messages[-1])["robotd/left/standalone: engine"] == OK, "up")
             robot.shutdown()
         wait_until(lambda: messages[-1].status[0].message.startswith("Shutdown"), "the last one")
-    parts = {"engine", "axis 0", "axis 1", "fieldbus", "cycle"}
+    parts = {"engine", "motion", "axis 0", "axis 1", "fieldbus", "cycle"}
     assert set(levels(messages[-1])) == {f"robotd/left/standalone: {part}" for part in parts}
     assert messages[-1].status[0].hardware_id == "left/standalone"

@@ -36,7 +36,9 @@ def stopped(client: Client) -> list[Any]:
 @pytest.fixture(autouse=True)
 def allowed_at_zero(client: Client) -> Iterator[None]:
     yield
-    assert client.call(Trigger, "/robotd/reset").success
+    client.publisher(Float64, "/robotd/set_speed").publish(Float64(data=1.0))
+    for service in ("reset", "resume"):
+        assert client.call(Trigger, f"/robotd/{service}").success
     assert client.send_goal(goal((1.5, pose(0.0)))).result()[0] == GoalStatus.STATUS_SUCCEEDED
 
 
@@ -92,16 +94,20 @@ def test_a_goal_is_slowed_paused_and_resumed(
     speeds = client.listen(Float64, "/robotd/speed", LATCHED)
     wait_until(lambda: speeds, "the latched message")
     assert speeds[-1].data == 1.0
+    assert robotd(cr3a.domain, "speed", "50")[:2] == (0, "50 %\n")
+    wait_until(lambda: speeds[-1].data == 0.5, "the speed of the command")
+    speed = client.publisher(Float64, "/robotd/set_speed")
     sent = client.send_goal(goal((3.0, pose(0.9))))
-    assert robotd(cr3a.domain, "speed", "20")[:2] == (0, "20 %\n")
-    wait_until(lambda: speeds[-1].data == 0.2, "the speed on the topic")
+    client.next(joints, lambda message: message.position[0] > 0.02)
+    speed.publish(Float64(data=0.2))
+    wait_until(lambda: speeds[-1].data == 0.2, "the speed of the topic")
     client.next(joints, lambda message: abs(message.velocity[0]) < 0.15)
     assert client.call(Trigger, "/robotd/pause").message == "paused (20 %)"
     client.next(joints, lambda message: abs(message.velocity[0]) < 1e-3)
     here = position(joints)[0]
     assert 0.0 < here < 0.85
     assert not sent.done
-    client.publisher(Float64, "/robotd/set_speed").publish(Float64(data=1.0))
+    speed.publish(Float64(data=1.0))
     assert client.call(Trigger, "/robotd/resume").success
     wait_until(lambda: speeds[-1].data == 1.0, "full speed")
     status, result = sent.result()
