@@ -49,7 +49,7 @@ class Readout:
         """Manuals of drives list alarms by their hexadecimal numbers; the engine has no texts."""
         self._alarms = bool(image.amp_alarm.any())
         for axis, alarm in enumerate(image.amp_alarm):
-            image.reason[axis] = f"0x{image.alarm_code[axis]:04X}" if alarm else ""
+            image.reason[axis] = f"code 0x{image.alarm_code[axis]:04X}" if alarm else ""
 
     def _mark_streaming(self, image: ProcessImage) -> None:
         """The engine knows streamed axes as idle or as executing a velocity command."""

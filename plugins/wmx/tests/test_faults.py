@@ -54,7 +54,7 @@ def reason(robot: Robot) -> str:
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        (("amp_alarm", 1, 0x7500), r"joint2.* amplifier alarm 29952 \(0x7500\)"),
+        (("amp_alarm", 1, 0x7500), r"joint2.* amplifier alarm 29952 \(code 0x7500\)"),
         (("slave_lost", 1), r"joint2.* drive is offline"),
     ],
 )
@@ -84,7 +84,7 @@ def test_an_alarm_is_cleared_by_a_new_start(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with broken_motion(robot, "amp_alarm", 1, 0x7500) as execution:
             assert "joint2" in execution.message
-            assert "amplifier alarm 29952 (0x7500)" in execution.message
+            assert "amplifier alarm 29952 (code 0x7500)" in execution.message
         eventually(lambda: bool((robot.image.operation == Operation.IDLE).all()))
         with pytest.raises(OperationError, match="amplifier alarm 29952"):
             robot.axes.servo(1, True)

@@ -110,6 +110,14 @@ class Harness:
             self.robot.control_loop.start()
         self._running = True
 
+    def open(self) -> None:
+        """Open the device alone, and load what it needs before communication."""
+        device, parameters = self.drivers.device, self.robot.connection.parameters
+        device.open()
+        parameters.forget()
+        if device.parameters_before_communication and parameters.due:
+            parameters.apply()
+
     def up(self, *, enable: bool = True) -> None:
         """Open, communicate, and switch every axis on (or leave them as they are)."""
         self.begin()

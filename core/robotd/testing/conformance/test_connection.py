@@ -30,7 +30,7 @@ def test_the_states_follow_the_calls(make_harness: MakeHarness) -> None:
     harness.begin()
     seen = []
     calls: list[Callable[[], None]] = [
-        device.open,
+        harness.open,
         lambda: device.start_communication(10.0),
         lambda: device.stop_communication(10.0),
         lambda: device.start_communication(10.0),

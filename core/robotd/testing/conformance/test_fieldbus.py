@@ -32,7 +32,7 @@ def test_it_answers_in_every_state(make_harness: MakeHarness) -> None:
     harness.begin()
     calls: list[Callable[[], object]] = [
         device.state,
-        device.open,
+        harness.open,
         lambda: device.start_communication(10.0),
         lambda: device.stop_communication(10.0),
         device.close,
@@ -115,7 +115,7 @@ def test_a_bus_that_exchanges_nothing_is_not_operational(make_harness: MakeHarne
     harness = make_harness()
     driver = fieldbus_of(harness)
     harness.begin()
-    harness.drivers.device.open()
+    harness.open()
     assert driver.status(0).state is not BusState.OPERATIONAL
     harness.drivers.device.start_communication(10.0)
     assert driver.status(0).state is BusState.OPERATIONAL
