@@ -105,7 +105,7 @@ class Harness:
         for _ in range(3):
             with self.robot.follower.follow(self.request(seconds, target)) as execution:
                 assert execution.wait(seconds + 15)
-            if "the cycle had stood" not in execution.message:
+            if "control-loop stall" not in execution.message:
                 break
             self.robot.enable_joints()
         return execution

@@ -78,7 +78,7 @@ def succeed(client: Client, seconds: int, position: float) -> None:
     """Reach ``position``; again, at most twice, when the computer stalled robot or drives."""
     for _ in range(3):
         status, result = client.send_goal(goal(seconds, position)).result()
-        if "the cycle had stood" not in result.error_string:
+        if "control-loop stall" not in result.error_string:
             break
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from robotd.arrays import IntArray
 from robotd.clock import NANOSECONDS
+from robotd.control.stall_recovery import after_stall
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 
@@ -79,4 +80,4 @@ def _stop_reason(pause_ns: int) -> str:
     pause_s = pause_ns / NANOSECONDS
     if pause_s < STALL_S:
         return "stopped by the device or another command"
-    return f"stopped by the device after a control-loop stall of {pause_s * 1e3:.0f} ms"
+    return f"stopped by the device {after_stall(pause_s)}"

@@ -21,6 +21,11 @@ NEGLIGIBLE = 1e-6  # rad or m
 MOVING = 1e-3  # share of the velocity limit above which a path counts as moving
 
 
+def after_stall(pause_s: float) -> str:
+    """Return the end of a sentence about what a stall of ``pause_s`` led to."""
+    return f"after a control-loop stall of {pause_s * 1e3:.0f} ms"
+
+
 class StallRecovery:
     """Deviation from the path after an underrun, and its blend back to zero.
 

@@ -11,7 +11,7 @@ from robotd.control.completion import Completion, Outcome
 from robotd.control.execution_phase import Phase
 from robotd.control.path_rate import PathRate
 from robotd.control.setpoint_source import SetpointSource
-from robotd.control.stall_recovery import StallRecovery
+from robotd.control.stall_recovery import StallRecovery, after_stall
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
@@ -176,6 +176,5 @@ class StreamedTrajectory:
         joint = int(np.argmax(recovery.is_far))
         return (
             f"{self._trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
-            f" {self._limits.units[joint]} off its path after a control-loop stall of"
-            f" {recovery.pause_s * 1e3:.0f} ms"
+            f" {self._limits.units[joint]} off its path {after_stall(recovery.pause_s)}"
         )
