@@ -1,4 +1,4 @@
-"""Composition: descriptor + backend → engine, axes, I/O, fieldbus → cycle.
+"""Composition: descriptor + backend → connection, axes, I/O, fieldbus → control loop.
 
 The one file that sees every step of the path.
 """
@@ -12,11 +12,12 @@ from pathlib import Path
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
+from robotd.control.axis_limits import axis_limits, axis_names
 from robotd.control.control_loop import ControlLoop
 from robotd.control.joint_motion import JointMotion
-from robotd.control.joint_stream import JointStream, JointStreams
-from robotd.control.mobile_base import MobileBase, wheel_limits
-from robotd.control.motion_stop import MotionStop
+from robotd.control.joint_stream import JointStreams
+from robotd.control.mobile_base import MobileBase
+from robotd.control.motion_stop import QUICK_STOP_S, MotionStop
 from robotd.control.recovery import Recovery, Report
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_follower import TrajectoryFollower
@@ -35,13 +36,10 @@ from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported, reason_of
 from robotd.events import EventLog
 from robotd.log import get_logger
-from robotd.motion.limits import AxisLimits
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.manager import Backend, load_backend
 
 log = get_logger("robot")
-
-QUICK_STOP_S = 1.0  # for what a controlled stop has not brought to rest
 
 
 class Robot:
@@ -57,14 +55,15 @@ class Robot:
         image: live process image, written by the control loop only.
         events: commands, goals, results, faults and log lines of this robot.
         mixer: sends the setpoints of all sources.
-        engine: connection to the device.
+        connection: to the device.
         axes: servo, moves, jog and stop of single axes.
         io: digital inputs and outputs.
         fieldbus: fieldbus diagnostics.
         gripper: None if the robot has none.
-        cycle: the control loop.
+        control_loop: reads the device and sends setpoints, once a period.
         joint_motion: hands the joints from one setpoint source to the next.
         follower: executes trajectories of ``joint_names``.
+        stream: opens a stream of joints; arguments as of ``JointStreams.open``.
         base: moves the wheels; None if the robot has none.
         wheel_axes: axes of the wheels; empty if the robot has none.
     """
@@ -106,8 +105,8 @@ class Robot:
             driver,
             self.image,
             self.connection,
-            _axis_limits(descriptor),
-            _axis_names(descriptor),
+            axis_limits(descriptor),
+            axis_names(descriptor),
             capabilities,
             name,
             clock,
@@ -142,13 +141,11 @@ class Robot:
             clock,
             driver if self.axes.trajectories_on_device else None,
         )
-        drive = descriptor.drive
-        self.base = MobileBase(self.axes, mixer.slot(), drive, clock) if drive else None
-        self.wheel_axes = drive.axes if drive else ()
-        if self.base is not None:
-            self.connection.on_ready(self.base.on_ready)
-            self.axes.stop_latch.on_change(self.base.on_stop)
-            self.control_loop.every(descriptor.cycle.rate_hz, "wheel odometry", self.base.track)
+        self.stream = JointStreams(
+            self.joint_motion, self.axes, descriptor, self.follower.limits, clock, name
+        ).open
+        self.base = self._make_base()
+        self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
         self.connection.before_stop = self._stop_and_disable
         self._reconnector = Reconnector(self.connection)
         used = (*self.joint_axes, *self.wheel_axes)
@@ -157,10 +154,10 @@ class Robot:
         )
 
     def start(self, *, enable: bool = True) -> None:
-        """Bring the robot up: cycle, device, communication, parameters, then the servos.
+        """Bring the robot up: control loop, device, communication, parameters, then the servos.
 
         Blocks until done (seconds where the device needs tries). Any one thread. After
-        ``engine.abort_start`` from another one nothing more is begun or switched on.
+        ``connection.abort_start`` from another one nothing more is begun or switched on.
 
         Args:
             enable: clear alarms and switch the servos of joints and wheels on; False leaves
@@ -182,7 +179,7 @@ class Robot:
             self.enable_joints()
 
     def step(self, periods: int) -> None:
-        """Let ``periods`` of the cycle pass, on a ``SteppedClock`` or a ``PacedClock``.
+        """Let ``periods`` of the control loop pass, on a ``SteppedClock`` or a ``PacedClock``.
 
         Afterwards time stands. The same commands between the same steps lead to the same motion,
         bit for bit. Raises InvalidArgument on a clock that cannot be stepped.
@@ -195,18 +192,6 @@ class Robot:
                 self.clock.step(time_ns)
             case _:
                 raise InvalidArgument("only simulated time can be stepped")
-
-    @cached_property
-    def stream(self) -> Callable[..., JointStream]:
-        """Opens a stream of joints; see ``JointStreams.open`` for the arguments."""
-        return JointStreams(
-            self.joint_motion,
-            self.axes,
-            self.descriptor,
-            self.follower.limits,
-            self.clock,
-            self.backend.name,
-        ).open
 
     @cached_property
     def fault_injector(self) -> FaultInjector:
@@ -332,6 +317,17 @@ class Robot:
             if isinstance(self.clock, PacedClock):
                 self.clock.end()
 
+    def _make_base(self) -> MobileBase | None:
+        """Compose the base; the control loop tracks its odometry."""
+        drive = self.descriptor.drive
+        if drive is None:
+            return None
+        base = MobileBase(self.axes, self.mixer.slot(), drive, self.clock)
+        self.connection.on_ready(base.on_ready)
+        self.axes.stop_latch.on_change(base.on_stop)
+        self.control_loop.every(self.descriptor.cycle.rate_hz, "wheel odometry", base.track)
+        return base
+
     def _require_streamed(self, feature: str) -> None:
         if self.joint_axes and self.axes.trajectories_on_device:
             raise Unsupported(feature, self.backend.name)
@@ -426,22 +422,3 @@ def open_robot(
         yield robot
     finally:
         robot.shutdown()
-
-
-def _axis_names(descriptor: RobotDescriptor) -> list[str]:
-    names = {joint.axis: joint.name for joint in descriptor.joints}
-    if descriptor.drive:
-        names |= zip(descriptor.drive.axes, ("left wheel", "right wheel"), strict=True)
-    return [names.get(axis, f"axis {axis}") for axis in range(descriptor.axes)]
-
-
-def _axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
-    limits = {
-        joint.axis: AxisLimits(
-            joint.lower, joint.upper, joint.velocity, joint.acceleration, joint.unit
-        )
-        for joint in descriptor.joints
-    }
-    if descriptor.drive:
-        limits |= dict.fromkeys(descriptor.drive.axes, wheel_limits(descriptor.drive))
-    return [limits.get(axis, AxisLimits.unlimited()) for axis in range(descriptor.axes)]

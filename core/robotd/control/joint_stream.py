@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -145,12 +144,7 @@ class JointStream:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _put(self, position: FloatArray | None, velocity: FloatArray | None) -> None:
@@ -236,7 +230,7 @@ class JointStreams:
         takeover: bool | None = None,
         ends_when_silent: bool = False,
     ) -> JointStream:
-        """Return an open stream; see ``Robot.stream``.
+        """Return an open stream of some joints.
 
         Args:
             joints: in the order of the values to send; None: all.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotd.arrays import IntArray
+from robotd.clock import NANOSECONDS
 
 WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
 NONE = (0.0, 0.0, 0.0)  # percentiles of no samples
@@ -96,7 +97,7 @@ class LoopStatistics:
                 0, self.missed, 0, math.nan, *NONE, *NONE, late_setpoints=self.late_setpoints
             )
         started = self._start_ns[:samples]
-        span_s = float(started.max() - started.min()) * 1e-9
+        span_s = float(started.max() - started.min()) / NANOSECONDS
         rate_hz = (samples - 1) / span_s if span_s > 0 else math.nan
         return LoopReport(
             cycles,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from robotd.clock import NANOSECONDS, Clock
+from robotd.control.axis_limits import twist_limits, wheel_limits
 from robotd.control.base_odometry import BaseOdometry
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
@@ -19,8 +20,7 @@ from robotd.errors import InvalidArgument, NotReady
 from robotd.events import noted
 from robotd.log import get_logger
 from robotd.motion.diff_drive import ORIGIN, PlanarTwist, Pose, WheelPair
-from robotd.motion.limits import AxisLimits
-from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
+from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
 
@@ -193,36 +193,3 @@ class MobileBase:
             log.info("the base can move again")
         else:
             log.warning("the base cannot move", reason=rejection)
-
-
-def twist_limits(settings: DriveSettings) -> TwistLimits:
-    """Return the limits of the base as ``TwistLimits``."""
-    return TwistLimits(
-        RampLimits(
-            settings.velocity_m_s,
-            settings.acceleration_m_s2,
-            settings.deceleration_m_s2,
-            settings.jerk_m_s3 or math.inf,
-        ),
-        RampLimits(
-            settings.angular_velocity_rad_s,
-            settings.angular_acceleration_rad_s2,
-            settings.angular_deceleration_rad_s2,
-            settings.angular_jerk_rad_s3 or math.inf,
-        ),
-        (settings.wheel_velocity_rad_s or math.inf) * settings.wheel_radius_m,
-        settings.wheel_separation_m / 2,
-    )
-
-
-def wheel_limits(settings: DriveSettings) -> AxisLimits:
-    """Return the limits of a wheel as an axis: its share of the fastest twist."""
-    limits = twist_limits(settings)
-    ramps = [max(part.acceleration, part.deceleration) for part in (limits.linear, limits.angular)]
-    rim = limits.linear.velocity + limits.half_track * limits.angular.velocity
-    return AxisLimits(
-        -math.inf,
-        math.inf,
-        min(rim, limits.rim) / settings.wheel_radius_m,
-        (ramps[0] + limits.half_track * ramps[1]) / settings.wheel_radius_m,
-    )

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
 
 import numpy as np
+from prometheus_client import CollectorRegistry, ProcessCollector, start_http_server
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
 
 from robotd.arrays import IntArray
 from robotd.clock import NANOSECONDS
@@ -14,10 +20,6 @@ from robotd.errors import OperationError
 from robotd.events import OWN_PROCESS, EventKind
 from robotd.observation.flight_recorder import FlightRecorder
 from robotd.observation.tap import Tap
-
-if TYPE_CHECKING:
-    from prometheus_client import CollectorRegistry
-    from prometheus_client.core import Metric
 
 ADDRESS = "127.0.0.1"
 BUCKETS_S = (10e-6, 30e-6, 100e-6, 300e-6, 1e-3, 3e-3, 10e-3, 30e-3, 100e-3)
@@ -72,20 +74,30 @@ class Metrics:
         stats = self._robot.control_loop.stats
         yield self._late.metric("robotd_loop_lateness_seconds", "Wake-up after the deadline.")
         yield self._execution.metric("robotd_loop_execution_seconds", "Work done in a period.")
-        yield _counter("robotd_loop_periods", "Periods of the control loop.", stats.cycles)
-        yield _counter("robotd_loop_missed_deadlines", "Missed deadlines.", stats.missed)
+        yield CounterMetricFamily(
+            "robotd_loop_periods", "Periods of the control loop.", stats.cycles
+        )
+        yield CounterMetricFamily("robotd_loop_missed_deadlines", "Missed deadlines.", stats.missed)
 
     def _state_metrics(self) -> Iterator[Metric]:
         robot = self._robot
         fresh_ns = robot.image.fresh_ns
         age_s = (robot.clock.now_ns() - fresh_ns) / NANOSECONDS if fresh_ns else np.nan
-        yield _gauge("robotd_values_age_seconds", "Age of the newest values of the device.", age_s)
-        yield _gauge("robotd_ready", "1: the device takes commands.", robot.connection.ready)
+        yield GaugeMetricFamily(
+            "robotd_values_age_seconds", "Age of the newest values of the device.", age_s
+        )
+        yield GaugeMetricFamily(
+            "robotd_ready", "1: the device takes commands.", robot.connection.ready
+        )
         stopped = bool(robot.axes.stop_latch.reason)
-        yield _gauge("robotd_stopped", "1: all motion is stopped until a reset.", stopped)
+        yield GaugeMetricFamily(
+            "robotd_stopped", "1: all motion is stopped until a reset.", stopped
+        )
         used = self._tap.frames.nbytes + self._tap.events.nbytes + self._tap.samples.nbytes
-        yield _gauge("robotd_recorder_memory_bytes", "Memory of the flight recorder.", used)
-        yield _gauge(
+        yield GaugeMetricFamily(
+            "robotd_recorder_memory_bytes", "Memory of the flight recorder.", used
+        )
+        yield GaugeMetricFamily(
             "robotd_clients", "Clients that have sent commands or goals.", len(self._senders)
         )
 
@@ -94,13 +106,23 @@ class Metrics:
         ended = {outcome: n for (kind, outcome), n in counts.items() if kind is EventKind.RESULT}
         rejected = counts[EventKind.GOAL, "rejected"]
         goals = {**ended, **({"rejected": rejected} if rejected else {})}
-        yield _counters("robotd_goals", "Goals that have ended.", "outcome", goals)
+        yield _labelled(
+            CounterMetricFamily, "robotd_goals", "Goals that have ended.", "outcome", goals
+        )
         commands = {name: n for (kind, name), n in counts.items() if kind is EventKind.COMMAND}
-        yield _counters("robotd_commands", "Commands of clients.", "outcome", commands)
-        yield _counters("robotd_stops", "Stops of all motion.", "cause", self._stops)
-        yield _counters("robotd_faults", "Alarms and lost drives.", "axis", self._faults)
+        yield _labelled(
+            CounterMetricFamily, "robotd_commands", "Commands of clients.", "outcome", commands
+        )
+        yield _labelled(
+            CounterMetricFamily, "robotd_stops", "Stops of all motion.", "cause", self._stops
+        )
+        yield _labelled(
+            CounterMetricFamily, "robotd_faults", "Alarms and lost drives.", "axis", self._faults
+        )
         saved = {"saved": self._flight.saved, "lost": self._flight.failed}
-        yield _counters("robotd_recordings", "Flight recordings.", "outcome", saved)
+        yield _labelled(
+            CounterMetricFamily, "robotd_recordings", "Flight recordings.", "outcome", saved
+        )
 
     def _bus_metrics(self) -> Iterator[Metric]:
         groups = self._tap.fieldbus
@@ -108,25 +130,31 @@ class Metrics:
         for counter in BUS_COUNTERS:
             values = {name: each[counter] for name, each in buses.items() if counter in each}
             text = f"Fieldbus: {counter.replace('_', ' ')}."
-            yield _counters(f"robotd_bus_{counter}", text, "bus", values)
+            yield _labelled(CounterMetricFamily, f"robotd_bus_{counter}", text, "bus", values)
         nodes = {name: each for name, each in groups.items() if "/" in name}
         offline = {name: each["offline"] for name, each in nodes.items()}
-        yield _gauges("robotd_bus_node_offline", "1: the node does not answer.", "node", offline)
+        yield _labelled(
+            GaugeMetricFamily,
+            "robotd_bus_node_offline",
+            "1: the node does not answer.",
+            "node",
+            offline,
+        )
         errors = {name: each["error_code"] for name, each in nodes.items()}
-        yield _gauges("robotd_bus_node_error_code", "Error of the node, 0: none.", "node", errors)
+        yield _labelled(
+            GaugeMetricFamily,
+            "robotd_bus_node_error_code",
+            "Error of the node, 0: none.",
+            "node",
+            errors,
+        )
 
 
 def serve_metrics(tap: Tap, flight: FlightRecorder, port: int) -> int:
     """Serve ``/metrics`` on the loopback interface until the process ends; return the port.
 
-    Before the tap starts. Raises OperationError: prometheus_client is not installed, or the port
-    is in use.
+    Before the tap starts. Raises OperationError: the port is in use.
     """
-    try:
-        from prometheus_client import start_http_server
-    except ImportError as error:
-        text = "--metrics needs prometheus_client: pip install 'robotd[metrics]'"
-        raise OperationError(text) from error
     try:
         server, _ = start_http_server(port, ADDRESS, registry(tap, flight))
     except OSError as error:
@@ -136,8 +164,6 @@ def serve_metrics(tap: Tap, flight: FlightRecorder, port: int) -> int:
 
 def registry(tap: Tap, flight: FlightRecorder) -> CollectorRegistry:
     """Return a registry of the robot's metrics and those of the process."""
-    from prometheus_client import CollectorRegistry, ProcessCollector
-
     made = CollectorRegistry()
     ProcessCollector(registry=made)
     made.register(Metrics(tap, flight))
@@ -159,8 +185,6 @@ class _Histogram:
         self._sum_ns += int(durations_ns.sum())
 
     def metric(self, name: str, text: str) -> Metric:
-        from prometheus_client.core import HistogramMetricFamily
-
         totals = np.cumsum(self._counts).tolist()
         edges = [*map(str, BUCKETS_S), "+Inf"]
         buckets = [*zip(edges, map(float, totals), strict=True)]
@@ -171,31 +195,15 @@ def _count(counter: Counter[str], label: str) -> None:
     counter[label if label in counter or len(counter) < MAX_LABELS else "other"] += 1
 
 
-def _counter(name: str, text: str, value: float) -> Metric:
-    from prometheus_client.core import CounterMetricFamily
-
-    return CounterMetricFamily(name, text, value)
-
-
-def _counters(name: str, text: str, label: str, values: Any) -> Metric:
-    from prometheus_client.core import CounterMetricFamily
-
-    family = CounterMetricFamily(name, text, labels=[label])
-    for key, value in values.items():
-        family.add_metric([key], value)
-    return family
-
-
-def _gauge(name: str, text: str, value: float) -> Metric:
-    from prometheus_client.core import GaugeMetricFamily
-
-    return GaugeMetricFamily(name, text, value)
-
-
-def _gauges(name: str, text: str, label: str, values: Any) -> Metric:
-    from prometheus_client.core import GaugeMetricFamily
-
-    family = GaugeMetricFamily(name, text, labels=[label])
+def _labelled(
+    kind: type[CounterMetricFamily | GaugeMetricFamily],
+    name: str,
+    text: str,
+    label: str,
+    values: Mapping[str, float],
+) -> Metric:
+    """Return a metric with one value for each value of ``label``."""
+    family = kind(name, text, labels=[label])
     for key, value in values.items():
         family.add_metric([key], value)
     return family

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.observation.recorded_commands import Repetition
-
-_POSITION = 2  # row of the measured position in ProcessImage.values
+from robotd.clock import NANOSECONDS
+from robotd.observation.recorded_commands import POSITION, Repetition
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,10 @@ class Difference:
 
 def compare(repetition: Repetition, names: Sequence[str], tolerance: float) -> Iterator[Difference]:
     """Yield the difference of each axis; ``tolerance`` in rad or m."""
-    recorded = repetition.recorded["values"][:, _POSITION]
-    simulated = repetition.simulated["values"][:, _POSITION]
+    recorded = repetition.recorded["values"][:, POSITION]
+    simulated = repetition.simulated["values"][:, POSITION]
     starts = repetition.recorded["start_ns"]
-    times_s = (starts - starts[0]) * 1e-9
+    times_s = (starts - starts[0]) / NANOSECONDS
     errors = np.nan_to_num(np.abs(recorded - simulated))
     for axis, name in enumerate(names):
         worst = int(np.argmax(errors[:, axis]))

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import SteppedClock
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Jog, Move
+from robotd.device.process_image import FLAGS, VALUES
 from robotd.errors import RobotdError
 from robotd.events import EventKind
 from robotd.motion import TrajectoryRequest
@@ -24,6 +26,8 @@ from robotd.robot import Robot
 
 MEMORY_BYTES = 2**31  # of the simulated frames
 MARGIN_S = 5.0  # simulated beyond the recording at most: commands that wait
+POSITION = VALUES.index("position")  # row of the frames' values
+SERVO_ON = FLAGS.index("servo_on")  # row of the frames' flags
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ class CommandRepeater:
     def run(self) -> Repetition:
         """Repeat the commands at their times."""
         robot = self._robot
-        duration_s = float(self._frames["start_ns"][-1] - self._first_ns) * 1e-9
+        duration_s = float(self._frames["start_ns"][-1] - self._first_ns) / NANOSECONDS
         rate_hz = robot.descriptor.cycle.rate_hz
         ring = FrameRing(robot.image, rate_hz, duration_s + MARGIN_S, MEMORY_BYTES)
         robot.start()
@@ -94,7 +98,7 @@ class CommandRepeater:
         for command in self._commands:
             self._step_until(began_ns + command.time_ns - self._first_ns)
             self._execute(command)
-        self._step_until(began_ns + round(duration_s * 1e9))
+        self._step_until(began_ns + round(duration_s * NANOSECONDS))
         for _, context in self._goals:
             context.close()
         simulated = ring.since(0)[0]
@@ -120,7 +124,7 @@ class CommandRepeater:
             else:
                 _CALLS[command.name](self._robot, *_arguments(command.data))
         except RobotdError as error:
-            time_s = (command.time_ns - self._first_ns) * 1e-9
+            time_s = (command.time_ns - self._first_ns) / NANOSECONDS
             self._rejections.append((time_s, f"{command.name}: {error}"))
 
     def _start_goal(self, data: Mapping[str, Any]) -> None:
@@ -139,7 +143,7 @@ class CommandRepeater:
 def _from_ready(recording: Recording) -> Frames:
     """Return the frames from the first with all joints ready and their servos on."""
     frames, joints = recording.frames, list(recording.info.joints)
-    servo_on = frames["flags"][:, 1][:, joints].all(axis=1)
+    servo_on = frames["flags"][:, SERVO_ON][:, joints].all(axis=1)
     ready = np.flatnonzero(servo_on & (frames["ready"] == 1))
     if len(ready) == 0:
         raise ValueError(f"{recording.path}: the robot was never ready with its servos on")
@@ -148,7 +152,7 @@ def _from_ready(recording: Recording) -> Frames:
 
 def _at(descriptor: RobotDescriptor, frame: Any) -> RobotDescriptor:
     """Return the descriptor with the positions of ``frame`` as those of the simulation."""
-    positions = np.nan_to_num(frame["values"][2]).tolist()
+    positions = np.nan_to_num(frame["values"][POSITION]).tolist()
     options = {**descriptor.backends.get("sim", {}), "initial_position_rad": positions}
     return descriptor.model_copy(update={"backends": {**descriptor.backends, "sim": options}})
 

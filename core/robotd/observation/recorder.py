@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from robotd.errors import OperationError
 from robotd.log import get_logger
 from robotd.observation.continuous_recorder import ContinuousRecorder
 from robotd.observation.flight_recorder import FlightRecorder
-from robotd.observation.metrics import serve_metrics
 from robotd.observation.tap import Tap
 from robotd.recording.recording_folder import RecordingFolder, default_folder
 from robotd.robot import Robot
@@ -55,7 +55,7 @@ def observed(
         record_folder: record continuously there, from now on; None: when it is requested, and in
             the folder of the flight recorder.
         split_mib, split_s: size and time after which a continuous recording begins a new file.
-        metrics_port: serve metrics there, see ``serve_metrics``; 0: any port; None: none.
+        metrics_port: serve metrics there, on the loopback interface; 0: any port; None: none.
 
     Raises OperationError: the continuous recording or the metrics do not start.
     """
@@ -69,8 +69,7 @@ def observed(
     continuous = ContinuousRecorder(tap, recorded, split_mib * MIB, split_s)
     tap.add_reader(flight.check)
     if metrics_port is not None:
-        port = serve_metrics(tap, flight, metrics_port)
-        log.info("metrics", url=f"http://127.0.0.1:{port}/metrics")
+        _serve_metrics(tap, flight, metrics_port)
     with tap:
         try:
             if record_folder is not None:
@@ -79,3 +78,13 @@ def observed(
         finally:
             continuous.close()
             flight.close()
+
+
+def _serve_metrics(tap: Tap, flight: FlightRecorder, port: int) -> None:
+    try:
+        from robotd.observation.metrics import serve_metrics
+    except ImportError as error:
+        text = "--metrics needs prometheus_client: pip install 'robotd[metrics]'"
+        raise OperationError(text) from error
+    port = serve_metrics(tap, flight, port)
+    log.info("metrics", url=f"http://127.0.0.1:{port}/metrics")

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Pipe
-from types import TracebackType
 from typing import Self
 
 from robotd.events import Event
@@ -79,12 +78,7 @@ class RecorderProcess:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._connection.close()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)

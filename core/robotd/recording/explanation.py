@@ -83,7 +83,7 @@ def explain(recording: Recording, meanings: Sequence[str] = ()) -> Iterator[str]
         if event.level is not Level.DEBUG:
             sender = f"  [{event.sender}]" if event.sender not in ("", "robotd") else ""
             mark = "*" if event is incident.cause else " "
-            at_s = (event.time_ns - zero_ns) * 1e-9
+            at_s = (event.time_ns - zero_ns) / NANOSECONDS
             yield f"{mark} {at_s:+9.3f} s  {event.kind:<8}{event.text}{sender}"
 
 
@@ -101,7 +101,9 @@ def _title(recording: Recording) -> str:
     info = recording.info
     frames = recording.frames
     time_ns = int(frames["start_ns"][0]) if len(frames) else 0
-    began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime((time_ns + info.offset_ns) * 1e-9))
+    began = time.strftime(
+        "%Y-%m-%d %H:%M:%S", time.localtime((time_ns + info.offset_ns) / NANOSECONDS)
+    )
     variant = f" ({info.variant})" if info.variant else ""
     return (
         f"{info.robot}{variant} on {info.backend}, {began}, {recording.duration_s:.1f} s"
@@ -118,7 +120,7 @@ def _cause_lines(
     if cause.subject in recording.info.axes:
         yield from _value_lines(recording, cause)
     if (command := incident.command) is not None:
-        age_s = (cause.time_ns - command.time_ns) * 1e-9
+        age_s = (cause.time_ns - command.time_ns) / NANOSECONDS
         who = command.sender or "unknown client"
         yield f"  commanded by {who}, {age_s:.3f} s before: {command.text}"
     yield from _loop_lines(recording, cause)

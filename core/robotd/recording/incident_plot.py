@@ -34,7 +34,7 @@ def plot_incident(recording: Recording, path: Path) -> None:
         raise OperationError(f"{recording.path}: it has no values to plot")
     figure = Figure(figsize=SIZE_INCHES, layout="constrained")
     panels = figure.subplots(4, 1, sharex=True)
-    times_s = (frames["start_ns"] - zero_ns) * 1e-9
+    times_s = (frames["start_ns"] - zero_ns) / NANOSECONDS
     _plot_axes(recording, incident, frames, times_s, panels)
     panels[3].plot(times_s, frames["late_ns"] / 1e3, color="black", linewidth=0.7)
     panels[3].set_ylabel("lateness (µs)")
@@ -82,7 +82,7 @@ def _plot_axes(
 
 def _mark_events(panel: Any, incident: Incident, zero_ns: int, times_s: Any) -> None:
     for event in incident.events:
-        at_s = (event.time_ns - zero_ns) * 1e-9
+        at_s = (event.time_ns - zero_ns) / NANOSECONDS
         if not np.min(times_s) <= at_s <= np.max(times_s):
             continue
         if is_bad(event):

@@ -12,6 +12,7 @@ from typing import IO, Any
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
 from robotd.device.process_image import NUMBERS
 from robotd.errors import RobotdError
 from robotd.events import Event
@@ -57,7 +58,7 @@ class Recording:
         """Time from the first frame to the last."""
         if len(self.frames) < 2:
             return 0.0
-        return float(self.frames["start_ns"][-1] - self.frames["start_ns"][0]) * 1e-9
+        return float(self.frames["start_ns"][-1] - self.frames["start_ns"][0]) / NANOSECONDS
 
 
 def read_recording(path: Path) -> Recording:

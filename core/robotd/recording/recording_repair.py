@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from robotd.clock import NANOSECONDS
 from robotd.recording.recording_reader import RecordingError
 from robotd.recording.recording_writer import CHUNK_BYTES
 
@@ -49,7 +50,7 @@ def recover(path: Path) -> Recovery:
         raise RecordingError(f"{path}: {error.strerror or error}") from error
     finally:
         partial.unlink(missing_ok=True)
-    return Recovery(damaged, len(times), (max(times) - min(times)) * 1e-9)
+    return Recovery(damaged, len(times), (max(times) - min(times)) / NANOSECONDS)
 
 
 def _copy(source: IO[bytes], target: IO[bytes]) -> list[int]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import can
 
-from robotd.api import ConnectError, get_logger, request_realtime
+from robotd.api import NANOSECONDS, ConnectError, get_logger, request_realtime
 from robotd_canopen.bus_load import wire_bits
 from robotd_canopen.error_frame import error_frame_text
 from robotd_canopen.frame import Frame
@@ -160,7 +160,7 @@ class Bus:
         since_ns, before = self._load_from
         self._load_from = (now_ns, bits)
         if since_ns and bits >= before:
-            self.load = (bits - before) / ((now_ns - since_ns) * 1e-9 * self.bitrate)
+            self.load = (bits - before) / ((now_ns - since_ns) / NANOSECONDS * self.bitrate)
 
     def _receive(self, opened: can.BusABC, ending: threading.Event) -> None:
         request_realtime(self._priority)

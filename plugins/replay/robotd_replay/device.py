@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robotd.api import Clock, ConnectionState, DeviceDriver, NotReady
+from robotd.api import NANOSECONDS, Clock, ConnectionState, DeviceDriver, NotReady
 from robotd_replay.options import Replayed
 
 
@@ -24,7 +24,7 @@ class ReplayDevice(DeviceDriver):
         self._began_ns = 0  # 0: it does not communicate
         self._starts_ns = replayed.frames["start_ns"] - replayed.frames["start_ns"][0]
         # The last period lasts as long as the others.
-        period_ns = round(1e9 / replayed.recording.info.rate_hz)
+        period_ns = round(NANOSECONDS / replayed.recording.info.rate_hz)
         self._duration_ns = int(self._starts_ns[-1]) + period_ns
 
     def open(self, path: str = "", name: str = "") -> None:

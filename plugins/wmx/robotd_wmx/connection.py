@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from robotd.api import (
+    NANOSECONDS,
     Clock,
     ConnectError,
     ConnectionState,
@@ -193,7 +194,7 @@ class Connection:
 
     def _attempts(self) -> Iterator[bool]:
         """False for every attempt, then True for the last one, LOCK_RETRY_NS apart."""
-        end_ns = self.clock.now_ns() + round(self.options.lock_timeout_s * 1e9)
+        end_ns = self.clock.now_ns() + round(self.options.lock_timeout_s * NANOSECONDS)
         while self.clock.now_ns() + LOCK_RETRY_NS < end_ns:
             yield False
             self.clock.sleep_until_ns(self.clock.now_ns() + LOCK_RETRY_NS)

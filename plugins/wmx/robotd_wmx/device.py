@@ -14,6 +14,7 @@ from robotd_wmx_parameters import (
 )
 
 from robotd.api import (
+    NANOSECONDS,
     ConnectError,
     ConnectionState,
     DeviceDriver,
@@ -176,7 +177,7 @@ class WmxDevice(DeviceDriver):
 
     def _request_communication(self, timeout_s: float) -> None:
         clock = self.connection.clock
-        end_ns = clock.now_ns() + round(timeout_s * 1e9)
+        end_ns = clock.now_ns() + round(timeout_s * NANOSECONDS)
         while True:
             wait_ms = max(1, (end_ns - clock.now_ns()) // 1_000_000)
             try:

@@ -14,7 +14,7 @@ from structlog.testing import capture_logs
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, FakeClock, MonotonicClock
-from robotd.control.mobile_base import twist_limits
+from robotd.control.axis_limits import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, Operation

@@ -11,6 +11,7 @@ from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from robotd.clock import NANOSECONDS
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import RobotdError
 from robotd.log import get_logger
@@ -199,7 +200,7 @@ class FollowJointTrajectoryServer(Node):
         if begin_ns == 0 or len(request.times_s) == 0:
             return None
         delay_ns = begin_ns - self.get_clock().now().nanoseconds
-        check_start_delay(delay_ns * 1e-9, float(request.times_s[-1]))
+        check_start_delay(delay_ns / NANOSECONDS, float(request.times_s[-1]))
         return self._robot.clock.now_ns() + delay_ns
 
     def _publish_feedback(self, goal: Any, execution: TrajectoryExecution) -> None:

@@ -16,6 +16,7 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
+from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import PacedClock
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
@@ -104,4 +105,4 @@ class _TimeServices:
             raise InvalidArgument(f"periods: {periods} is outside 1..{MAX_STEPS}")
         if not self._time.step(periods * self._robot.control_loop.period_ns, STEP_TIMEOUT_S):
             raise InvalidArgument(f"periods: {periods} take longer than {STEP_TIMEOUT_S:g} s")
-        return f"time stands at {self._time.now_ns() * 1e-9:.6f} s"
+        return f"time stands at {self._time.now_ns() / NANOSECONDS:.6f} s"

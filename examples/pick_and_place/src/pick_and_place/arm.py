@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any, Self
 
 import rclpy
@@ -41,12 +40,7 @@ class Arm:
             raise ArmFailed("no robot answers")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._action.destroy()
         self._executor.shutdown()
         self._node.destroy_node()

@@ -86,7 +86,7 @@ class SimulatedNetwork(canopen.Network):
         self.start()
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def call(self, action: Action, timeout_s: float = 5.0) -> None:
