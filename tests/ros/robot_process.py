@@ -28,6 +28,13 @@ BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the sam
 ENGINES = itertools.count()
 WAIT_S = 40.0  # far longer than on an idle computer
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
+# Time-outs that outlast the stalls of a busy computer, for tests that are not about them.
+PATIENCE = {
+    "sim": {"backends.sim.stream_timeout_s": 2},
+    "canopen": {"backends.canopen.heartbeat_timeout_s": 2, "backends.canopen.stream_timeout_s": 1},
+    "wmx": {"backends.wmx.watchdog_s": 5},
+}
+STALE_AFTER_S = 1
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -53,8 +60,17 @@ def stamp_s(message: Any) -> float:
     return float(message.header.stamp.sec + message.header.stamp.nanosec * 1e-9)
 
 
+def patience(backend: str) -> list[str]:
+    """The arguments that set the time-outs of ``PATIENCE``."""
+    values = {"engine.stale_after_s": STALE_AFTER_S} | PATIENCE.get(backend, {})
+    return [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
+
+
 class RobotProcess:
-    """``robotd run`` with its standard output and error in one text."""
+    """``robotd run`` with its standard output and error in one text.
+
+    Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False.
+    """
 
     def __init__(
         self,
@@ -63,6 +79,7 @@ class RobotProcess:
         robot: str = "cr3a",
         backend: str = BACKEND,
         python: str | Path = sys.executable,
+        patient: bool = True,
     ) -> None:
         self._exit = ExitStack()
         self.domain = self._exit.enter_context(own_domain()) if domain is None else domain
@@ -74,7 +91,8 @@ class RobotProcess:
             "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{next(ENGINES)}",  # of its own
         }
         self.process = subprocess.Popen(
-            [python, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments],
+            [python, "-m", "robotd", "--robot", robot, "--backend", backend]
+            + [*(patience(backend) if patient else []), *arguments],
             stdout=self._log,
             stderr=subprocess.STDOUT,
             env=environment,

@@ -31,6 +31,7 @@ from robotd.scenario import FAULTS
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
 SCALE = "4"
+TIMES = ("--set", "backends.sim.stream_timeout_s=1", "--set", "engine.stale_after_s=1")  # simulated
 TURN_RAD = 0.3
 JOINTS = [f"joint{number}" for number in range(1, 7)]
 
@@ -134,8 +135,8 @@ CASES = [
         lambda robot: robot.slave_offline(1),
         lambda robot: not robot.slave_offline(1) and not robot.axes.servo_on[1],
     ),
-    Case("packet_loss", {"count": 1000}, "ms old", later=lambda robot: robot.axes),
-    Case("late_cycles", {"late_s": 0.3}, "(setpoints stayed away)"),
+    Case("packet_loss", {"count": 3000}, "ms old", later=lambda robot: robot.axes),
+    Case("late_cycles", {"late_s": 1.2}, "(setpoints stayed away)"),
     Case(
         "stuck_gripper",
         {"closed": True, "for_s": 8.0},
@@ -207,7 +208,7 @@ def way(request: pytest.FixtureRequest) -> Any:
 def robot(way: Any, scenario: Path) -> Iterator[Robot]:
     with pytest.MonkeyPatch.context() as patch:
         options = ["--scenario", str(scenario)] if way is by_scenario else []
-        with RobotProcess("--time-scale", SCALE, *options, backend="sim") as process:
+        with RobotProcess("--time-scale", SCALE, *TIMES, *options, backend="sim") as process:
             patch.setenv("ROS_DOMAIN_ID", str(process.domain))
             process.wait_ready()
             client = Client(process.domain)

@@ -82,7 +82,9 @@ def _run(
 ) -> Run:
     options = ["--variant", variant] if variant else []
     with ExitStack() as stack:
-        daemon = stack.enter_context(RobotProcess(*options, robot=robot, backend=backend))
+        daemon = stack.enter_context(
+            RobotProcess(*options, robot=robot, backend=backend, patient=False)
+        )
         daemon.wait_ready()
         client = Client(daemon.domain)
         stack.callback(client.close)
