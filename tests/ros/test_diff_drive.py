@@ -29,8 +29,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
 RADIUS_M, SEPARATION_M = 0.09, 0.55
 PERIOD_S = 0.05  # between two commands
 TIMEOUT_S, BRAKING_S = 0.5, 0.4
-FAST = ["publish_tf:=true", f"dec_time:={BRAKING_S}", "acc_time:=0.4", "linear.x.max_jerk:=0.0",
-        "angular.z.max_jerk:=0.0"]  # fmt: skip
+FAST = ["publish_tf:=true", "publish_limited_velocity:=true", f"dec_time:={BRAKING_S}",
+        "acc_time:=0.4", "linear.x.max_jerk:=0.0", "angular.z.max_jerk:=0.0"]  # fmt: skip
 LAPSE_S = 0.2  # without a command: the drives stop after 0.25 s, the base after 0.5 s
 SLACK_S, MARGIN_S = 0.1, 1.0  # for a busy computer
 
@@ -201,6 +201,7 @@ def test_names_and_types(client: Client, base: Base) -> None:
         "/cmd_vel_check": "geometry_msgs/msg/Twist",
         "/velocity_controller/commands": "std_msgs/msg/Float64MultiArray",
         "/odom_enc": "nav_msgs/msg/Odometry",
+        "/diff_drive_controller/cmd_vel_out": "geometry_msgs/msg/TwistStamped",
         "/tf": "tf2_msgs/msg/TFMessage",
         "/wmx/axis/state": "wmx_ros2_message/msg/AxisState",
     }
@@ -272,6 +273,19 @@ def test_wheel_speeds_and_echo(client: Client, base: Base) -> None:
     assert right == pytest.approx((2 * 0.5 + 1.0 * SEPARATION_M) / (2 * RADIUS_M), rel=1e-3)
     assert (base.echo[-1].linear.x, base.echo[-1].angular.z) == (0.5, 1.0)
     base.rest()
+
+
+def test_the_limited_command_is_published(client: Client, base: Base) -> None:
+    limited = client.listen(TwistStamped, "/diff_drive_controller/cmd_vel_out")
+    base.drive(5.0, 2.5, 1.0)
+    fastest = max(limited, key=lambda message: message.twist.linear.x)
+    assert fastest.header.frame_id == "base_link"
+    assert fastest.header.stamp.sec > 1_000_000_000
+    highest = 12.0 * RADIUS_M / (1.0 + SEPARATION_M / 4)  # 12 rad/s of the right wheel
+    assert 0.1 < fastest.twist.linear.x < highest + 1e-9
+    assert fastest.twist.angular.z == pytest.approx(fastest.twist.linear.x / 2)
+    base.rest()
+    client.next(limited, lambda message: message.twist.linear.x == 0.0)
 
 
 def test_odometry_and_transform_agree(client: Client, base: Base) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from robotd.descriptor import DriveSettings, RobotDescriptor
+from robotd.motion.diff_drive import WheelPair
 from robotd.motion.limits import AxisLimits
 from robotd.motion.twist_limits import RampLimits, TwistLimits
 
@@ -30,8 +31,19 @@ def axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
     return [limits.get(axis, AxisLimits.unlimited()) for axis in range(descriptor.axes)]
 
 
+def wheel_pair(settings: DriveSettings) -> WheelPair:
+    """Return the calibrated kinematics of the base."""
+    return WheelPair(
+        settings.wheel_radius_m,
+        settings.wheel_separation_m * settings.wheel_separation_multiplier,
+        settings.left_wheel_radius_multiplier,
+        settings.right_wheel_radius_multiplier,
+    )
+
+
 def twist_limits(settings: DriveSettings) -> TwistLimits:
-    """Return the limits of the base as ``TwistLimits``."""
+    """Return the limits of the base as ``TwistLimits``; the smaller wheel limits the rims."""
+    wheels = wheel_pair(settings)
     return TwistLimits(
         RampLimits(
             settings.velocity_m_s,
@@ -45,8 +57,8 @@ def twist_limits(settings: DriveSettings) -> TwistLimits:
             settings.angular_deceleration_rad_s2,
             settings.angular_jerk_rad_s3 or math.inf,
         ),
-        (settings.wheel_velocity_rad_s or math.inf) * settings.wheel_radius_m,
-        settings.wheel_separation_m / 2,
+        (settings.wheel_velocity_rad_s or math.inf) * min(wheels.radii),
+        wheels.separation / 2,
     )
 
 
@@ -55,9 +67,10 @@ def wheel_limits(settings: DriveSettings) -> AxisLimits:
     limits = twist_limits(settings)
     ramps = [max(part.acceleration, part.deceleration) for part in (limits.linear, limits.angular)]
     rim = limits.linear.velocity + limits.half_track * limits.angular.velocity
+    radius = min(wheel_pair(settings).radii)
     return AxisLimits(
         -math.inf,
         math.inf,
-        min(rim, limits.rim) / settings.wheel_radius_m,
-        (ramps[0] + limits.half_track * ramps[1]) / settings.wheel_radius_m,
+        min(rim, limits.rim) / radius,
+        (ramps[0] + limits.half_track * ramps[1]) / radius,
     )

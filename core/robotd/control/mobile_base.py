@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from robotd.clock import NANOSECONDS, Clock
-from robotd.control.axis_limits import twist_limits, wheel_limits
+from robotd.control.axis_limits import twist_limits, wheel_limits, wheel_pair
 from robotd.control.base_odometry import BaseOdometry
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
@@ -19,7 +19,7 @@ from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.events import noted
 from robotd.log import get_logger
-from robotd.motion.diff_drive import ORIGIN, PlanarTwist, Pose, WheelPair
+from robotd.motion.diff_drive import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
 from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
@@ -51,13 +51,14 @@ class MobileBase:
         self._axes, self._slot, self._clock = axes, slot, clock
         self.events = axes.events
         self._rejection: str | None = None
+        self._motion: WheelMotion | None = None
         self._worker = BaseWorker(lambda: self._command.moves(clock.now_ns()), self._move)
         self.configure(settings)
 
     def configure(self, settings: DriveSettings) -> None:
         """Set the parameters and reset the odometry. Before ``start`` only."""
         self.settings = settings
-        self.wheels = WheelPair(settings.wheel_radius_m, settings.wheel_separation_m)
+        self.wheels = wheel_pair(settings)
         self._command = TwistCommand(settings.command_timeout_s)
         self._odometry = BaseOdometry(
             self.wheels,
@@ -76,6 +77,12 @@ class MobileBase:
     def moving(self) -> bool:
         """The wheels are claimed and get setpoints. Any thread."""
         return bool(self._slot.active)
+
+    @property
+    def limited(self) -> PlanarTwist:
+        """Twist that the wheels are commanded to, within the limits; zero at rest. Any thread."""
+        motion = self._motion
+        return ZERO_TWIST if motion is None or motion.completion.done else motion.twist
 
     def twist(self, image: ProcessImage) -> PlanarTwist:
         """Return the measured twist, from the wheel velocities in ``image``."""
@@ -179,6 +186,7 @@ class MobileBase:
                 self._slot.next_start_ns,
             )
             if self._slot.submit(motion, None):
+                self._motion = motion
                 return motion
 
     def _end_motion(self) -> None:

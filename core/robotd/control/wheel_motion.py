@@ -33,6 +33,9 @@ class WheelMotion:
         command: twist to reach.
         claimed_ns: time of the claim.
         start_ns: due time of the first setpoint, at the earliest.
+
+    Attributes:
+        twist: limited twist of the last setpoint.
     """
 
     stall_recovery = None
@@ -51,6 +54,7 @@ class WheelMotion:
         self.start_ns = start_ns
         self.columns = columns(wheel_axes)
         self.completion = Completion()
+        self.twist = ZERO_TWIST
         self.setpoint: FloatArray = np.zeros((3, 2))
         self.setpoint[0] = np.nan
         self._axes, self._wheel_axes = axes, wheel_axes
@@ -82,7 +86,8 @@ class WheelMotion:
             if self._limiter.at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
-            speeds = np.array(self._wheels.speeds(self._limiter.step(twist)))
+            self.twist = self._limiter.step(twist)
+            speeds = np.array(self._wheels.speeds(self.twist))
             self.setpoint[2] = (speeds - self.setpoint[1]) * (NANOSECONDS / period_ns)
             self.setpoint[1] = speeds
         self._sent = False

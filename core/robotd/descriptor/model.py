@@ -87,6 +87,15 @@ class DriveSettings(Section):
     right_axis: Axis = Field(description="Axis of the device that turns the right wheel.")
     wheel_radius_m: Positive = Field(description="Radius of the wheels.")
     wheel_separation_m: Positive = Field(description="Distance between the wheels' treads.")
+    wheel_separation_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the separation."
+    )
+    left_wheel_radius_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the radius of the left wheel."
+    )
+    right_wheel_radius_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the radius of the right wheel."
+    )
     wheel_wrap_rad: Positive | None = Field(
         None, description="Range after which a wheel's position begins again; null: it never does."
     )

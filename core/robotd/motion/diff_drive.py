@@ -38,21 +38,33 @@ ORIGIN = Pose(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class WheelPair:
-    """Two wheels on one axle; both lengths in m and positive."""
+    """Two wheels on one axle.
+
+    Attributes:
+        radius, separation: in m, positive.
+        left_multiplier, right_multiplier: calibrated factors of the radius of each wheel, positive.
+    """
 
     radius: float
     separation: float
+    left_multiplier: float = 1.0
+    right_multiplier: float = 1.0
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Calibrated radii (left, right) in m."""
+        return self.radius * self.left_multiplier, self.radius * self.right_multiplier
 
     def speeds(self, twist: PlanarTwist) -> tuple[float, float]:
         """Angular velocities (left, right) in rad/s that move the base by ``twist``."""
         turning = twist.angular * self.separation / 2
-        return (twist.linear - turning) / self.radius, (twist.linear + turning) / self.radius
+        left, right = self.radii
+        return (twist.linear - turning) / left, (twist.linear + turning) / right
 
     def twist(self, left: float, right: float) -> PlanarTwist:
         """Invert ``speeds``; for wheel angles in rad the result is a displacement."""
-        return PlanarTwist(
-            self.radius * (right + left) / 2, self.radius * (right - left) / self.separation
-        )
+        left, right = left * self.radii[0], right * self.radii[1]
+        return PlanarTwist((right + left) / 2, (right - left) / self.separation)
 
 
 class Odometry:

@@ -11,6 +11,13 @@ from robotd.node_settings.arm_settings import FILE_MEANING
 from robotd.node_settings.parameter_reader import ParameterReader
 
 RATE_HZ = 10
+LIMITED_TOPIC = "~/cmd_vel_out"
+
+MULTIPLIERS = {
+    "wheel_separation_multiplier": "distance between the wheels",
+    "left_wheel_radius_multiplier": "radius of the left wheel",
+    "right_wheel_radius_multiplier": "radius of the right wheel",
+}
 
 # Wheels measure x, y and yaw; sideways they do not slip; of the rest they know nothing.
 NOT_MEASURED = 1e6
@@ -30,6 +37,7 @@ class DiffDriveSettings(NamedTuple):
         odom_frame, base_frame: of the odometry, with their prefix.
         pose_variances, twist_variances: six each: x, y, z, roll, pitch, yaw.
         publish_tf: odom → base on ``/tf``.
+        publish_limited: the limited command on ``LIMITED_TOPIC``.
         description: URDF to publish; "" for none.
     """
 
@@ -46,6 +54,7 @@ class DiffDriveSettings(NamedTuple):
     pose_variances: tuple[float, ...]
     twist_variances: tuple[float, ...]
     publish_tf: bool
+    publish_limited: bool
     description: str
 
 
@@ -72,6 +81,7 @@ def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) ->
         _variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
         _variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
         parameters.flag("publish_tf", False, "publish odom → base on tf"),
+        parameters.flag("publish_limited_velocity", False, f"publish {LIMITED_TOPIC}"),
         parameters.description(),
     )
 
@@ -108,6 +118,10 @@ def _drive(parameters: ParameterReader, drive: DriveSettings) -> DriveSettings:
             "wheel_separation_m": parameters.positive(
                 "wheel_to_wheel", drive.wheel_separation_m, "distance between the wheels in m"
             ),
+            **{
+                name: parameters.positive(name, getattr(drive, name), f"factor of the {of}")
+                for name, of in MULTIPLIERS.items()
+            },
             "command_timeout_s": parameters.positive(
                 "cmd_vel_timeout", drive.command_timeout_s, "age of a command that stops, in s"
             ),

@@ -30,7 +30,7 @@ ROBOTS = (
     ("cr3a", "intel", ()),
     ("cr3a", "orin", ()),
     ("baymax", None, ()),
-    ("baymax", None, ("-p", "publish_tf:=true")),
+    ("baymax", None, ("-p", "publish_tf:=true", "-p", "publish_limited_velocity:=true")),
 )
 COMMON = {"use_sim_time", "start_type_description_service"}  # every node of ROS has them
 COMMON_TOPICS = {"/rosout", "/parameter_events", "/diagnostics"}

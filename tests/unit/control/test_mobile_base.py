@@ -19,7 +19,7 @@ from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import InvalidArgument, LateSetpoint, NotReady
-from robotd.motion.diff_drive import ORIGIN, PlanarTwist, Pose, along_arc
+from robotd.motion.diff_drive import ORIGIN, ZERO_TWIST, PlanarTwist, Pose, along_arc
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
@@ -204,6 +204,35 @@ def test_the_wheels_ramp_in_the_time_of_the_parameters_not_at_once(harness: Harn
     assert settings.acceleration_m_s2 == 2.5
     harness.drive(1.0, 0.0, 0.2)
     assert 0.0 < harness.twist.linear < 0.5
+
+
+def test_the_limited_command_is_what_the_wheels_are_sent(harness: Harness) -> None:
+    assert harness.base.limited == ZERO_TWIST
+    harness.drive(1.0, 0.5, 0.2)
+    left, right = harness.robot.image.setpoint[1]
+    assert 0.0 < harness.base.limited.linear < 0.5
+    assert harness.base.wheels.twist(left, right) == pytest.approx(harness.base.limited)
+    harness.drive(2.0, 0.0, 2.0)
+    assert harness.base.limited == pytest.approx(PlanarTwist(1.0, 0.0))
+    harness.run(2.0)
+    harness.settle()
+    assert harness.base.limited == ZERO_TWIST
+
+
+def test_multipliers_scale_wheel_speeds_and_odometry(descriptor: RobotDescriptor) -> None:
+    assert descriptor.drive is not None
+    factors = {"left_wheel_radius_multiplier": 0.5, "right_wheel_radius_multiplier": 0.8,
+               "wheel_separation_multiplier": 2.0, "wheel_velocity_rad_s": 20.0}  # fmt: skip
+    drive = descriptor.drive.model_copy(update=factors)
+    for harness in running(descriptor.model_copy(update={"drive": drive})):
+        harness.drive(0.3, 0.2, 3.0)
+        left, right = harness.robot.image.velocity
+        assert left == pytest.approx((0.3 - 0.2 * 0.55) / (0.5 * 0.09), rel=1e-3)
+        assert right == pytest.approx((0.3 + 0.2 * 0.55) / (0.8 * 0.09), rel=1e-3)
+        assert harness.twist == pytest.approx(PlanarTwist(0.3, 0.2), rel=1e-3)
+        harness.drive(1.0, 0.0, 3.0)  # 0.9 m/s: the smaller wheel at its limit
+        assert harness.robot.image.velocity[0] == pytest.approx(20.0, rel=1e-3)
+        assert harness.twist == pytest.approx(PlanarTwist(0.9, 0.0), abs=1e-3)
 
 
 def test_zero_commands_claim_and_log_nothing(harness: Harness) -> None:

@@ -22,6 +22,7 @@ BAYMAX = WheelPair(radius=0.09, separation=0.55)
 speeds = st.floats(-10.0, 10.0)
 twists = st.builds(PlanarTwist, speeds, speeds)
 lengths = st.floats(0.01, 2.0)
+factors = st.floats(0.5, 2.0)
 
 
 def integrated(way: PlanarTwist, steps: int = 20_000) -> Pose:
@@ -39,9 +40,15 @@ def test_wheel_speeds_of_the_reference() -> None:
     assert right == pytest.approx((2 * 0.5 + 1.0 * 0.55) / (2 * 0.09))
 
 
-@given(st.builds(WheelPair, lengths, lengths), twists)
+@given(st.builds(WheelPair, lengths, lengths, factors, factors), twists)
 def test_a_twist_comes_back_from_its_wheel_speeds(wheels: WheelPair, twist: PlanarTwist) -> None:
     assert wheels.twist(*wheels.speeds(twist)) == pytest.approx(twist, rel=1e-9, abs=1e-9)
+
+
+def test_a_larger_right_wheel_turns_slower_and_its_odometry_turns_left() -> None:
+    wheels = WheelPair(0.1, 0.5, left_multiplier=1.0, right_multiplier=1.25)
+    assert wheels.speeds(PlanarTwist(1.0, 0.0)) == pytest.approx((10.0, 8.0))
+    assert wheels.twist(1.0, 1.0) == pytest.approx(PlanarTwist(0.1125, 0.05))
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-math.pi, math.pi))

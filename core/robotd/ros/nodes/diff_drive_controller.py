@@ -17,7 +17,7 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import TypeMismatchCheck
 from robotd.ros.nodes.node_parameters import Parameters
-from robotd.ros.nodes.odometry_topics import OdometryFrames, OdometryTopics
+from robotd.ros.nodes.odometry_topics import OdometryTopics
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.robot_description import publish_description
 from robotd.ros.nodes.trajectory_conversions import stamp_ns
@@ -72,19 +72,7 @@ class DiffDriveController(Node):
         )
 
     def _publish_state(self, settings: DiffDriveSettings, robot: Robot) -> None:
-        topics = OdometryTopics(
-            self,
-            robot,
-            OdometryFrames(
-                settings.odom_frame,
-                settings.base_frame,
-                settings.pose_variances,
-                settings.twist_variances,
-            ),
-            settings.wheel_speeds,
-            settings.odometry,
-            publish_tf=settings.publish_tf,
-        )
+        topics = OdometryTopics(self, robot, settings)
         robot.control_loop.every(settings.rate_hz, "odometry", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
 

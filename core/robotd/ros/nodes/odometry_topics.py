@@ -1,18 +1,17 @@
-"""Topics of a mobile base: wheel speeds, odometry and transform, from the control loop."""
+"""Topics of a mobile base, from the control loop: odometry, wheel speeds, limited command."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import TransformStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
 from robotd.device.process_image import ProcessImage
+from robotd.node_settings.base_settings import LIMITED_TOPIC, DiffDriveSettings
 from robotd.robot import Robot
 from robotd.ros.middleware import HotPublisher
 
@@ -25,82 +24,63 @@ _TRANSFORM = ("translation.x", "translation.y", "rotation.z", "rotation.w")
 _TWIST = ("linear.x", "angular.z")
 
 
-@dataclass(frozen=True)
-class OdometryFrames:
-    """Frames and covariances of the odometry.
-
-    Attributes:
-        odom, base: names of the fixed and of the moving frame.
-        pose, twist: variances of x, y, z, roll, pitch, yaw, and of their rates, in SI units.
-    """
-
-    odom: str
-    base: str
-    pose: Sequence[float]
-    twist: Sequence[float]
-
-
 class OdometryTopics:
     """Made in any thread; ``publish`` belongs to the control loop.
 
     Nothing is published while the engine is not ready: old values must not look current.
 
-    Args:
-        omega_topic, odometry_topic: names.
-        publish_tf: publish the transform odom → base, too.
-
     Attributes:
         topics: resolved names of all that is published.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        robot: Robot,
-        frames: OdometryFrames,
-        omega_topic: str,
-        odometry_topic: str,
-        *,
-        publish_tf: bool,
-    ) -> None:
+    def __init__(self, node: Node, robot: Robot, settings: DiffDriveSettings) -> None:
         if robot.base is None:
             raise ValueError(f"{robot.descriptor.name} has no base")
         self._base = robot.base
         self._connection = robot.connection
         self._clock = node.get_clock()
         self._axes = list(robot.wheel_axes)
-        omega = node.create_publisher(Float64MultiArray, omega_topic, DEPTH)
-        odometry = node.create_publisher(Odometry, odometry_topic, DEPTH)
+        omega = node.create_publisher(Float64MultiArray, settings.wheel_speeds, DEPTH)
+        odometry = node.create_publisher(Odometry, settings.odometry, DEPTH)
         self.topics = [omega.topic_name, odometry.topic_name]
         self._omega = HotPublisher(omega, Float64MultiArray(data=[0.0, 0.0]), ["data"])
         pose = [f"pose.pose.{name}" for name in _POSE]
         twist = [f"twist.twist.{name}" for name in _TWIST]
-        self._odometry = HotPublisher(odometry, _odometry(frames), [*pose, *twist])
+        self._odometry = HotPublisher(odometry, _odometry(settings), [*pose, *twist])
         self._stamped = [self._odometry]
         self._poses = [[self._odometry.view(path) for path in pose]]
-        self._twist = [self._odometry.view(path) for path in twist]
+        self._twists = [[self._odometry.view(path) for path in twist]]
         self._wheels = self._omega.view("data")
-        if publish_tf:
+        if settings.publish_tf:
             publisher = node.create_publisher(TFMessage, TF_TOPIC, TF_DEPTH)
             self.topics.append(publisher.topic_name)
             paths = [f"transforms.0.transform.{name}" for name in _TRANSFORM]
-            message = HotPublisher(publisher, _transform(frames), paths)
+            message = HotPublisher(publisher, _transform(settings), paths)
             self._stamped.append(message)
             self._poses.append([message.view(path) for path in paths])
+        if settings.publish_limited:
+            publisher = node.create_publisher(TwistStamped, LIMITED_TOPIC, DEPTH)
+            self.topics.append(publisher.topic_name)
+            paths = [f"twist.{name}" for name in _TWIST]
+            message = HotPublisher(publisher, _limited(settings), paths)
+            self._stamped.append(message)
+            self._twists.append([message.view(path) for path in paths])
 
     def publish(self, image: ProcessImage) -> None:
         if not self._connection.ready:
             return
         self._wheels[:] = image.velocity[self._axes]
-        pose, twist = self._base.pose, self._base.twist(image)
+        pose = self._base.pose
         half = pose.heading / 2
         for views in self._poses:
             for view, value in zip(
                 views, (pose.x, pose.y, math.sin(half), math.cos(half)), strict=True
             ):
                 view[0] = value
-        for view, value in zip(self._twist, twist, strict=True):
-            view[0] = value
+        twists = self._base.twist(image), self._base.limited
+        for views, twist in zip(self._twists, twists, strict=False):
+            for view, value in zip(views, twist, strict=True):
+                view[0] = value
         now_ns = self._clock.now().nanoseconds
         for message in self._stamped:
             message.stamp(now_ns)
@@ -108,16 +88,23 @@ class OdometryTopics:
         self._omega.publish()
 
 
-def _odometry(frames: OdometryFrames) -> Odometry:
-    message = Odometry(child_frame_id=frames.base)
-    message.header.frame_id = frames.odom
-    for part, variances in ((message.pose, frames.pose), (message.twist, frames.twist)):
+def _odometry(settings: DiffDriveSettings) -> Odometry:
+    message = Odometry(child_frame_id=settings.base_frame)
+    message.header.frame_id = settings.odom_frame
+    parts = (message.pose, settings.pose_variances), (message.twist, settings.twist_variances)
+    for part, variances in parts:
         for index, variance in enumerate(variances):
             part.covariance[7 * index] = variance  # the diagonal of six rows and columns
     return message
 
 
-def _transform(frames: OdometryFrames) -> TFMessage:
-    transform = TransformStamped(child_frame_id=frames.base)
-    transform.header.frame_id = frames.odom
+def _transform(settings: DiffDriveSettings) -> TFMessage:
+    transform = TransformStamped(child_frame_id=settings.base_frame)
+    transform.header.frame_id = settings.odom_frame
     return TFMessage(transforms=[transform])
+
+
+def _limited(settings: DiffDriveSettings) -> TwistStamped:
+    message = TwistStamped()
+    message.header.frame_id = settings.base_frame
+    return message
