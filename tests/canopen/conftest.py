@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
+from tests.canopen.drives_process import PATIENCE, RATE_HZ, STALE_AFTER_S
 from tests.canopen.harness import Harness
 
 from robotd.clock import MonotonicClock
@@ -24,7 +25,10 @@ OpenRig = Callable[..., AbstractContextManager[Harness]]
 
 @pytest.fixture
 def open_rig(tmp_path: Path) -> OpenRig:
-    """A started robot with its drives in this process; further arguments are options."""
+    """A started robot with its drives in this process; further arguments are options.
+
+    Its time-outs are patient.
+    """
 
     @contextmanager
     def opened(
@@ -37,9 +41,15 @@ def open_rig(tmp_path: Path) -> OpenRig:
         descriptor = load_robot_descriptor(robot, None if robot == SMALL else "canopen_simulated")
         section = dict(descriptor.backends["canopen"])
         channel = f"{os.getpid()}-{next(_numbers)}"
-        section |= {"bus": {"interface": "virtual", "channel": channel}, **options}
-        settings = descriptor.engine.model_copy(update=engine or {})
-        changed = {"backends": {"canopen": section}, "engine": settings}
+        bus = {"interface": "virtual", "channel": channel}
+        section |= {"bus": bus, "sync_period_s": 1 / RATE_HZ, **PATIENCE, **options}
+        changed = {
+            "backends": {"canopen": section},
+            "cycle": descriptor.cycle.model_copy(update={"rate_hz": RATE_HZ}),
+            "engine": descriptor.engine.model_copy(
+                update={"stale_after_s": STALE_AFTER_S, **(engine or {})}
+            ),
+        }
         descriptor = descriptor.model_copy(update=changed)
         harness = Harness(Robot(descriptor, load_backend("canopen"), MonotonicClock()))
         try:

@@ -19,6 +19,10 @@ from robotd_canopen.sdo import Sdo
 GROUP = "239.74.163.9"
 PORT = 20000 + os.getpid() % 20000  # one robot for each process of tests
 ERROR_CODE, POSITION_ACTUAL = 0x603F, 0x6064
+# Time-outs that outlast the stalls of a busy computer.
+PATIENCE = {"heartbeat_timeout_s": 2.0, "stream_timeout_s": 1.0}
+STALE_AFTER_S = 1.0
+RATE_HZ = 100  # of the control loop: robot and drives decode every frame in Python
 
 
 class ObservedDrive:
@@ -91,12 +95,19 @@ class DrivesProcess:
 
 
 def write_robot(folder: Path, robot: str = "cr3a", **options: float) -> Path:
-    """A file of ``robot`` that finds its drives in the process above; ``options`` are canopen's."""
-    section = {"bus": {"channel": GROUP, "options": {"port": PORT}}, **options}
+    """A file of ``robot`` that finds its drives in the process above.
+
+    Its time-outs are patient; ``options`` of canopen replace them.
+    """
+    bus = {"channel": GROUP, "options": {"port": PORT}}
+    section = {"bus": bus, "sync_period_s": 1 / RATE_HZ, **PATIENCE, **options}
     content = {
         "extends": str(load_robot_descriptor(robot).path),
+        "engine": {"stale_after_s": STALE_AFTER_S},
         "default_variant": "canopen_multicast",
-        "variants": {"canopen_multicast": {"backends": {"canopen": section}}},
+        "variants": {
+            "canopen_multicast": {"cycle": {"rate_hz": RATE_HZ}, "backends": {"canopen": section}}
+        },
     }
     path = folder / f"{robot}.yaml"
     path.write_text(yaml.safe_dump(content), encoding="utf-8")

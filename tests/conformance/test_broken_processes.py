@@ -51,7 +51,7 @@ def test_a_plugin_that_does_not_start_is_told_with_its_origin(
 ) -> None:
     install_source(source)
     command = [sys.executable, "-m", "robotd", "--robot", "standalone", "--backend", "odd"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=30)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=90)
     assert done.returncode == ExitCode.PLUGIN, done.stdout + done.stderr
     assert ORIGIN in done.stderr
     assert says in done.stderr

@@ -24,6 +24,11 @@ def pytest_configure(config: pytest.Config) -> None:
     )
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests with the shared arm come last: it lives until the end, and beside no other robot."""
+    items.sort(key=lambda item: "cr3a" in getattr(item, "fixturenames", ()))
+
+
 def pytest_sessionfinish() -> None:
     """Remove the shared memory of WMX engines, which outlives them."""
     for memory in Path("/dev/shm").glob(f"robotd-test-{os.getpid()}-*"):

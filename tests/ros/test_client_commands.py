@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
 
 from robotd.testing.domain import own_domain
 
@@ -41,7 +41,7 @@ def started(domain: int, *arguments: str) -> Iterator[subprocess.Popen[str]]:
 def robotd(domain: int, *arguments: str) -> tuple[int, str, str]:
     """Exit status, standard output and standard error of a command."""
     with started(domain, *arguments) as process:
-        output, error = process.communicate(timeout=30)
+        output, error = process.communicate(timeout=WAIT_S)
         return process.returncode, output, error
 
 
@@ -60,8 +60,8 @@ def test_status_as_json_has_every_axis(cr3a: RobotProcess, client: Client) -> No
 
 
 def test_move_moves_the_named_joints_only(cr3a: RobotProcess, client: Client) -> None:
-    status, output, _ = robotd(cr3a.domain, "move", "joint2=10", "joint6=-20", "--deg")
-    assert status == 0
+    status, output, error = robotd(cr3a.domain, "move", "joint2=10", "joint6=-20", "--deg")
+    assert status == 0, error
     assert output.startswith("goal reached")
     wanted = [0.0, 0.17453, 0.0, 0.0, 0.0, -0.34907]
     assert positions(cr3a.domain) == pytest.approx(wanted, abs=2e-3)
@@ -140,6 +140,6 @@ def test_a_robot_that_dies_in_motion_is_noticed() -> None:
                 joints: list[Any] = client.listen(JointState, "/joint_states")
                 wait_until(lambda: joints and joints[-1].position[0] > 0.01, "motion")
             robot.process.kill()
-            _, error = moving.communicate(timeout=30)
+            _, error = moving.communicate(timeout=90)
     assert moving.returncode == 5
     assert "it may be moving" in error

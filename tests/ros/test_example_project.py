@@ -44,7 +44,6 @@ def test_the_recipes_install_what_there_is() -> None:
     assert {"ros", "testing"} <= set(extras["optional-dependencies"])
 
 
-@pytest.mark.timeout(150)
 def test_what_the_recipes_run_passes(tmp_path: Path) -> None:
     copy = tmp_path / "project"
     shutil.copytree(PROJECT, copy, ignore=shutil.ignore_patterns("__pycache__"))

@@ -31,7 +31,7 @@ def robotd(domain: int, *arguments: str, folder: Path | None = None) -> str:
     environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     done = subprocess.run(
         [sys.executable, "-m", "robotd", *arguments],
-        capture_output=True, text=True, timeout=50, check=False,
+        capture_output=True, text=True, timeout=90, check=False,
         env=os.environ | environment, cwd=folder,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -121,7 +121,7 @@ def test_the_log_is_shown_with_a_test_that_fails(tmp_path: Path) -> None:
         "def test_it(robotd_robot):\n    robotd_robot('standalone')\n    assert False\n", "utf-8"
     )
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
-    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=50)
+    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=90)
     assert result.returncode == 1
     assert "robotd's log" in result.stdout
     assert "communication started" in result.stdout

@@ -86,7 +86,7 @@ def run(client: Client, *arguments: str) -> int:
     """Exit status of a command for people, in the domain of the robots."""
     environment = os.environ | {"ROS_DOMAIN_ID": str(client.domain)}
     return subprocess.run(
-        [sys.executable, "-m", "robotd", *arguments], env=environment, timeout=30, check=False
+        [sys.executable, "-m", "robotd", *arguments], env=environment, timeout=90, check=False
     ).returncode
 
 

@@ -28,7 +28,7 @@ from wmx_ros2_message.srv import EcatGetNetworkState, GetIoBit, SetAxis, SetEngi
 from robotd.cli import main
 from robotd.scenario import FAULTS
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+pytestmark = pytest.mark.ros
 
 SCALE = "4"
 TIMES = ("--set", "backends.sim.stream_timeout_s=1", "--set", "engine.stale_after_s=1")  # simulated

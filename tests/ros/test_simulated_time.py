@@ -201,7 +201,7 @@ def robotd(client: Client, *arguments: str) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"ROS_DOMAIN_ID": str(client.domain)}
     command = [sys.executable, "-m", "robotd", *arguments]
     return subprocess.run(
-        command, env=environment, capture_output=True, text=True, check=False, timeout=30
+        command, env=environment, capture_output=True, text=True, check=False, timeout=90
     )
 
 

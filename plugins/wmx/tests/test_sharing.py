@@ -68,7 +68,7 @@ def daemon(robot: Path, *arguments: str) -> Iterator[Daemon]:
             yield served
         finally:
             served.process.terminate()
-            served.process.communicate(timeout=30)
+            served.process.communicate(timeout=90)
 
 
 @pytest.mark.timeout(180)

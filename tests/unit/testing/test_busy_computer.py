@@ -1,14 +1,20 @@
-"""A check in real time that fails on a busy computer is repeated; a fault stays a fault."""
+"""A test in real time that fails on a stalled computer is repeated; a fault stays a fault."""
 
 from __future__ import annotations
 
-import itertools
+import time
 from pathlib import Path
 
 import pytest
 
-from robotd.testing.conformance import busy_computer
-from robotd.testing.conformance.busy_computer import ATTEMPTS, BusyComputer
+from robotd.testing import busy_computer
+from robotd.testing.busy_computer import (
+    ATTEMPTS,
+    STALL_S,
+    BusyComputer,
+    RealTimeFolders,
+    StallMonitor,
+)
 
 CHECKS = """
 from itertools import count
@@ -23,15 +29,17 @@ def test_passes():
 
 
 class Target:
-    """Stands in for ``KitTarget``."""
+    """Target that counts; stands in for ``KitTarget``."""
 
-    real_time = False
     cleared = 0
 
-    def __init__(self, lives_by_clock: bool) -> None:
-        self.lives_by_clock = lives_by_clock
+    def __init__(self, real_time: bool) -> None:
+        self.real_time = real_time
 
-    def clear(self) -> None:
+    def begin(self, item: pytest.Item) -> None:
+        pass
+
+    def clear(self, item: pytest.Item) -> None:
         self.cleared += 1
 
 
@@ -45,15 +53,21 @@ class Reports:
             self.outcomes.setdefault(name, []).append(report.outcome)
 
 
+def observe(monitor: StallMonitor, stall_s: float) -> None:
+    monitor._end.set()
+    monitor._thread.join()
+    monitor.longest_s = stall_s
+
+
 def run(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, *, waited_s: float, lives_by_clock: bool = False
+    folder: Path, monkeypatch: pytest.MonkeyPatch, *, stall_s: float, real_time: bool = True
 ) -> tuple[dict[str, list[str]], BusyComputer, Target]:
-    """Outcomes of CHECKS on a computer where each attempt waits ``waited_s`` for a processor."""
+    """Outcomes of CHECKS on a computer that stalls for ``stall_s`` during each attempt."""
     file = folder / f"test_{folder.name}.py"  # pytest keeps modules by name
     file.write_text(CHECKS, encoding="utf-8")
-    times_s = itertools.count(0.0, waited_s)
-    monkeypatch.setattr(busy_computer, "processor_wait_s", lambda: next(times_s))
-    target, reports = Target(lives_by_clock), Reports()
+    monkeypatch.setattr(StallMonitor, "__exit__", lambda self, *_: observe(self, stall_s))
+    monkeypatch.setattr(busy_computer, "_wait_calm", lambda: None)
+    target, reports = Target(real_time), Reports()
     busy = BusyComputer(target)
     arguments = [str(file), "--config-file=/dev/null", f"--rootdir={folder}", "-qq"]
     pytest.main([*arguments, "-pno:cacheprovider"], plugins=[busy, reports])
@@ -63,7 +77,7 @@ def run(
 def test_a_fault_of_the_computer_is_repeated_and_one_of_the_backend_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    outcomes, busy, target = run(tmp_path, monkeypatch, waited_s=0.1)
+    outcomes, busy, target = run(tmp_path, monkeypatch, stall_s=2 * STALL_S)
     assert outcomes == {
         "test_fails_once": ["passed"],
         "test_always_fails": ["failed"],
@@ -76,7 +90,7 @@ def test_a_fault_of_the_computer_is_repeated_and_one_of_the_backend_stays(
 def test_on_an_idle_computer_nothing_is_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    outcomes, busy, _ = run(tmp_path, monkeypatch, waited_s=0.001)
+    outcomes, busy, _ = run(tmp_path, monkeypatch, stall_s=STALL_S / 2)
     assert outcomes["test_fails_once"] == ["failed"]
     assert busy.repeated == []
 
@@ -84,11 +98,42 @@ def test_on_an_idle_computer_nothing_is_repeated(
 def test_in_simulated_time_nothing_is_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    outcomes, busy, _ = run(tmp_path, monkeypatch, waited_s=0.1, lives_by_clock=True)
+    outcomes, busy, _ = run(tmp_path, monkeypatch, stall_s=2 * STALL_S, real_time=False)
     assert outcomes["test_fails_once"] == ["failed"]
     assert busy.repeated == []
 
 
-def test_the_wait_for_a_processor_is_known() -> None:
-    first = busy_computer.processor_wait_s()
-    assert 0.0 <= first <= busy_computer.processor_wait_s()
+def test_a_monitor_sees_a_stall_of_the_process() -> None:
+    with StallMonitor() as stalls:
+        time.sleep(0.01)
+        sum(range(4_000_000))  # one call of C: no other thread runs
+    assert stalls.longest_s > 0.01
+    assert not stalls._thread.is_alive()
+
+
+NEW_FIXTURES = """
+import pytest
+from itertools import count
+made = count(1)
+@pytest.fixture(scope="session")
+def robot():
+    return next(made)
+def test_needs_a_new_robot(robot):
+    assert robot > 1
+"""
+
+
+def test_a_further_attempt_gets_new_fixtures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "ros"
+    folder.mkdir()
+    file = folder / "test_new_fixtures.py"
+    file.write_text(NEW_FIXTURES, encoding="utf-8")
+    monkeypatch.setattr(StallMonitor, "__exit__", lambda self, *_: observe(self, 2 * STALL_S))
+    monkeypatch.setattr(busy_computer, "_wait_calm", lambda: None)
+    busy, reports = BusyComputer(RealTimeFolders(tmp_path, ["ros"])), Reports()
+    arguments = [str(file), "--config-file=/dev/null", f"--rootdir={tmp_path}", "-qq"]
+    pytest.main([*arguments, "-pno:cacheprovider"], plugins=[busy, reports])
+    assert reports.outcomes == {"test_needs_a_new_robot": ["passed"]}
+    assert busy.repeated == ["test_needs_a_new_robot"]

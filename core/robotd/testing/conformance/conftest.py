@@ -11,7 +11,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import RobotdError
 from robotd.plugin.foreign_process import note_step
-from robotd.testing.conformance.busy_computer import BusyComputer
+from robotd.testing.busy_computer import BusyComputer
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.kit_report import Report
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, KitTarget
@@ -32,10 +32,8 @@ def pytest_configure(config: pytest.Config) -> None:
     except RobotdError as error:
         raise pytest.UsageError(str(error)) from error
     config.stash[STAND] = target
-    busy_computer = BusyComputer(target)
-    report = Report(target, busy_computer.repeated)
-    config.pluginmanager.register(report, "robotd-conformance-report")
-    config.pluginmanager.register(busy_computer, "robotd-conformance-busy-computer")
+    config.pluginmanager.register(Report(target), "robotd-conformance-report")
+    config.pluginmanager.register(BusyComputer(target), "robotd-conformance-busy-computer")
     config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import pytest
 
@@ -17,12 +17,10 @@ class Report:
 
     Args:
         target: of the checks.
-        repeated: names of checks that were repeated on a busy computer, filled during the run.
     """
 
-    def __init__(self, target: KitTarget, repeated: Sequence[str] = ()) -> None:
+    def __init__(self, target: KitTarget) -> None:
         self._stand = target
-        self._repeated = repeated
         self._counts: dict[str, Counter[str]] = {}
         self._reasons: Counter[str] = Counter()
         self._failed: list[str] = []
@@ -57,8 +55,6 @@ class Report:
         yield f"tested on {share:.0%} of the checks: {run} of {totals.total()}"
         for reason, count in self._reasons.most_common():
             yield f"  {count} skipped: {reason}"
-        for check in self._repeated:
-            yield f"  repeated, the computer was busy: {check}"
         yield from (f"FAILED {check}" for check in self._failed)
         verdict = "passed" if run else "nothing was tested"
         yield f"verdict: {f'FAILED, {len(self._failed)} of {run}' if self._failed else verdict}"

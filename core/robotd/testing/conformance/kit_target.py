@@ -42,7 +42,7 @@ class KitTarget:
         self.backend = load_backend(backend)
         self.descriptor = _find(robot or PLAIN_ROBOT, overrides)
         self.lives_by_clock = _lives_by_clock(self.backend, self.descriptor)
-        self.real_time = not self.lives_by_clock
+        self.begin()
         self._shared: Harness | None = None
         self._built: list[Harness] = []
 
@@ -81,7 +81,11 @@ class KitTarget:
             harness.rest()
         return harness
 
-    def clear(self) -> None:
+    def begin(self, item: pytest.Item | None = None) -> None:
+        """Begin a check, which may build a harness in real time."""
+        self.real_time = not self.lives_by_clock
+
+    def clear(self, item: pytest.Item | None = None) -> None:
         """Shut the shared rig down."""
         harness, self._shared = self._shared, None
         if harness is not None:
