@@ -29,6 +29,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io
+from robotd.device.io_names import check_names
 from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
 from robotd.device.soft_limits import SoftLimitGuard
@@ -112,7 +113,15 @@ class Robot:
             clock,
             self.events,
         )
-        self.io = Io(drivers.io, self.connection, name, self.events)
+        self.io = Io(
+            drivers.io,
+            self.connection,
+            name,
+            self.events,
+            descriptor.inputs,
+            descriptor.outputs,
+        )
+        check_names(descriptor, self.io)
         self.fieldbus = Fieldbus(drivers.fieldbus, self.connection, capabilities, name)
         self.gripper = Gripper(self.io, descriptor.gripper, clock) if descriptor.gripper else None
         self.mixer = mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz, clock)

@@ -18,7 +18,8 @@ ROS_ARGS = "--ros-args"
 DEFAULT = "run"
 COMMANDS_PACKAGE = "robotd.cli.commands"
 ROS_COMMANDS = (
-    DEFAULT, "move", "gripper", "servo", "status", "snapshot", "record", "sim", "new-robot",
+    DEFAULT, "status", "move", "jog", "gripper", "output", "servo", "stop", "reset", "speed",
+    "pause", "resume", "recover", "snapshot", "record", "sim", "new-robot",
 )  # fmt: skip
 
 

@@ -11,14 +11,18 @@ class Interrupt:
     """Context in which the first SIGINT or SIGTERM only sets ``happened``.
 
     A second one has its previous effect: SIGINT raises KeyboardInterrupt. Main thread only.
+
+    Args:
+        hangup: SIGHUP too, which comes when the terminal is lost.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, hangup: bool = False) -> None:
         self.happened = False
-        self._before = {number: signal.getsignal(number) for number in _NUMBERS}
+        numbers = (*_NUMBERS, signal.SIGHUP) if hangup else _NUMBERS
+        self._before = {number: signal.getsignal(number) for number in numbers}
 
     def __enter__(self) -> Self:
-        for number in _NUMBERS:
+        for number in self._before:
             signal.signal(number, self._note)
         return self
 

@@ -1,5 +1,6 @@
 """Robot descriptors: models, and their loading from files."""
 
+from robotd.descriptor.io_settings import GripperSettings, IoAddress
 from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.descriptor.load import (
     RobotSummary,
@@ -12,7 +13,6 @@ from robotd.descriptor.model import (
     CycleSettings,
     DriveSettings,
     EngineSettings,
-    GripperSettings,
     RobotDescriptor,
     TrajectorySettings,
 )
@@ -23,6 +23,7 @@ __all__ = [
     "DriveSettings",
     "EngineSettings",
     "GripperSettings",
+    "IoAddress",
     "JointSettings",
     "JointType",
     "Override",

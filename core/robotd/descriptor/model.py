@@ -7,12 +7,18 @@ tables of the robots' README are made from them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
+from robotd.descriptor.io_settings import (
+    GripperSettings,
+    IoAddress,
+    IoNames,
+    StopInputSettings,
+)
 from robotd.descriptor.joint_settings import JointSettings
 from robotd.descriptor.section import (
     MAX_AXES,
@@ -126,56 +132,6 @@ class DriveSettings(Section):
             yield ("right_axis",), "used before, by left_axis", self.right_axis
 
 
-class PartSensorSettings(Section):
-    """An input that is 1 while the gripper holds a part."""
-
-    input_byte: int = Field(ge=0, lt=8000, description="Byte of the input image.")
-    input_bit: int = Field(ge=0, le=7, description="Bit in that byte.")
-
-
-class GripperSettings(Section):
-    """A gripper on one output bit; its fingers are reported as joints."""
-
-    output_byte: int = Field(ge=0, lt=8000, description="Byte of the output image.")
-    output_bit: int = Field(ge=0, le=7, description="Bit in that byte; 1 closes the gripper.")
-    joints: tuple[Name, ...] = Field(
-        strict=False, min_length=1, description="Finger joints, reported after the arm's joints."
-    )
-    multipliers: tuple[float, ...] = Field(
-        (),
-        strict=False,
-        description="Position of each finger joint per position of the gripper, as `<mimic>` of a"
-        " URDF has it; empty: 1 each.",
-    )
-    open_m: float = Field(description="Position when open; rad for fingers that turn.")
-    closed_m: float = Field(description="Position when closed; rad for fingers that turn.")
-    travel_time_s: NotNegative = Field(
-        0.0, description="Time from one end to the other; 0 reports the end at once."
-    )
-
-    part_sensor: PartSensorSettings | None = Field(
-        None, description="Input that shows a part; null: the gripper has none."
-    )
-
-    def problems(self) -> Iterator[Problem]:
-        yield from twice("joints", self.joints)
-        if self.multipliers and len(self.multipliers) != len(self.joints):
-            what = f"must be as many as joints ({len(self.joints)}), or none"
-            yield ("multipliers",), what, self.multipliers
-        if self.open_m == self.closed_m:
-            yield ("closed_m",), "must differ from open_m", self.closed_m
-
-
-class StopInputSettings(Section):
-    """An input that stops all motion, such as a contact of a safety relay."""
-
-    input_byte: int = Field(ge=0, lt=8000, description="Byte of the input image.")
-    input_bit: int = Field(ge=0, le=7, description="Bit in that byte.")
-    motion_level: int = Field(
-        1, ge=0, le=1, description="Level that allows motion; with 1 a broken wire stops."
-    )
-
-
 class TrajectorySettings(Section):
     """Conditions for a trajectory to be accepted and to count as finished."""
 
@@ -276,6 +232,10 @@ class RobotDescriptor(Section):
         description="Axes of the device in use, 0 to axes - 1; by default the highest of a "
         "joint or wheel, plus 1.",
     )
+    inputs: IoNames = Field(
+        {}, description="Names of input bits: `part_present: 0.3` is byte 0, bit 3."
+    )
+    outputs: IoNames = Field({}, description="Names of output bits, as `inputs`.")
     gripper: GripperSettings | None = Field(None, description="Gripper; null when there is none.")
     stop_input: StopInputSettings | None = Field(
         None, description="Input that stops all motion until a reset; null when there is none."
@@ -333,6 +293,9 @@ class RobotDescriptor(Section):
         if self.axes == 0:  # the default of a robot of bare axes, which pydantic does not check
             yield ("axes",), "missing: no joint says how many axes there are", self.axes
         yield from self._drive_problems()
+        yield from _named_twice("inputs", self.inputs)
+        yield from _named_twice("outputs", self.outputs)
+        yield from self._gripper_problems()
         for index, joint in enumerate(self.joints):
             if joint.axis >= self.axes:
                 what = f"must be less than axes ({self.axes})"
@@ -340,9 +303,6 @@ class RobotDescriptor(Section):
         yield from twice("joints", self.joint_names, "name")
         yield from twice("joints", (joint.axis for joint in self.joints), "axis")
         yield from twice("nodes", self.nodes)
-        for index, name in enumerate(self.gripper.joints if self.gripper else ()):
-            if name in self.joint_names:
-                yield ("gripper", "joints", index), "is a joint of the arm already", name
         for node in self.ros_parameters:
             if node not in self.nodes:
                 yield ("ros_parameters", node), f"not in nodes ({', '.join(self.nodes)})", node
@@ -362,3 +322,22 @@ class RobotDescriptor(Section):
                 yield ("drive", key), f"must be less than axes ({self.axes})", axis
             if axis in joints:
                 yield ("drive", key), f"used before, by joints.{joints[axis]}.axis", axis
+
+    def _gripper_problems(self) -> Iterator[Problem]:
+        if self.gripper is None:
+            return
+        for index, joint in enumerate(self.gripper.joints):
+            if joint in self.joint_names:
+                yield ("gripper", "joints", index), "is a joint of the arm already", joint
+        valve = IoAddress(self.gripper.output_byte, self.gripper.output_bit)
+        for name, address in self.outputs.items():
+            if address == valve:
+                yield ("outputs", name), "is the output of the gripper", str(address)
+
+
+def _named_twice(key: str, names: Mapping[str, IoAddress]) -> Iterator[Problem]:
+    first: dict[IoAddress, str] = {}
+    for name, address in names.items():
+        if address in first:
+            yield (key, name), f"used before, by {key}.{first[address]}", str(address)
+        first.setdefault(address, name)

@@ -16,6 +16,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 _MAX_FINDINGS = 200  # more than a text shows; each costs a search for the nearest known key
 _CONSEQUENCE = "default_factory_not_called"  # of another finding, which is reported
+_KEY = "[key]"  # of pydantic: the key of a mapping is wrong, not its value
 _BOUNDS = {
     "greater_than": ("must be greater than {gt:g}", "gt"),
     "greater_than_equal": ("must be at least {ge:g}", "ge"),
@@ -55,7 +56,7 @@ def join(problems: Iterable[DescriptorError]) -> DescriptorError:
 def _problem(
     model: type[BaseModel], found: ErrorDetails, tree: Node | None, prefix: Sequence[str | int]
 ) -> DescriptorError:
-    loc = found["loc"]
+    loc = tuple(key for key in found["loc"] if key != _KEY)
     keys = (*prefix, *loc)
     node = tree.find(keys) if tree else None
     return DescriptorError(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from robotd.descriptor import IoAddress
 from robotd.device.connection import Connection
 from robotd.device.drivers import IoDriver
-from robotd.errors import InvalidArgument, Unsupported
+from robotd.errors import InvalidArgument, Unsupported, unknown_name
 from robotd.events import EventLog, noted
 
 
@@ -17,6 +18,10 @@ class Io:
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
         events: where commands are noted; None: in a log of its own.
+        inputs, outputs: named bits of the descriptor.
+
+    Attributes:
+        inputs, outputs: addresses of the named bits.
     """
 
     def __init__(
@@ -25,7 +30,10 @@ class Io:
         connection: Connection,
         backend: str,
         events: EventLog | None = None,
+        inputs: Mapping[str, IoAddress] | None = None,
+        outputs: Mapping[str, IoAddress] | None = None,
     ) -> None:
+        self.inputs, self.outputs = dict(inputs or {}), dict(outputs or {})
         self.events = events or EventLog(time.monotonic_ns)
         self._maybe_driver = driver
         self._connection = connection
@@ -36,6 +44,18 @@ class Io:
         """Bytes of inputs and of outputs; 0 without digital I/O."""
         driver = self._maybe_driver
         return (driver.input_bytes, driver.output_bytes) if driver else (0, 0)
+
+    def input(self, name: str) -> bool:
+        """Return a named input. Raises InvalidArgument for an unknown name."""
+        return self.input_bit(*_address("input", name, self.inputs))
+
+    def output(self, name: str) -> bool:
+        """Return a named output as commanded. Raises InvalidArgument for an unknown name."""
+        return self.output_bit(*_address("output", name, self.outputs))
+
+    def set_output(self, name: str, value: bool) -> None:
+        """Set a named output. Raises InvalidArgument for an unknown name."""
+        self.set_output_bit(*_address("output", name, self.outputs), value)
 
     def input_bit(self, byte: int, bit: int) -> bool:
         _check_bit(bit)
@@ -91,6 +111,12 @@ class Io:
             raise Unsupported("digital I/O", self._backend)
         self._connection.require_ready()
         return self._maybe_driver
+
+
+def _address(kind: str, name: str, known: Mapping[str, IoAddress]) -> IoAddress:
+    if name not in known:
+        raise InvalidArgument(unknown_name(kind, name, known))
+    return known[name]
 
 
 def _check_bit(bit: int) -> None:

@@ -11,11 +11,13 @@ from collections.abc import Callable, Collection, Mapping
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError
 from robotd.node_settings.arm_settings import read_manipulator_state, read_trajectory_server
+from robotd.node_settings.axis_settings import read_core_motion
 from robotd.node_settings.base_settings import read_diff_drive
 from robotd.node_settings.command_settings import read_gripper_controller, read_joint_command
 from robotd.node_settings.parameter_reader import ParameterReader
 
 _READERS: Mapping[str, Callable[[ParameterReader, RobotDescriptor], object]] = {
+    "wmx_core_motion_node": read_core_motion,
     "manipulator_state": read_manipulator_state,
     "follow_joint_trajectory_server": read_trajectory_server,
     "diff_drive_controller": read_diff_drive,

@@ -13,7 +13,9 @@ import pytest
 from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
+from robotd.cli.group import ROS_COMMANDS
 from robotd.cli.main import COMMANDS, main
+from robotd.cli.robot_client import ROS_EPILOG
 from robotd.errors import (
     ConnectError,
     DescriptorError,
@@ -100,9 +102,17 @@ def test_commands_without_ros_take_no_ros_args(robotd: Robotd, command: str) -> 
     result = robotd(command, "--ros-args", "-r", "a:=b")
     assert result.exit_code == ExitCode.USAGE
     assert (
-        "--ros-args belongs to run, move, gripper, servo, status, snapshot, record, sim, new-robot"
-        " only" in result.output
+        "--ros-args belongs to run, status, move, jog, gripper, output, servo, stop, reset, speed,"
+        " pause, resume, recover, snapshot, record, sim, new-robot only" in result.output
     )
+
+
+def test_every_command_for_a_running_robot_takes_ros_args() -> None:
+    context = click.Context(main)
+    commands = {name: main.get_command(context, name) for name in COMMANDS}
+    clients = {name for name, each in commands.items() if each and each.epilog == ROS_EPILOG}
+    assert clients <= {*ROS_COMMANDS}
+    assert "stop" in clients
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.unit.device.harness import Harness
 
 from robotd.clock import NANOSECONDS
-from robotd.descriptor import GripperSettings
+from robotd.descriptor import GripperSettings, IoAddress
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io
 from robotd.errors import InvalidArgument, NotReady, Unsupported
@@ -86,6 +86,25 @@ def test_a_backend_without_io_says_so(harness: Harness) -> None:
         io.input_bit(0, 0)
     with pytest.raises(Unsupported, match="not supported by the fake backend"):
         io.output_watcher(0, 0)
+
+
+def test_bits_are_read_and_written_by_name(harness: Harness) -> None:
+    inputs, outputs = {"part_present": IoAddress(3, 7)}, {"lamp": IoAddress(1, 2)}
+    io = Io(harness.io_driver, harness.connection, "fake", None, inputs, outputs)
+    assert not io.input("part_present")
+    harness.io_driver.inputs[3] = 0x80
+    assert io.input("part_present")
+    io.set_output("lamp", True)
+    assert harness.io_driver.outputs[1] == 0b100
+    assert io.output("lamp")
+    unknown = (
+        r"unknown input 'part_presnt'; did you mean 'part_present'\? \(available: part_present\)"
+    )
+    with pytest.raises(InvalidArgument, match=unknown):
+        io.input("part_presnt")
+    for call in (io.output, lambda name: io.set_output(name, True)):
+        with pytest.raises(InvalidArgument, match="unknown output 'part_present'"):
+            call("part_present")
 
 
 GRIPPER = GripperSettings(

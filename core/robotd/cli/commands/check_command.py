@@ -82,12 +82,19 @@ def _check_backend(
         backend.context(descriptor)
 
     def features() -> str | None:
-        if descriptor.gripper and Capability.IO not in capabilities:
-            raise DescriptorError(
-                f"needs digital outputs, which the {name} backend does not have",
-                path=descriptor.path,
-                key="gripper",
-            )
+        needs = {
+            "gripper": "outputs",
+            "outputs": "outputs",
+            "stop_input": "inputs",
+            "inputs": "inputs",
+        }
+        for key, kind in needs.items():
+            if getattr(descriptor, key) and Capability.IO not in capabilities:
+                raise DescriptorError(
+                    f"needs digital {kind}, which the {name} backend does not have",
+                    path=descriptor.path,
+                    key=key,
+                )
         if descriptor.parameters_file and Capability.PARAMETERS_FILE not in capabilities:
             return "parameters_file is not used by this backend"
         return None

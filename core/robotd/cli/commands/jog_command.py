@@ -1,4 +1,4 @@
-"""``robotd jog``: move one joint of a running arm by an increment."""
+"""``robotd jog``: move one joint of a running arm by an increment, or by keys."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 from robotd.errors import unknown_name
 
+DEFAULT_SPEED = 0.1  # rad/s or m/s
 MIN_TIME_S = 0.3
 PEAK = 2.0  # upper bound of the peak velocity of a motion over its mean velocity
 
 
-def finite(ctx: click.Context, param: click.Parameter, value: float) -> float:
+def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
     """Reject an increment that is not finite."""
-    if not math.isfinite(value):
+    if value is not None and not math.isfinite(value):
         raise click.BadParameter(f"{value} is not a finite number")
     return value
 
@@ -30,8 +31,9 @@ def finite(ctx: click.Context, param: click.Parameter, value: float) -> float:
 @click.command(
     "jog", epilog=ROS_EPILOG, context_settings={"ignore_unknown_options": True}
 )  # an increment may begin with a minus
-@click.argument("joint")
-@click.argument("increment", metavar="±INCREMENT", type=float, callback=finite)
+@click.argument("joint", required=False)
+@click.argument("increment", metavar="±INCREMENT", type=float, callback=finite, required=False)
+@click.option("--keys", is_flag=True, help="Hold an arrow key to move, release it to stop.")
 @click.option("--deg", is_flag=True, help="Increment and speed are in degrees, not radians.")
 @click.option(
     "--speed",
@@ -43,13 +45,36 @@ def finite(ctx: click.Context, param: click.Parameter, value: float) -> float:
 @click.option("--action", metavar="NAME", help="The arm's action, where several arms run.")
 @client_options
 @click.pass_context
-def jog(ctx: click.Context, /, **options: Any) -> None:
-    """Move one joint of the running arm by an increment.
+def jog(ctx: click.Context, /, *, keys: bool, **options: Any) -> None:
+    """Move one joint of the running arm by an increment, or axes by keys.
 
     For example: robotd jog joint2 +0.01. The other joints stay where they are. Ctrl-C stops.
+
+    robotd jog --keys moves an axis while an arrow key is held, at --speed.
     """
     configure_logging(ctx)
+    if keys:
+        ctx.exit(_jog_by_keys(ctx, **options))
+    for parameter in ctx.command.params[:2]:
+        if options[str(parameter.name)] is None:
+            raise click.MissingParameter(ctx=ctx, param=parameter)
     ctx.exit(_jog(ros_args(ctx), **options))
+
+
+def _jog_by_keys(ctx: click.Context, /, **options: Any) -> ExitCode:
+    from robotd.cli.keyboard_jog import jog_by_keys
+
+    others = [name for name in ("joint", "increment", "action") if options[name] is not None]
+    if others:
+        raise click.UsageError(f"--keys excludes {', '.join(others)}")
+    return jog_by_keys(
+        ros_args(ctx), options["timeout_s"], _speed(options["speed"], options["deg"])
+    )
+
+
+def _speed(speed: float | None, deg: bool) -> float:
+    """Return the speed in rad/s or m/s."""
+    return DEFAULT_SPEED if speed is None else math.radians(speed) if deg else speed
 
 
 def _jog(
@@ -64,12 +89,13 @@ def _jog(
 ) -> ExitCode:
     """Move ``joint``; INTERRUPTED after Ctrl-C. Raises Rejected with the robot's reason."""
     unit = math.radians(1.0) if deg else 1.0
-    distance, fastest = increment * unit, 0.1 if speed is None else speed * unit
+    distance, fastest = increment * unit, _speed(speed, deg)
     time_s = max(PEAK * abs(distance) / fastest, MIN_TIME_S)
     with robot_client(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
             arm = motion.find_arm(client, action)
+        import_ros("client.operator_client").require_motion(client)
         if joint not in arm.positions:
             raise click.BadParameter(unknown_name("joint", joint, arm.positions))
         target = arm.positions[joint] + distance

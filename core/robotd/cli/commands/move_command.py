@@ -84,6 +84,7 @@ def _move(
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
             arm = motion.find_arm(client, action)
+        import_ros("client.operator_client").require_motion(client)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {
             joint: math.radians(value) if joint in turning else value

@@ -57,9 +57,16 @@ def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> Exit
             click.echo(field("speed", [f"{100.0 * report.speed:g} %"]))
         if report.owners:
             click.echo(field("owners", [f"{name}: {who}" for name, who in report.owners.items()]))
+        for label, levels in (("inputs", report.inputs), ("outputs", report.outputs)):
+            if levels:
+                click.echo(field(label, [f"{name}: {_level(on)}" for name, on in levels.items()]))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
     return ExitCode.OK if report.ready and not report.stopped else ExitCode.FAILED
+
+
+def _level(on: bool | None) -> str:
+    return "unknown" if on is None else "on" if on else "off"
 
 
 def _watch(ros_args: Sequence[str], timeout_s: float) -> ExitCode:

@@ -7,12 +7,16 @@ from collections.abc import Callable
 
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from std_msgs.msg import String
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.client.ros_client import LATCHED, RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
+
+STOPPED = f"{OPERATOR_NODE}/stopped"
+SPEED = f"{OPERATOR_NODE}/speed"
+DISCOVERY_S = 1.0
 
 
 def stop(client: RosClient) -> str:
@@ -49,6 +53,36 @@ def pause(client: RosClient) -> str:
 def resume(client: RosClient) -> str:
     """Continue motion. Raises as ``stop`` does."""
     return str(client.call(Trigger, f"{OPERATOR_NODE}/resume").message)
+
+
+def require_motion(client: RosClient) -> None:
+    """Raise OperationError while motion is stopped or paused: goals would be rejected, or wait.
+
+    A system without the node ``robotd`` cannot be asked: no effect.
+    """
+    with (
+        client.listen(String, STOPPED, LATCHED) as stopped,
+        client.listen(Float64, SPEED, LATCHED) as speed,
+    ):
+        try:
+            client.wait(lambda: stopped.newest and speed.newest, STOPPED, DISCOVERY_S)
+        except DeviceTimeout:
+            return
+        if reason := motion_hindrance(stopped.newest.data, speed.newest.data):
+            raise OperationError(reason)
+
+
+def motion_hindrance(stopped: str, speed: float) -> str:
+    """Return why motion is not allowed, and the remedy; "" if it is.
+
+    Args:
+        stopped, speed: newest values of the topics.
+    """
+    if stopped:
+        return f"motion is stopped: {stopped}; robotd reset allows it again"
+    if speed == 0.0:
+        return "motion is paused or at speed 0 %; robotd resume or robotd speed allows it again"
+    return ""
 
 
 def recover(client: RosClient, on_step: Callable[[str], None]) -> None:

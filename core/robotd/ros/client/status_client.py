@@ -14,6 +14,8 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import DeviceTimeout, OperationError
+from robotd.ros.client.io_client import IO, Levels, read_levels
+from robotd.ros.client.operator_client import DISCOVERY_S, SPEED, STOPPED
 from robotd.ros.client.ros_client import LATCHED, RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
 
@@ -21,7 +23,6 @@ GRIPPER = "wmx/set_gripper"
 AXIS_STATE = "wmx/axis/state"
 FAULT = "wmx/engine/get_fault"
 DESCRIPTION = "robot_description"
-DISCOVERY_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class RobotReport:
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
         owners: client that moves it, by name of the joint; without those that nobody owns.
+        inputs, outputs: levels by name in the descriptor; None while they are unknown.
     """
 
     state: str
@@ -69,6 +71,8 @@ class RobotReport:
     speed: float
     axes: tuple[AxisReport, ...] | None
     owners: dict[str, str]
+    inputs: Levels
+    outputs: Levels
 
 
 def _owners(text: str) -> dict[str, str]:
@@ -81,9 +85,10 @@ def read_report(client: RosClient) -> RobotReport:
     with (
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
-        client.listen(String, f"{OPERATOR_NODE}/stopped", LATCHED) as stopped,
-        client.listen(Float64, f"{OPERATOR_NODE}/speed", LATCHED) as speed,
+        client.listen(String, STOPPED, LATCHED) as stopped,
+        client.listen(Float64, SPEED, LATCHED) as speed,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
+        client.listen(String, IO, LATCHED) as io,
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
@@ -102,6 +107,7 @@ def read_report(client: RosClient) -> RobotReport:
             speed.wait().data,
             reports,
             _owners(owners.wait().data),
+            *read_levels(io.wait().data),
         )
 
 

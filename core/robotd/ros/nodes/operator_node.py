@@ -14,13 +14,14 @@ from robotd.errors import InvalidArgument, RobotdError
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.nodes.named_io import NamedIo
 from robotd.ros.nodes.owner_topic import OwnerTopic
 from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
 from robotd.ros.services import add_service, add_subscription, named_values
 
 
 class OperatorNode(Node):
-    """Services for the operator of a robot: recovery, stop, and speed of all motion."""
+    """Services for the operator of a robot: recovery, stop, speed, and named inputs and outputs."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(OPERATOR_NODE, context=host.context)
@@ -28,6 +29,7 @@ class OperatorNode(Node):
         self._stop = _StopServices(self, robot, host)
         self._speed = _SpeedServices(self, robot, host)
         self._owners = OwnerTopic(self, robot)
+        self._io = NamedIo(self, robot, host)
 
 
 class _SpeedServices:

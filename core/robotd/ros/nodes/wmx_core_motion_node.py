@@ -12,11 +12,13 @@ from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGe
 
 from robotd.device.axes import each
 from robotd.errors import InvalidArgument, RobotdError
+from robotd.node_settings.axis_settings import read_core_motion
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.axis_jog import AxisJog
 from robotd.ros.nodes.axis_state_topic import RATE_HZ, AxisStateTopic
+from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.services import add_service, add_subscription
@@ -37,6 +39,9 @@ class WmxCoreMotionNode(Node):
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_core_motion_node", context=host.context)
+        parameters = Parameters(self, robot.descriptor)
+        read_core_motion(parameters, robot.descriptor)
+        parameters.done()
         self._axes = robot.axes
         self._connection = robot.connection
         self._rejections = RejectionLog()

@@ -1,0 +1,13 @@
+"""Settings of ``wmx_core_motion_node``."""
+
+from __future__ import annotations
+
+from robotd.control.axis_limits import axis_names
+from robotd.descriptor import RobotDescriptor
+from robotd.node_settings.parameter_reader import ParameterReader
+
+
+def read_core_motion(parameters: ParameterReader, descriptor: RobotDescriptor) -> None:
+    """Declare ``axis_names``, for clients to read."""
+    names = axis_names(descriptor)
+    parameters.same_as("joints", "axis_names", names, "names of the axes by index")

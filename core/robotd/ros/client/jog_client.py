@@ -1,0 +1,112 @@
+"""Dead-man jog of a running robot from another process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from rcl_interfaces.srv import GetParameters
+from rclpy.publisher import Publisher
+from std_msgs.msg import Float64, String
+from wmx_ros2_message.msg import AxisState, AxisVelocity
+
+from robotd.errors import OperationError
+from robotd.ros.client.operator_client import SPEED, STOPPED, motion_hindrance
+from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
+from robotd.ros.client.status_client import AXIS_STATE, AxisReport, axis_reports
+
+NODE = "wmx_core_motion_node"
+JOG = "wmx/axis/jog"
+RAMP_S = 0.2  # to the speed, of axes in velocity mode
+AT_REST = 0.01  # rad/s or m/s
+
+
+@dataclass(frozen=True)
+class JogState:
+    """Newest state.
+
+    Attributes:
+        axes: None before the first message.
+        hindrance: why nothing moves, and what helps; "" while motion is allowed.
+    """
+
+    axes: tuple[AxisReport, ...] | None
+    hindrance: str
+
+
+class JogClient:
+    """Publisher of jogs, and the state of the axes. One thread.
+
+    Attributes:
+        names: of the axes, by index.
+    """
+
+    def __init__(
+        self,
+        client: RosClient,
+        names: list[str],
+        publisher: Publisher,
+        axes: Listener,
+        stopped: Listener,
+        speed: Listener,
+    ) -> None:
+        self.names = names
+        self._client, self._publisher = client, publisher
+        self._axes, self._stopped, self._speed = axes, stopped, speed
+
+    def jog(self, axis: int, velocity: float, fastest: float) -> None:
+        """Move ``axis``; the robot stops it 0.2 s after the last call.
+
+        Args:
+            axis: its index.
+            velocity: rad/s or m/s, signed; 0 slows to rest.
+            fastest: velocity that an axis in velocity mode reaches in ``RAMP_S``.
+        """
+        ramp = fastest / RAMP_S
+        message = AxisVelocity(index=[axis], velocity=[velocity], acc=[ramp], dec=[ramp])
+        self._publisher.publish(message)
+
+    def state(self) -> JogState:
+        """Return the newest state; never waits."""
+        axes = self._axes.newest
+        stopped = self._stopped.newest.data if self._stopped.newest else ""
+        speed = self._speed.newest.data if self._speed.newest else 1.0
+        reports = None if axes is None else axis_reports(axes)
+        return JogState(reports, motion_hindrance(stopped, speed))
+
+    def wait_at_rest(self) -> None:
+        """Return when no axis moves. Raises DeviceTimeout."""
+
+        def at_rest() -> bool:
+            axes = self.state().axes or ()
+            return all(abs(axis.velocity) < AT_REST for axis in axes)
+
+        self._axes.newest = None
+        self._axes.wait()
+        self._client.wait(at_rest, "standstill")
+
+
+@contextmanager
+def jog_client(client: RosClient) -> Iterator[JogClient]:
+    """Find the running robot.
+
+    Raises:
+        DeviceTimeout: no robot with the node ``wmx_core_motion_node`` answers.
+        OperationError: motion is stopped or paused.
+    """
+    response = client.call(GetParameters, f"{NODE}/get_parameters", names=["axis_names"])
+    names = list(response.values[0].string_array_value) if response.values else []
+    publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
+    with (
+        client.listen(AxisState, AXIS_STATE) as axes,
+        client.listen(String, STOPPED, LATCHED) as stopped,
+        client.listen(Float64, SPEED, LATCHED) as speed,
+    ):
+        jog = JogClient(client, names, publisher, axes, stopped, speed)
+        for listener in (axes, stopped, speed):
+            listener.wait()
+        client.wait(publisher.get_subscription_count, f"subscription of {JOG}")
+        if reason := jog.state().hindrance:
+            raise OperationError(reason)
+        yield jog

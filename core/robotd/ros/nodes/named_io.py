@@ -1,0 +1,69 @@
+"""Named inputs and outputs: latched topics, and services to set outputs."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool
+
+from robotd.device.process_image import ProcessImage
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
+from robotd.ros.services import add_service
+
+TOPIC = "~/io"
+RATE_HZ = 50.0
+WORDS = {True: "on", False: "off", None: "unknown"}
+
+
+class NamedIo:
+    """``~/inputs/NAME`` and ``~/outputs/NAME`` of the names in the descriptor.
+
+    A topic has the level on every change, while the device communicates. ``~/io`` has all of them
+    as text, a line each: ``input part_present: on``.
+    """
+
+    def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
+        self._io, self._connection = robot.io, robot.connection
+        self._overview = node.create_publisher(String, TOPIC, LATCHED)
+        self._text: str | None = None
+        io = robot.io
+        self._readers = {("input", name): io.input_watcher(*io.inputs[name]) for name in io.inputs}
+        self._readers |= {
+            ("output", name): io.output_watcher(*io.outputs[name]) for name in io.outputs
+        }
+        self._publishers = {
+            (kind, name): node.create_publisher(Bool, f"~/{kind}s/{name}", LATCHED)
+            for kind, name in self._readers
+        }
+        self._levels: dict[tuple[str, str], bool | None] = dict.fromkeys(self._readers)
+        for name in io.outputs:
+            add_service(node, host, SetBool, f"~/outputs/{name}", partial(self._set, name))
+        rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
+        robot.control_loop.every(rate_hz, "named I/O", self.publish, first=True)
+
+    def publish(self, image: ProcessImage) -> None:
+        """Publish the levels that have changed. Control loop."""
+        ready = self._connection.ready
+        for key, read in self._readers.items():
+            level = read() if ready else None
+            if level != self._levels[key]:
+                self._levels[key] = level
+                if level is not None:
+                    publish_if_alive(self._publishers[key], Bool(data=level))
+        text = "\n".join(
+            f"{kind} {name}: {WORDS[level]}" for (kind, name), level in self._levels.items()
+        )
+        if text != self._text:
+            self._text = text
+            publish_if_alive(self._overview, String(data=text))
+
+    def _set(self, name: str, request: Any, response: Any) -> Any:
+        self._io.set_output(name, request.data)
+        response.success = True
+        response.message = f"{name}: {WORDS[bool(request.data)]}"
+        return response

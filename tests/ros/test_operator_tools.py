@@ -1,0 +1,170 @@
+"""Named I/O, and jogging by increments and by keys, on one robot of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool, Trigger
+from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, wait_until
+from tests.ros.test_client_commands import robotd
+
+pytestmark = pytest.mark.ros
+
+RIGHT = b"\x1b[C"
+REPEAT_S = 0.03
+NAMES = ("inputs.part_present=5.3", "outputs.lamp=5.3", "outputs.horn=5.4")
+
+
+@pytest.fixture(scope="module")
+def arm() -> Iterator[RobotProcess]:
+    """An arm whose inputs are wired to its outputs."""
+    words = [word for name in (*NAMES, "backends.sim.io_loopback=true") for word in ("--set", name)]
+    with RobotProcess(*words, backend="sim") as process:
+        process.wait_ready()
+        yield process
+
+
+@pytest.fixture(scope="module")
+def arm_client(arm: RobotProcess) -> Iterator[Client]:
+    client = Client(arm.domain)
+    client.wait_engine()
+    yield client
+    client.close()
+
+
+@pytest.fixture(scope="module")
+def joints(arm_client: Client) -> list[Any]:
+    return arm_client.listen(JointState, "/joint_states")
+
+
+def test_inputs_and_outputs_are_served_by_their_names(
+    arm: RobotProcess, arm_client: Client
+) -> None:
+    lamp = arm_client.listen(Bool, "/robotd/outputs/lamp", LATCHED)
+    part = arm_client.listen(Bool, "/robotd/inputs/part_present", LATCHED)
+    overview = arm_client.listen(String, "/robotd/io", LATCHED)
+    off = "input part_present: off\noutput lamp: off\noutput horn: off"
+    wait_until(lambda: overview and overview[-1].data == off, "all levels")
+    wait_until(lambda: lamp and part, "the latched levels")
+    assert robotd(arm.domain, "output", "lamp", "on")[:2] == (0, "lamp: on\n")
+    wait_until(lambda: lamp[-1].data and part[-1].data, "the changed levels")
+    report = json.loads(robotd(arm.domain, "status", "--json")[1])
+    assert report["inputs"] == {"part_present": True}
+    assert report["outputs"] == {"lamp": True, "horn": False}
+    response = arm_client.call(SetBool, "/robotd/outputs/lamp", data=False)
+    assert (response.success, response.message) == (True, "lamp: off")
+    wait_until(lambda: not part[-1].data, "the input is off again")
+    code, _, error = robotd(arm.domain, "output", "lmap", "on")
+    assert code != 0
+    assert "unknown output 'lmap'; did you mean 'lamp'? (available: lamp, horn)" in error
+
+
+def test_a_jog_of_a_paused_or_stopped_robot_is_an_error(
+    arm: RobotProcess, arm_client: Client
+) -> None:
+    for stop, allow, reason in (
+        ("pause", "resume", "motion is paused or at speed 0 %; robotd resume or robotd speed"),
+        ("stop", "reset", "motion is stopped: by a client of the stop service; robotd reset"),
+    ):
+        assert arm_client.call(Trigger, f"/robotd/{stop}").success
+        code, _, error = robotd(arm.domain, "jog", "joint2", "+0.01")
+        assert (code, reason in error) == (1, True), error
+        assert arm_client.call(Trigger, f"/robotd/{allow}").success
+
+
+@contextmanager
+def keyboard_jog(domain: int) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """``robotd jog --keys`` and the other end of its terminal."""
+    master, slave = pty.openpty()
+    environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "robotd", "jog", "--keys", "--timeout", str(WAIT_S)],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env=os.environ | environment | {"TERM": "xterm"},
+    )
+    os.close(slave)
+    try:
+        yield process, master
+    finally:
+        process.kill()
+        process.wait()
+
+
+def screen_until(master: int, text: bytes) -> bytes:
+    """Read the terminal until ``text`` was shown."""
+    shown = b""
+    deadline = time.monotonic() + WAIT_S
+    while text not in shown:
+        assert time.monotonic() < deadline, shown
+        shown += os.read(master, 4096)
+    return shown
+
+
+def hold(master: int, key: bytes, until: Callable[[], Any]) -> None:
+    """Repeat ``key`` as a terminal does while it is held, and read what is shown meanwhile."""
+    os.set_blocking(master, False)
+    deadline = time.monotonic() + WAIT_S
+    while not until():
+        assert time.monotonic() < deadline, "it does not move"
+        os.write(master, key)
+        drain(master)
+        time.sleep(REPEAT_S)
+
+
+def drain(master: int) -> bytes:
+    try:
+        return os.read(master, 65536)
+    except OSError:  # nothing to read, or nobody at the other end
+        return b""
+
+
+def has_ended(process: subprocess.Popen[bytes], master: int) -> bool:
+    drain(master)
+    return process.poll() is not None
+
+
+def is_at_rest(joints: list[Any]) -> bool:
+    return all(abs(each) < 1e-3 for each in joints[-1].velocity)
+
+
+def test_a_joint_moves_while_a_key_is_held(
+    arm: RobotProcess, arm_client: Client, joints: list[Any]
+) -> None:
+    arm_client.next(joints)
+    begin = list(joints[-1].position)
+    with keyboard_jog(arm.domain) as (process, master):
+        screen_until(master, b"hold to move")
+        os.write(master, b"2")
+        hold(master, RIGHT, lambda: joints[-1].position[1] > begin[1] + 0.05)
+        wait_until(lambda: is_at_rest(joints), "the release stops the joint")
+        assert joints[-1].position[0] == pytest.approx(begin[0], abs=1e-3)
+        hold(master, b"\x1b[D", lambda: joints[-1].velocity[1] < -0.05)
+        os.write(master, b"q")
+        wait_until(lambda: has_ended(process, master), "it ends")
+        assert process.returncode == 0
+        assert is_at_rest(joints)
+
+
+def test_a_lost_terminal_ends_the_motion(
+    arm: RobotProcess, arm_client: Client, joints: list[Any]
+) -> None:
+    with keyboard_jog(arm.domain) as (process, master):
+        screen_until(master, b"hold to move")
+        hold(master, RIGHT, lambda: joints[-1].velocity[0] > 0.05)
+        os.close(master)
+        assert process.wait(WAIT_S) == 130
+        arm_client.next(joints)
+        assert is_at_rest(joints)
