@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -12,6 +13,9 @@ from robotd import log
 from robotd.descriptor import Override, parse_override
 
 Command = Callable[..., Any]
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
 def names(ctx: click.Context, option: click.Parameter, value: str | None) -> list[str] | None:

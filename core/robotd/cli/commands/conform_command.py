@@ -13,7 +13,7 @@ import click
 import robotd
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_installed
-from robotd.cli.options import configure_logging, log_options
+from robotd.cli.options import FILE, configure_logging, log_options
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import PluginError
 from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
@@ -28,7 +28,7 @@ PACKAGE = "robotd.testing.conformance"
 @click.option(
     "--junit",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Write the results there too, as JUnit XML.",
 )
 @click.option(

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.options import configure_logging, log_options
+from robotd.cli.options import FILE, configure_logging, log_options
 from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.own_codes import GOAL_RESULTS
 
@@ -20,7 +20,7 @@ SUFFIX = ".mcap"
 @click.option(
     "--plot",
     metavar="PNG",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Write a picture of the ten seconds around the root cause.",
 )
 @log_options

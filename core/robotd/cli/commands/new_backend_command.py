@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.options import configure_logging, log_options
+from robotd.cli.options import FOLDER, configure_logging, log_options
 from robotd.cli.package_templates import package_words, write_package
 from robotd.errors import InvalidArgument, OperationError
 from robotd.plugin.manager import discover
@@ -18,7 +18,7 @@ from robotd.plugin.manager import discover
 @click.option(
     "--into",
     metavar="FOLDER",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     default=Path(),
     help="Where the package's folder is made; by default here.",
 )

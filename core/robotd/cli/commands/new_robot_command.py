@@ -13,7 +13,7 @@ from robotd.cli.commands.check_command import check_robot
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
 from robotd.cli.installed import load_installed
-from robotd.cli.options import configure_logging, names, not_nan
+from robotd.cli.options import FOLDER, configure_logging, names, not_nan
 from robotd.cli.package_templates import package_words, write_package
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import client_options, robot_client
@@ -64,7 +64,7 @@ Examples:
 @click.option(
     "--into",
     metavar="FOLDER",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     default=Path(),
     help="Where the robot's folder is made; by default here.",
 )

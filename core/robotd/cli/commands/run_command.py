@@ -14,7 +14,15 @@ import click
 from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
 from robotd.cli.group import ros_args
 from robotd.cli.installed import Installed, check_backend_overrides, load_installed
-from robotd.cli.options import configure_logging, log_options, names, not_nan, robot_options
+from robotd.cli.options import (
+    FILE,
+    FOLDER,
+    configure_logging,
+    log_options,
+    names,
+    not_nan,
+    robot_options,
+)
 from robotd.cli.preflight import import_ros, process_age_s
 from robotd.cli.start_summary import SIMULATED, start_summary
 from robotd.cli.time_scale import time_scale
@@ -88,26 +96,26 @@ class RunOptions:
 @click.option(
     "--report",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Write the timing of the last periods there, as JSON, when stopped.",
 )
 @time_scale
 @click.option(
     "--scenario",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Simulation: inject the faults defined in FILE.",
 )
 @click.option(
     "--record",
     metavar="DIR",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help="Record everything there, as MCAP files.",
 )
 @click.option(
     "--record-dir",
     metavar="DIR",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     help="Folder of the flight recorder; short for --set recorder.folder=DIR.",
 )
 @click.option(

@@ -12,7 +12,7 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
 from robotd.cli.installed import load_installed
-from robotd.cli.options import configure_logging, log_options
+from robotd.cli.options import FILE, configure_logging, log_options
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options
 from robotd.cli.time_scale import time_scale
@@ -30,13 +30,13 @@ def sim() -> None:
 
 
 @sim.command("run")
-@click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("file", required=False, type=FILE)
 @click.option("--robot", metavar="NAME|FILE", help="The robot; by default the scenario's own.")
 @click.option(
     "--from",
     "recording",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Instead of a scenario: repeat the commands of a recording, and compare the motion.",
 )
 @time_scale
