@@ -14,6 +14,7 @@ from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
 from robotd.control.axis_limits import axis_limits, axis_names
 from robotd.control.control_loop import ControlLoop
+from robotd.control.joint_group import make_groups
 from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
@@ -62,9 +63,8 @@ class Robot:
         fieldbus: fieldbus diagnostics.
         gripper: None if the robot has none.
         control_loop: reads the device and sends setpoints, once a period.
-        joint_motion: hands the joints from one setpoint source to the next.
-        follower: executes trajectories of ``joint_names``.
-        stream: opens a stream of joints; arguments as of ``JointStreams.open``.
+        groups: joint groups by name; ``follower``, ``stream`` and ``joint_motion`` are those of
+            the only one.
         base: moves the wheels; None if the robot has none.
         wheel_axes: axes of the wheels; empty if the robot has none.
     """
@@ -78,7 +78,8 @@ class Robot:
     ) -> None:
         """Compose the robot; ``drivers`` None: ``backend`` makes them.
 
-        Raises Unsupported: ``clock`` is simulated and the backend is not.
+        Raises Unsupported: ``clock`` is simulated and the backend is not, or there are several
+        joint groups and the device interpolates trajectories itself.
         """
         name = backend.name
         if isinstance(clock, SimulatedClock) and Capability.SIMULATED not in backend.capabilities:
@@ -142,17 +143,7 @@ class Robot:
         self.control_loop.every(
             descriptor.cycle.rate_hz, "stop", self._motion_stop.enforce, first=True
         )
-        self.joint_motion = JointMotion(self.axes, mixer.slot(), self.joint_axes, clock)
-        self.follower = TrajectoryFollower(
-            self.joint_motion,
-            self.axes,
-            descriptor,
-            clock,
-            driver if self.axes.trajectories_on_device else None,
-        )
-        self.stream = JointStreams(
-            self.joint_motion, self.axes, descriptor, self.follower.limits, clock, name
-        ).open
+        self.groups = make_groups(descriptor, self.axes, mixer, clock, driver, name)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
         self.connection.before_stop = self._stop_and_disable
@@ -161,6 +152,21 @@ class Robot:
         self._recovery = Recovery(
             self.connection, self.axes, self.fieldbus, used, self._enable, clock
         )
+
+    @property
+    def follower(self) -> TrajectoryFollower:
+        """Executes trajectories of all joints. Raises InvalidArgument with several groups."""
+        return self.groups.only.follower
+
+    @property
+    def stream(self) -> JointStreams:
+        """Opens streams of the joints. Raises InvalidArgument with several groups."""
+        return self.groups.only.stream
+
+    @property
+    def joint_motion(self) -> JointMotion:
+        """Moves all joints. Raises InvalidArgument with several groups."""
+        return self.groups.only.motion
 
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: control loop, device, communication, parameters, then the servos.
@@ -363,7 +369,7 @@ class Robot:
         """
         everything, time_s = range(len(self.axes)), self.descriptor.engine.shutdown_s
         try:
-            self.follower.stop(time_s)
+            self.groups.stop(time_s)
             if self.base is not None:
                 self.base.stop(time_s)
             self.axes.rest(everything, time_s)

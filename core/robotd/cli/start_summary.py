@@ -63,6 +63,8 @@ def _axes(descriptor: RobotDescriptor) -> Iterator[str]:
     if joints or not drive:
         none = "none; no servo is switched on at start"
         yield field("joints", columns(joints) if joints else none)
+    if groups := descriptor.groups:
+        yield field("groups", [f"{name}: {', '.join(groups[name].joints)}" for name in groups])
     if drive:
         yield field("wheels", _wheels(drive))
     if len(joints) + len(drive.axes if drive else ()) < descriptor.axes:

@@ -19,11 +19,12 @@ BAR_WIDTH = 40
 def view(report: LiveReport) -> Group:
     """Return the view of one state."""
     parts = [_head(report)]
-    if report.goal_s is not None:
+    for action, path_s in report.goals_s.items():
         line = Table.grid(padding=(0, 1))
         # Feedback has no duration: the bar moves, and the time on the path is beside it.
         bar = ProgressBar(total=None, pulse=True, width=BAR_WIDTH)
-        line.add_row(Text("goal", style="bold"), bar, f"{report.goal_s:.1f} s on its path")
+        name = [action] if len(report.goals_s) > 1 else []
+        line.add_row(Text("goal", style="bold"), bar, f"{path_s:.1f} s on its path", *name)
         parts.append(line)
     parts.append(_axes(report))
     parts.append(_parts(report))

@@ -119,11 +119,16 @@ class JointMotion:
 
         After ``timeout_s`` it returns while the joints may still move.
         """
+        active = self.cancel()
+        for source in active:
+            self._await_end(source, timeout_s)
+
+    def cancel(self) -> list[SetpointSource]:
+        """Request the stop of the active sources and return them. Any thread."""
         active = self._slot.active
         for source in active:
             source.completion.request(Outcome.CANCELED, "canceled by the client")
-        for source in active:
-            self._await_end(source, timeout_s)
+        return active
 
     @property
     def moving(self) -> bool:

@@ -194,12 +194,14 @@ class JointStream:
 
 
 class JointStreams:
-    """Opens streams of a robot's joints, one at a time. Worker threads.
+    """Opens streams of the joints of a group, one at a time.
+
+    Called like a function, by worker threads.
 
     Args:
         motion: of the joints.
         axes: of the robot.
-        descriptor: joints, time-outs and takeover.
+        descriptor: joints of the group, time-outs and takeover.
         limits: of the joints.
         clock: of the control loop.
         backend: name, for errors.
@@ -220,7 +222,7 @@ class JointStreams:
         self._stopped_velocity = limits.stopped_velocity(descriptor.trajectory)
         self._period_s = 1.0 / descriptor.cycle.rate_hz
 
-    def open(
+    def __call__(
         self,
         joints: Sequence[str] | None = None,
         *,

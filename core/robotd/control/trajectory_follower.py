@@ -33,14 +33,14 @@ MAX_RECENT = 50  # trajectories within that time
 
 
 class TrajectoryFollower:
-    """Executes trajectories of a robot's joints, one at a time; a newer one takes over.
+    """Executes trajectories of a joint group, one at a time; a newer one takes over.
 
     Any worker thread may call; concurrent goals are planned one after the other.
 
     Args:
         motion: of the joints.
         axes: of the robot.
-        descriptor: joints, their limits and the settings of trajectories.
+        descriptor: joints of the group, their limits and the settings of trajectories.
         clock: of the control loop.
         on_device: driver that interpolates trajectories itself, where
             ``axes.trajectories_on_device``; None: they are streamed.

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
+from robotd.descriptor.group_settings import ALL_JOINTS, GroupSettings, group_problems
 from robotd.descriptor.io_settings import (
     GripperSettings,
     IoAddress,
@@ -222,6 +223,11 @@ class RobotDescriptor(Section):
     joints: tuple[JointSettings, ...] = Field(
         (), strict=False, description="Joints in the order of JointState; switched on at start."
     )
+    groups: dict[Name, GroupSettings] = Field(
+        {},
+        description="Groups of joints that move independently of each other, by name; empty: all "
+        "joints are one group.",
+    )
     drive: DriveSettings | None = Field(
         None, description="Wheels of a mobile base, switched on at start; null: no base."
     )
@@ -289,6 +295,15 @@ class RobotDescriptor(Section):
         """Names of the arm's joints, without the gripper's."""
         return tuple(joint.name for joint in self.joints)
 
+    @property
+    def joint_groups(self) -> dict[str, tuple[JointSettings, ...]]:
+        """Joints of each group; without ``groups`` the only one is ``ALL_JOINTS``."""
+        joints = {joint.name: joint for joint in self.joints}
+        return {
+            name: tuple(joints[joint] for joint in group.joints)
+            for name, group in self.groups.items()
+        } or {ALL_JOINTS: self.joints}
+
     def problems(self) -> Iterator[Problem]:
         if self.axes == 0:  # the default of a robot of bare axes, which pydantic does not check
             yield ("axes",), "missing: no joint says how many axes there are", self.axes
@@ -302,6 +317,7 @@ class RobotDescriptor(Section):
                 yield ("joints", index, "axis"), what, joint.axis
         yield from twice("joints", self.joint_names, "name")
         yield from twice("joints", (joint.axis for joint in self.joints), "axis")
+        yield from group_problems(self.groups, self.joint_names)
         yield from twice("nodes", self.nodes)
         for node in self.ros_parameters:
             if node not in self.nodes:

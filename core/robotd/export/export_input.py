@@ -27,18 +27,18 @@ class ExportInput:
         """Return a node's parameter; ``default`` where the descriptor has none."""
         return self.descriptor.ros_parameters.get(node, {}).get(name, default)
 
-    def topic(self, node: str, name: str) -> str:
+    def topic(self, node: str, name: str, default: str = "") -> str:
         """Return the resolved topic name of a parameter; "" where it is empty."""
-        value = str(self.parameter(node, name, ""))
+        value = str(self.parameter(node, name, default))
         if value.startswith("~/"):
             value = f"{node}/{value.removeprefix('~/')}"
         return posixpath.join(self.namespace, value) if value else ""
 
-    def needed_topic(self, node: str, name: str) -> str:
+    def needed_topic(self, node: str, name: str, default: str = "") -> str:
         """As ``topic``. Raises DescriptorError where the robot has no such node or name."""
         if node not in self.descriptor.nodes:
             raise self.rejection(f"{self.descriptor.name} does not run the node {node}")
-        if topic := self.topic(node, name):
+        if topic := self.topic(node, name, default):
             return topic
         raise self.rejection(f"{self.descriptor.name}: parameter {node}.{name} is empty")
 

@@ -6,10 +6,11 @@ The names are those of MoveItSimpleControllerManager, of the trajectory executio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robotd.descriptor import JointSettings, JointType, RobotDescriptor
+from robotd.descriptor.group_parameters import ACTION, default_action, group_prefixes
 from robotd.export.export_input import ExportInput
 
 SERVER = "follow_joint_trajectory_server"
@@ -30,21 +31,32 @@ def move_group_parameters(source: ExportInput) -> str:
     descriptor = source.descriptor
     if not descriptor.joints:
         raise source.rejection(f"moveit: {descriptor.name} has no joints")
-    action = source.needed_topic(SERVER, "joint_trajectory_action")
+    actions = _actions(source)
     limits = {joint.name: _limits(joint) for joint in descriptor.joints}
     content = {
         "moveit_controller_manager": f"{MANAGER}/MoveItSimpleControllerManager",
-        MANAGER: _controllers(source, action),
+        MANAGER: _controllers(source, actions),
         "trajectory_execution": _execution(source),
         "robot_description_planning": {"joint_limits": limits},
     }
     return source.document(_remarks(source), {"/**": {"ros__parameters": content}})
 
 
-def _controllers(source: ExportInput, action: str) -> dict[str, Any]:
+def _actions(source: ExportInput) -> dict[str, Sequence[str]]:
+    """Return the joints of each trajectory action, by its resolved name."""
+    groups = source.descriptor.joint_groups
+    return {
+        source.needed_topic(
+            SERVER, f"{prefix}{ACTION}", default_action(source.descriptor, group)
+        ): [joint.name for joint in groups[group]]
+        for group, prefix in group_prefixes(source.descriptor).items()
+    }
+
+
+def _controllers(source: ExportInput, actions: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """Return the controller list; MoveIt joins a name and its ``action_ns`` by a slash."""
     controllers = dict(
-        [_controller(action, "FollowJointTrajectory", source.descriptor.joint_names)]
+        _controller(action, "FollowJointTrajectory", joints) for action, joints in actions.items()
     )
     if gripper := _gripper_action(source):
         settings = source.descriptor.gripper

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from robotd.descriptor import RobotDescriptor
+from robotd.descriptor.group_parameters import (
+    ACTION,
+    GROUPS,
+    JOINTS,
+    default_action,
+    group_prefixes,
+)
 from robotd.node_settings.parameter_reader import ParameterReader
 
 FILE_MEANING = "parameter file; empty: the robot's"
@@ -35,9 +43,14 @@ class ManipulatorStateSettings(NamedTuple):
 
 
 class TrajectoryServerSettings(NamedTuple):
-    """Settings of ``follow_joint_trajectory_server``: the action, and the gripper's service."""
+    """Settings of ``follow_joint_trajectory_server``.
 
-    action: str
+    Attributes:
+        actions: name of the action of each joint group.
+        gripper: name of the gripper's service, "" for none.
+    """
+
+    actions: Mapping[str, str]
     gripper: str
 
 
@@ -75,7 +88,13 @@ def read_trajectory_server(
 ) -> TrajectoryServerSettings:
     """Declare the parameters of ``follow_joint_trajectory_server``."""
     _declare_joints(parameters, descriptor)
-    action = parameters.action("joint_trajectory_action", "name of the action")
+    _declare_groups(parameters, descriptor)
+    actions = {
+        group: parameters.action(
+            f"{prefix}{ACTION}", "name of the action", default_action(descriptor, group)
+        )
+        for group, prefix in group_prefixes(descriptor).items()
+    }
     has_gripper = descriptor.gripper is not None
     gripper = parameters.topic(
         "wmx_gripper_topic", "service that closes the gripper", required=has_gripper
@@ -83,7 +102,7 @@ def read_trajectory_server(
     if gripper and not has_gripper:
         what = f"{gripper!r} is given, but {descriptor.name} has no gripper"
         parameters.reject("wmx_gripper_topic", what)
-    return TrajectoryServerSettings(action, gripper)
+    return TrajectoryServerSettings(actions, gripper)
 
 
 def _declare_joints(parameters: ParameterReader, descriptor: RobotDescriptor) -> None:
@@ -93,3 +112,14 @@ def _declare_joints(parameters: ParameterReader, descriptor: RobotDescriptor) ->
     parameters.same_as("joints", "joint_number", len(descriptor.joints), "number of joints")
     units = [joint.unit for joint in descriptor.joints]
     parameters.same_as("joints", "joint_units", units, "rad or m for each joint")
+
+
+def _declare_groups(parameters: ParameterReader, descriptor: RobotDescriptor) -> None:
+    """Declare the groups and their joints, for clients to read; none where none is named."""
+    if not descriptor.groups:
+        return
+    parameters.same_as("groups", GROUPS, list(descriptor.groups), "joint groups")
+    for name, group in descriptor.groups.items():
+        parameters.same_as(
+            f"groups.{name}.joints", f"{name}.{JOINTS}", group.joints, "joints of the group"
+        )

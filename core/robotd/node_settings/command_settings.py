@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from robotd.descriptor import RobotDescriptor
+from robotd.descriptor.group_parameters import group_prefixes
 from robotd.node_settings.parameter_reader import ParameterReader
 
 STATE_HZ = 50
 
 
-class JointCommandSettings(NamedTuple):
-    """Settings of ``joint_command_node``; a topic or service that is "" is not offered.
+class JointTopics(NamedTuple):
+    """Topics and service of a joint group in ``joint_command_node``; "" is not offered."""
 
-    Attributes:
-        timeout_s: age of the last message at which the joints slow to rest.
-        state_rate_hz: of the topic ``state``.
-    """
-
-    timeout_s: float
     trajectory: str
     position: str
     velocity: str
     jog: str
     state: str
     query: str
+
+
+class JointCommandSettings(NamedTuple):
+    """Settings of ``joint_command_node``.
+
+    Attributes:
+        timeout_s: age of the last message at which the joints slow to rest.
+        topics: of each joint group.
+        state_rate_hz: of the topic ``state``.
+    """
+
+    timeout_s: float
+    topics: Mapping[str, JointTopics]
     state_rate_hz: int
 
 
@@ -47,15 +56,27 @@ def read_joint_command(
     highest = int(descriptor.cycle.rate_hz)
     return JointCommandSettings(
         timeout_s,
-        parameters.topic("joint_trajectory_topic", "trajectories and single points"),
-        parameters.topic("position_commands_topic", "positions of all joints"),
-        parameters.topic("velocity_commands_topic", "velocities of all joints"),
-        parameters.topic("joint_jog_topic", "velocities of named joints"),
-        parameters.topic("controller_state_topic", "commanded and measured motion"),
-        parameters.topic("query_state_service", "commanded motion at a time"),
+        {
+            group: _joint_topics(parameters, prefix)
+            for group, prefix in group_prefixes(descriptor).items()
+        },
         parameters.integer(
             "state_publish_rate", STATE_HZ, (1, highest), "rate of the state topic in Hz"
         ),
+    )
+
+
+def _joint_topics(parameters: ParameterReader, prefix: str) -> JointTopics:
+    def topic(name: str, meaning: str) -> str:
+        return parameters.topic(f"{prefix}{name}", meaning)
+
+    return JointTopics(
+        topic("joint_trajectory_topic", "trajectories and single points"),
+        topic("position_commands_topic", "positions of all joints"),
+        topic("velocity_commands_topic", "velocities of all joints"),
+        topic("joint_jog_topic", "velocities of named joints"),
+        topic("controller_state_topic", "commanded and measured motion"),
+        topic("query_state_service", "commanded motion at a time"),
     )
 
 

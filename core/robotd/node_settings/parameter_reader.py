@@ -92,13 +92,13 @@ class ParameterReader:
         """Any text."""
         return str(self._declare(name, default, meaning))
 
-    def action(self, name: str, meaning: str) -> str:
+    def action(self, name: str, meaning: str, default: str = "") -> str:
         """Name of an action."""
-        return self.topic(name, meaning, required=True)
+        return self.topic(name, meaning, default, required=True)
 
-    def topic(self, name: str, meaning: str, *, required: bool = False) -> str:
+    def topic(self, name: str, meaning: str, default: str = "", *, required: bool = False) -> str:
         """Name of a topic or service; "" where it is not wanted and not required."""
-        value = self.text(name, "", meaning if required else f"{meaning}; empty: none")
+        value = self.text(name, default, meaning if required else f"{meaning}; empty: none")
         if value and (wrong := self._wrong_topic(value)):
             self.reject(name, f"{value!r} is not a ROS name: {wrong}")
         elif required and not value:

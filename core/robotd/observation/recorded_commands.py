@@ -136,7 +136,8 @@ class CommandRepeater:
             data.get("accelerations"),
         )
         context = ExitStack()
-        execution = context.enter_context(self._robot.follower.follow(request))
+        follower = self._robot.groups.of(request.joint_names).follower
+        execution = context.enter_context(follower.follow(request))
         self._goals.append((execution, context))
 
 

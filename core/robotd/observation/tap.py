@@ -237,8 +237,6 @@ def bus_values(bus: int, status: BusStatus) -> dict[str, Mapping[str, float]]:
 def recording_info(robot: Robot) -> RecordingInfo:
     """Return the metadata of a recording that begins now."""
     descriptor = robot.descriptor
-    limits = robot.follower.limits
-    columns = (limits.lower, limits.upper, limits.velocity, limits.acceleration)
     return RecordingInfo(
         robot=descriptor.name,
         backend=robot.backend.name,
@@ -249,8 +247,8 @@ def recording_info(robot: Robot) -> RecordingInfo:
         axes=robot.axes.names,
         joints=robot.joint_axes,
         limits={
-            name: tuple(float(column[index]) for column in columns)  # type: ignore[misc]
-            for index, name in enumerate(robot.joint_names)
+            joint.name: (joint.lower, joint.upper, joint.velocity, joint.acceleration)
+            for joint in descriptor.joints
         },
         offset_ns=time.time_ns() - robot.clock.now_ns(),
     )

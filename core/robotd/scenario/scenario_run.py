@@ -147,18 +147,20 @@ class ScenarioRun:
 
     def _command(self, step: Step) -> tuple[Expected, str]:
         if step.move is not None:
-            return self._follow(self._move(step.move))
+            return self._follow(partial(self._move, step.move))
         if step.trajectory is not None:
-            return self._follow(_request(step.trajectory))
+            return self._follow(partial(_request, step.trajectory))
         if step.gripper is not None:
             return _attempt(partial(self._grip, step.gripper))
         if step.servos is not None:
             return _attempt(partial(self._switch, step.servos))
         return _attempt(partial(self._run_engine, step.engine))
 
-    def _follow(self, request: TrajectoryRequest) -> tuple[Expected, str]:
+    def _follow(self, make: Callable[[], TrajectoryRequest]) -> tuple[Expected, str]:
         try:
-            with self._robot.follower.follow(request) as execution:
+            request = make()
+            follower = self._robot.groups.of(request.joint_names).follower
+            with follower.follow(request) as execution:
                 if not wait_until(lambda: execution.done, MOTION_TIMEOUT_S, self._clock):
                     return Expected.FAULT, f"not finished after {MOTION_TIMEOUT_S:g} s"
         except RobotdError as error:
@@ -167,9 +169,9 @@ class ScenarioRun:
         return _OUTCOMES.get(outcome, Expected.FAULT), execution.message
 
     def _move(self, move: Move) -> TrajectoryRequest:
-        robot = self._robot
-        stay = robot.image.position_command[list(robot.joint_axes)]
-        targets = {**dict(zip(robot.joint_names, stay.tolist(), strict=True)), **move.to_rad}
+        robot, group = self._robot, self._robot.groups.of(move.to_rad)
+        stay = robot.image.position_command[list(group.joint_axes)]
+        targets = {**dict(zip(group.joint_names, stay.tolist(), strict=True)), **move.to_rad}
         positions = np.array([list(targets.values())])
         return TrajectoryRequest(tuple(targets), np.array([move.time_s]), positions)
 

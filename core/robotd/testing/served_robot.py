@@ -12,6 +12,7 @@ from typing import Any
 from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import load_robot_descriptor
+from robotd.descriptor.group_parameters import ACTION, default_action, group_prefixes
 from robotd.errors import InvalidArgument
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
@@ -80,15 +81,22 @@ class RobotUnderTest:
         """Move joints over ROS, as a client does, and wait for the result.
 
         Args:
-            targets: rad or m by joint; others hold their position.
+            targets: rad or m by joint, of one joint group; its others hold their position.
             time_s: duration, in simulated time.
 
         Returns:
             True when the goal was reached, and the text of the result.
         """
-        parameters = self.robot.descriptor.ros_parameters.get(_FOLLOWER, {})
-        action = self.node.resolve_topic_name(str(parameters["joint_trajectory_action"]))
-        arm = Arm(action, self.joint_positions, {})
+        descriptor, group = self.robot.descriptor, self.robot.groups.of(targets)
+        parameters = descriptor.ros_parameters.get(_FOLLOWER, {})
+        parameter = f"{group_prefixes(descriptor)[group.name]}{ACTION}"
+        name = parameters.get(parameter) or default_action(descriptor, group.name)
+        positions = self.joint_positions
+        arm = Arm(
+            self.node.resolve_topic_name(str(name)),
+            {joint: positions[joint] for joint in group.joint_names},
+            {},
+        )
         ending, text = move(self.client, arm, targets, time_s, lambda: False, lambda *_: None)
         return ending is Ending.REACHED, text
 

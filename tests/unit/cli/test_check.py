@@ -13,7 +13,9 @@ import robotd_robots
 from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
+from robotd.errors import Unsupported
 from robotd.plugin.manager import PLUGINS
+from robotd.robot import build_robot
 
 Robotd = Callable[..., Result]
 Install = Callable[..., Path]
@@ -41,7 +43,7 @@ def edit(cr3a: Path) -> Edit:
     return change
 
 
-@pytest.mark.parametrize("robot", ["cr3a", "standalone"])
+@pytest.mark.parametrize("robot", ["cr3a", "standalone", "dual_cr3a", "mobile_manipulator"])
 def test_the_robots_that_come_with_robotd_are_well(robotd: Robotd, robot: str) -> None:
     result = robotd("check", "--robot", robot)
     assert result.exit_code == 0, result.output
@@ -103,6 +105,37 @@ def test_what_options_know_of_the_robot_is_checked(
     result = robotd("check", "--robot", str(path), "--backend", "acme")
     assert result.exit_code == ExitCode.CONFIGURATION
     assert "backends.acme: no drive for 3 axes" in result.stdout
+
+
+def test_joint_groups_need_streamed_setpoints(
+    robotd: Robotd, install: Install, tmp_path: Path
+) -> None:
+    source = """
+        from robotd.api import *
+        from robotd.testing.fakes import FakeAxes, FakeDevice
+
+        @hookimpl
+        def robotd_backend():
+            return BackendInfo("a test", 1, frozenset({Capability.TRAJECTORIES_ON_DEVICE}))
+
+        @hookimpl
+        def robotd_open_device():
+            return FakeDevice()
+
+        @hookimpl
+        def robotd_axes(device):
+            return FakeAxes(12)
+    """
+    install("acme", source)
+    path = tmp_path / "robot.yaml"
+    path.write_text("schema: 1\nname: arms\nextends: dual_cr3a\n", encoding="utf-8")
+    result = robotd("check", "--robot", str(path), "--backend", "acme")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    text = "several joint groups with trajectories that the device interpolates: not supported"
+    assert f"groups: {text} by the acme backend" in result.stdout
+    with pytest.raises(Unsupported, match=text):
+        build_robot(path, "acme")
+    assert robotd("check", "--robot", "cr5a", "--backend", "acme").exit_code == ExitCode.OK
 
 
 def test_the_parameter_file_is_checked(robotd: Robotd, edit: Edit) -> None:

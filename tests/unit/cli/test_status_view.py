@@ -34,7 +34,7 @@ def axis(number: int, *, alarm: bool = False) -> AxisReport:
 
 def test_axes_and_parts_are_shown_with_their_state() -> None:
     parts = (PartReport("joint3", 2, "amplifier alarm 34321"),)
-    text = shown(LiveReport(True, (axis(0), axis(2, alarm=True)), parts, 1.25))
+    text = shown(LiveReport(True, (axis(0), axis(2, alarm=True)), parts, {"/arm": 1.25}))
     lines = text.splitlines()
     assert lines[0].startswith("ready")
     assert "1.2 s on its path" in lines[1]
@@ -45,6 +45,6 @@ def test_axes_and_parts_are_shown_with_their_state() -> None:
 
 
 def test_a_robot_that_is_not_ready_has_no_axes() -> None:
-    text = shown(LiveReport(False, None, (), None))
+    text = shown(LiveReport(False, None, (), {}))
     assert text.startswith("not ready")
     assert "on its path" not in text

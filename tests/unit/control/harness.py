@@ -13,7 +13,9 @@ import pytest
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import SteppedClock
+from robotd.control.source_slot import SourceSlot
 from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.device.state import Operation
@@ -96,13 +98,19 @@ class Harness:
         self.robot = Robot(descriptor, load_backend("sim"), self.clock)
         self.image = self.robot.image
         self.connection = self.robot.connection
-        self.follower = self.robot.follower
         self.mixer = self.robot.control_loop._mixer
-        self.slot = self.robot.joint_motion._slot
         self.simulation: Simulation = self.connection._driver.wrapped.simulation  # type: ignore[attr-defined]
         self.faults = Faults(self.simulation)
         self.setpoints = Setpoints()
         self._tap()
+
+    @property
+    def follower(self) -> TrajectoryFollower:
+        return self.robot.follower
+
+    @property
+    def slot(self) -> SourceSlot:
+        return self.robot.joint_motion._slot
 
     def up(self) -> Harness:
         self.robot.start()

@@ -85,6 +85,16 @@ def test_moveit_reaches_the_action(
     assert action_of(move_group(ExportInput(source.descriptor, namespace))) == resolved
 
 
+def test_moveit_gets_a_controller_for_each_joint_group() -> None:
+    source = ExportInput(load_robot_descriptor("dual_cr3a"), "/cell")
+    manager = move_group(source)["moveit_simple_controller_manager"]
+    assert manager["controller_names"] == ["cell/left_controller", "cell/right_controller"]
+    for side in ("left", "right"):
+        controller = manager[f"cell/{side}_controller"]
+        assert controller["action_ns"] == "follow_joint_trajectory"
+        assert controller["joints"] == [f"{side}_joint{number}" for number in range(1, 7)]
+
+
 def test_moveit_waits_longer_than_the_robot_takes_for_a_result(cr3a: RobotDescriptor) -> None:
     assert move_group(ExportInput(cr3a))["trajectory_execution"] == {
         "allowed_start_tolerance": cr3a.trajectory.start_tolerance_rad,

@@ -11,9 +11,10 @@ from robotd.cli.check_report import CheckReport
 from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import configure_logging, log_options, robot_options
 from robotd.cli.urdf_check import check_urdf
+from robotd.control.joint_group import ON_DEVICE
 from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability
-from robotd.errors import DescriptorError, PluginError
+from robotd.errors import DescriptorError, PluginError, Unsupported
 from robotd.node_settings import check_node_parameters
 from robotd.plugin.manager import Backend, load_backend
 from robotd.ros.node_registry import BUILT_IN
@@ -95,9 +96,24 @@ def _check_backend(
                     path=descriptor.path,
                     key=key,
                 )
+        _check_groups(descriptor, backend)
         if descriptor.parameters_file and Capability.PARAMETERS_FILE not in capabilities:
             return "parameters_file is not used by this backend"
         return None
 
     report.run(f"options of {name}", options)
     report.run(f"features of {name}", features)
+
+
+def _check_groups(descriptor: RobotDescriptor, backend: Backend) -> None:
+    """Raise DescriptorError for several groups on a device that interpolates trajectories.
+
+    Whether it does may depend on its options: the drivers are made for it, and nothing is opened.
+    """
+    able = Capability.TRAJECTORIES_ON_DEVICE in backend.capabilities
+    if not able or len(descriptor.groups) < 2 or descriptor.tree is None:
+        return
+    if backend.drivers(backend.context(descriptor)).axes.follows_trajectories:
+        node = descriptor.tree.find(["groups"])
+        what = str(Unsupported(ON_DEVICE, backend.name))
+        raise DescriptorError(what, path=node.path, line=node.line, key="groups")

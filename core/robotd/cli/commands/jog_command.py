@@ -94,7 +94,7 @@ def _jog(
     with robot_client(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
-            arm = motion.find_arm(client, action)
+            arm = motion.find_arm(client, [joint], action)
         import_ros("client.operator_client").require_motion(client)
         if joint not in arm.positions:
             raise click.BadParameter(unknown_name("joint", joint, arm.positions))

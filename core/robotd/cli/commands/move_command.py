@@ -60,8 +60,8 @@ def move(ctx: click.Context, /, **options: Any) -> None:
     """Move joints of the running arm.
 
     For example: robotd move joint1=0.5 joint3=-0.4. Positions are rad, or m for a prismatic joint.
-    Joints that are not named stay where they are. Ctrl-C stops the motion and waits until the arm
-    stands.
+    Joints that are not named stay where they are, and other joint groups go on. Ctrl-C stops the
+    motion and waits until the arm stands.
     """
     configure_logging(ctx)
     ctx.exit(_move(ros_args(ctx), **options))
@@ -83,7 +83,7 @@ def _move(
     with robot_client(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
-            arm = motion.find_arm(client, action)
+            arm = motion.find_arm(client, targets, action)
         import_ros("client.operator_client").require_motion(client)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {

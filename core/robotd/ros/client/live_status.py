@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -39,25 +39,47 @@ class LiveReport:
         ready: the robot takes commands; None before it was heard of.
         axes: None while they are not published.
         parts: engine, axes, fieldbus, control loop.
-        goal_s: time that the running goal has got to on its path, seconds; None: no goal.
+        goals_s: time that each running goal has got to on its path, seconds, by its action.
     """
 
     ready: bool | None
     axes: tuple[AxisReport, ...] | None
     parts: tuple[PartReport, ...]
-    goal_s: float | None
+    goals_s: Mapping[str, float]
+
+
+class GoalProgress:
+    """Progress of the running goal of an action, from its feedback. One thread."""
+
+    def __init__(self, feedback: Listener) -> None:
+        self._feedback = feedback
+        self._seen: Any = None
+        self._seen_s = 0.0
+
+    @property
+    def path_s(self) -> float | None:
+        """Time that the goal has got to on its path, seconds; None: no goal runs."""
+        message, now_s = self._feedback.newest, time.monotonic()
+        if message is not self._seen:
+            self._seen, self._seen_s = message, now_s
+        if message is None or now_s - self._seen_s > GOAL_SILENCE_S:
+            return None
+        passed = message.feedback.desired.time_from_start
+        return float(passed.sec + passed.nanosec / NANOSECONDS)
 
 
 class LiveStatus:
     """Subscriptions of a robot's state: ``with live_status(client) as status:``. One thread."""
 
     def __init__(
-        self, ready: Listener, axes: Listener, diagnostics: Listener, feedback: Listener | None
+        self,
+        ready: Listener,
+        axes: Listener,
+        diagnostics: Listener,
+        goals: Mapping[str, GoalProgress],
     ) -> None:
         self._ready, self._axes, self._diagnostics = ready, axes, diagnostics
-        self._feedback = feedback
-        self._seen: Any = None
-        self._seen_s = 0.0
+        self._goals = goals
 
     def report(self) -> LiveReport:
         """Return the newest state; never waits."""
@@ -69,17 +91,9 @@ class LiveStatus:
             for each in statuses
         )
         reports = axis_reports(axes) if is_ready and axes is not None else None
-        return LiveReport(is_ready, reports, parts, self._goal_s())
-
-    def _goal_s(self) -> float | None:
-        message = self._feedback.newest if self._feedback else None
-        now_s = time.monotonic()
-        if message is not self._seen:
-            self._seen, self._seen_s = message, now_s
-        if message is None or now_s - self._seen_s > GOAL_SILENCE_S:
-            return None
-        passed = message.feedback.desired.time_from_start
-        return float(passed.sec + passed.nanosec / NANOSECONDS)
+        running = {action: goal.path_s for action, goal in self._goals.items()}
+        goals_s = {action: path_s for action, path_s in running.items() if path_s is not None}
+        return LiveReport(is_ready, reports, parts, goals_s)
 
 
 @contextmanager
@@ -90,9 +104,11 @@ def live_status(client: RosClient) -> Iterator[LiveStatus]:
         axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
         diagnostics = stack.enter_context(client.listen(DiagnosticArray, "/diagnostics", 10))
         ready.wait()
-        feedback = None
-        if servers := action_servers(client.node):
-            topic = f"{servers[0][0]}/_action/feedback"
-            kind = FollowJointTrajectory.Impl.FeedbackMessage
-            feedback = stack.enter_context(client.listen(kind, topic))
-        yield LiveStatus(ready, axes, diagnostics, feedback)
+        kind = FollowJointTrajectory.Impl.FeedbackMessage
+        goals = {
+            action: GoalProgress(
+                stack.enter_context(client.listen(kind, f"{action}/_action/feedback"))
+            )
+            for action, _ in action_servers(client.node)
+        }
+        yield LiveStatus(ready, axes, diagnostics, goals)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import posixpath
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -19,6 +20,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from robotd.clock import NANOSECONDS
+from robotd.descriptor.group_parameters import ACTION, GROUPS, JOINTS
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd.ros.client.ros_client import RosClient
 
@@ -26,6 +28,9 @@ JOINT_STATES = "joint_states"
 ACTION_TYPE = "control_msgs/action/FollowJointTrajectory"
 
 _SETTLE_S = 0.6  # a second robotd is found within this time after the first one: discovery.py
+
+Groups = Mapping[str, Sequence[str]]
+"""Joints of each action of a robot with joint groups."""
 
 Positions = Mapping[str, float]
 OnProgress = Callable[[float, Positions], None]
@@ -45,7 +50,8 @@ class Arm:
 
     Attributes:
         action: resolved name of its action.
-        positions: every joint of the arm, in the robot's order, and where it was; rad or m.
+        positions: every joint of the arm or the joint group, in the robot's order, and where it
+            was; rad or m.
         units: "rad" or "m" of each joint, for joints whose robot states it.
     """
 
@@ -54,22 +60,30 @@ class Arm:
     units: Mapping[str, str]
 
 
-def find_arm(client: RosClient, action: str | None = None) -> Arm:
+def find_arm(client: RosClient, joints: Collection[str], action: str | None = None) -> Arm:
     """The only arm that is running, or the one with ``action``.
+
+    Of a robot with joint groups: the group that has ``joints``.
 
     Raises:
         DeviceTimeout: there is none, or its joint states do not come.
+        InvalidArgument: no joint group has one of ``joints``, or several have them.
         OperationError: there are several and ``action`` is None.
     """
     with client.listen(JointState, JOINT_STATES) as joint_states:
         name, node = _find_action(client, action)
         settled_s = time.monotonic() + _SETTLE_S
         count, units = _joints(client, node)
+        groups = _groups(client, node)
         names = joint_states.wait().name[:count]
         if action is None:
-            _check_only_one(client, settled_s)
+            _check_only_one(client, settled_s, groups)
         positions = dict(zip(names, joint_states.newest.position, strict=False))
-        return Arm(name, positions, dict(zip(names, units, strict=False)))
+        unit_of = dict(zip(names, units, strict=False))
+        if groups:
+            name = name if action else _action_of(joints, groups)
+            positions = {joint: positions[joint] for joint in groups.get(name, positions)}
+        return Arm(name, positions, unit_of)
 
 
 def move(
@@ -172,11 +186,16 @@ def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:
     return found
 
 
-def _check_only_one(client: RosClient, settled_s: float) -> None:
-    """Raise OperationError for several arms, after the time that discovery takes."""
+def _check_only_one(client: RosClient, settled_s: float, groups: Groups) -> None:
+    """Raise OperationError for several arms, after the time that discovery takes.
+
+    The actions of ``groups`` are one arm.
+    """
     while time.monotonic() < settled_s:
         client.spin()
-    servers = action_servers(client.node)
+    servers = [each for each in action_servers(client.node) if each[0] not in groups]
+    if groups:
+        servers += [(", ".join(groups), "joint groups of one robot")]
     if len(servers) > 1:
         listing = ", ".join(f"{action} (of {node})" for action, node in servers)
         raise OperationError(f"several arms: choose one by --action (available: {listing})")
@@ -197,6 +216,37 @@ def action_servers(node: Node) -> list[tuple[str, str]]:
             if ACTION_TYPE in types:
                 servers.append((action, f"{namespace.rstrip('/')}/{name}"))
     return sorted(servers)
+
+
+def _action_of(joints: Collection[str], groups: Groups) -> str:
+    """Return the action of the group that has all ``joints``. Raises InvalidArgument."""
+    action_of = {joint: action for action, group in groups.items() for joint in group}
+    for joint in joints:
+        if joint not in action_of:
+            raise InvalidArgument(unknown_name("joint", joint, action_of))
+    found = {action_of[joint]: joint for joint in joints}
+    if len(found) > 1:
+        listing = ", ".join(f"{joint} by {action}" for action, joint in found.items())
+        raise InvalidArgument(f"one joint group moves at a time, not {listing}")
+    return next(iter(found))
+
+
+def _groups(client: RosClient, node: str) -> Groups:
+    """Return the joints of each action of ``node``; empty for a robot without joint groups."""
+    names = _texts(client, node, [GROUPS])
+    if not names:
+        return {}
+    keys = [f"{group}.{key}" for group in names[0] for key in (ACTION, JOINTS)]
+    values = _texts(client, node, keys)
+    namespace = posixpath.dirname(node)
+    actions = [posixpath.join(namespace, action) for (action,) in values[::2]]
+    return dict(zip(actions, values[1::2], strict=True))
+
+
+def _texts(client: RosClient, node: str, names: Sequence[str]) -> list[list[str]]:
+    """Return the texts of parameters; empty where the node has not all of them."""
+    response = client.call(GetParameters, f"{node}/get_parameters", names=names)
+    return [list(value.string_array_value) or [value.string_value] for value in response.values]
 
 
 def _joints(client: RosClient, node: str) -> tuple[int | None, list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from robotd.clock import NANOSECONDS
@@ -38,7 +39,10 @@ class AxisJog:
     def __init__(self, robot: Robot, host: RosHost, topic: str, timeout_s: float) -> None:
         self._robot, self._host = robot, host
         self._timeout_ns = round(timeout_s * NANOSECONDS)
-        self._stream = TopicStream(robot, host, topic, topic, timeout_s)
+        self._streams = [
+            (group, TopicStream(group.stream, host, topic, topic, timeout_s))
+            for group in robot.groups.values()
+        ]
         self._deadlines: dict[int, int] = {}  # of axes in velocity mode
         rate_hz = min(CHECK_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "axis jog", self.check)
@@ -48,16 +52,16 @@ class AxisJog:
         jogs = axis_conversions.jogs(message)
         axes, image = self._robot.axes, self._robot.image
         axes.check_axes([jog.axis for jog in jogs])
-        joints = self._robot.joint_axes
         streamed = [jog for jog in jogs if self._is_streamed(jog.axis, image)]
         others = [jog for jog in jogs if jog not in streamed]
         if others:
             axes.jog(others)
             deadline_ns = self._robot.clock.now_ns() + self._timeout_ns
             self._deadlines |= dict.fromkeys((jog.axis for jog in others), deadline_ns)
-        if streamed:
-            velocity = [_velocity(axis, streamed) for axis in joints]
-            self._stream.apply(lambda stream: _send(stream, velocity))
+        for group, stream in self._streams:
+            if any(jog.axis in group.joint_axes for jog in streamed):
+                velocity = [_velocity(axis, streamed) for axis in group.joint_axes]
+                stream.apply(partial(_send, velocity=velocity))
 
     def check(self, image: ProcessImage) -> None:
         """Stop the axes whose messages have stopped."""

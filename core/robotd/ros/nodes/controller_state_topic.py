@@ -9,24 +9,26 @@ from control_msgs.msg import JointTrajectoryControllerState
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from robotd.clock import Clock
+from robotd.control.joint_group import JointGroup
 from robotd.device.process_image import ProcessImage, columns
 from robotd.robot import Robot
 from robotd.ros.middleware import HotPublisher, StampClock
-from robotd.ros.nodes.trajectory_conversions import stamp_ns
+from robotd.ros.nodes.trajectory_conversions import clock_time_ns, stamp_ns
 
 DEPTH = 10
 POINTS = ("reference", "output", "feedback", "error")
 
 
 class ControllerStateTopic:
-    """Publishes commanded and measured motion of the joints while somebody subscribes.
+    """Publishes commanded and measured motion of a joint group while somebody subscribes.
 
     ``publish`` belongs to the control loop.
     """
 
-    def __init__(self, node: Node, robot: Robot, topic: str) -> None:
-        rest = [0.0] * len(robot.joint_names)
-        template = JointTrajectoryControllerState(joint_names=list(robot.joint_names))
+    def __init__(self, node: Node, robot: Robot, group: JointGroup, topic: str) -> None:
+        rest = [0.0] * len(group.joint_names)
+        template = JointTrajectoryControllerState(joint_names=list(group.joint_names))
         template.speed_scaling_factor = 1.0
         for name in POINTS:
             setattr(template, name, JointTrajectoryPoint(positions=rest, velocities=rest))
@@ -35,7 +37,7 @@ class ControllerStateTopic:
         self._message = HotPublisher(self._publisher, template, paths)
         self._views = {path: self._message.view(path) for path in paths}
         self._connection, self._clock = robot.connection, StampClock(node.get_clock())
-        self._columns = columns(robot.joint_axes)
+        self._columns = columns(group.joint_axes)
 
     @property
     def topic(self) -> str:
@@ -59,19 +61,20 @@ class ControllerStateTopic:
 class TrajectoryQuery:
     """Answers a query with the running trajectory at a ROS time, or the held position."""
 
-    def __init__(self, node: Node, robot: Robot) -> None:
-        self._clock, self._robot = node.get_clock(), robot
+    def __init__(self, node: Node, group: JointGroup, clock: Clock) -> None:
+        self._group, self._clock, self._ros_clock = group, clock, node.get_clock()
 
     def answer(self, request: Any, response: Any) -> Any:
         """Fill the response of a ``QueryTrajectoryState``; time zero means now."""
-        robot, asked_ns = self._robot, stamp_ns(request.time)
-        delay_ns = asked_ns - self._clock.now().nanoseconds if asked_ns else 0
-        state = robot.follower.state_at(robot.clock.now_ns() + delay_ns)
+        asked_ns = stamp_ns(request.time)
+        now_ns = self._clock.now_ns()
+        time_ns = clock_time_ns(asked_ns, self._ros_clock, self._clock) if asked_ns else now_ns
+        state = self._group.follower.state_at(time_ns)
         if state is None or not np.isfinite(state.position).all():
             response.message = "no trajectory runs: the motion is decided by a stream, or unknown"
             return response
         response.success = True
-        response.name = list(robot.joint_names)
+        response.name = list(self._group.joint_names)
         response.position = state.position.tolist()
         response.velocity = state.velocity.tolist()
         response.acceleration = state.acceleration.tolist()

@@ -1,74 +1,24 @@
-"""follow_joint_trajectory_server: trajectory action, and the gripper's service."""
+"""follow_joint_trajectory_server: trajectory actions, and the gripper's service."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
-from control_msgs.action import FollowJointTrajectory
-from rclpy._rclpy_pybind11 import GoalEvent
-from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from robotd.clock import NANOSECONDS
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
-from robotd.errors import RobotdError
-from robotd.log import get_logger
-from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_delay
 from robotd.node_settings.arm_settings import read_trajectory_server
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import RealTimeResultServer
 from robotd.ros.nodes.node_parameters import Parameters
-from robotd.ros.nodes.trajectory_conversions import (
-    duration_s,
-    feedback,
-    joint_tolerances,
-    stamp_ns,
-    trajectory_request,
-)
-from robotd.ros.services import SERVICE_QOS, add_service
-
-log = get_logger("trajectory")
+from robotd.ros.nodes.trajectory_action import TrajectoryAction
+from robotd.ros.services import add_service
 
 NAME = "follow_joint_trajectory_server"
-FEEDBACK_PERIOD_NS = 40_000_000  # of the robot's clock
-# Real time for which a result can be asked for, with its goal in memory: the default of rcl.
-# rclpy's own, 15 min, is 150 MB when goals of 1000 points come one a second.
-RESULT_TIMEOUT_S = 10
-
-# Beyond it a goal is rejected. The status that every client gets lists all goals, so that a
-# thousand at once, each of which changes it three times, would keep all clients busy for minutes.
-MAX_ACTIVE_GOALS = 32
-
-_RESULT = FollowJointTrajectory.Result
-# A fault and a preemption have no code of their own; clients know INVALID_GOAL for both.
-_CODES = {
-    Outcome.SUCCEEDED: _RESULT.SUCCESSFUL,
-    Outcome.CANCELED: _RESULT.SUCCESSFUL,
-    Outcome.PREEMPTED: _RESULT.INVALID_GOAL,
-    Outcome.PATH_TOLERANCE: _RESULT.PATH_TOLERANCE_VIOLATED,
-    Outcome.GOAL_TOLERANCE: _RESULT.GOAL_TOLERANCE_VIOLATED,
-    Outcome.STOPPED: _RESULT.INVALID_GOAL,
-    Outcome.FAULT: _RESULT.INVALID_GOAL,
-}
-
-
-@dataclass(frozen=True)
-class Ending:
-    """Outcome and result of a goal; ``outcome`` None: rejected before anything moved."""
-
-    outcome: Outcome | None
-    code: int
-    text: str
 
 
 class FollowJointTrajectoryServer(Node):
-    """Executes one trajectory at a time; a newer goal takes over.
-
-    A bad goal is accepted and aborted at once, because only a result can carry a reason. One too
-    many is rejected, see ``MAX_ACTIVE_GOALS``.
+    """Serves the trajectory action of each joint group, and the gripper's service.
 
     Raises:
         DescriptorError: a parameter is wrong.
@@ -77,27 +27,15 @@ class FollowJointTrajectoryServer(Node):
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
         self._robot = robot
-        self._host = host
-        self._executions: dict[bytes, TrajectoryExecution] = {}
-        self._live = 0  # goals that have not ended; executor thread
         parameters = Parameters(self, robot.descriptor)
         settings = read_trajectory_server(parameters, robot.descriptor)
         parameters.done()
         if settings.gripper:
             add_service(self, host, SetBool, settings.gripper, self._set_gripper)
-        self._server = RealTimeResultServer(
-            self,
-            FollowJointTrajectory,
-            settings.action,
-            _unused,
-            goal_callback=self._admit,
-            handle_accepted_callback=self._accepted,
-            cancel_callback=self._cancel,
-            goal_service_qos_profile=SERVICE_QOS,
-            cancel_service_qos_profile=SERVICE_QOS,
-            result_service_qos_profile=SERVICE_QOS,
-            result_timeout=RESULT_TIMEOUT_S,
-        )
+        self._actions = [
+            TrajectoryAction(self, robot, host, robot.groups[group], action)
+            for group, action in settings.actions.items()
+        ]
 
     def _set_gripper(self, request: Any, response: Any) -> Any:
         if self._robot.gripper is not None:
@@ -105,113 +43,3 @@ class FollowJointTrajectoryServer(Node):
         response.success = True
         response.message = "gripper closes" if request.data else "gripper opens"
         return response
-
-    def _admit(self, goal: Any) -> GoalResponse:
-        with self._host.callback_guard():
-            if self._live >= MAX_ACTIVE_GOALS:
-                log.warning("goal rejected", reason=f"{MAX_ACTIVE_GOALS} goals have not ended yet")
-                return GoalResponse.REJECT
-            self._live += 1
-            return GoalResponse.ACCEPT
-
-    def _cancel(self, goal: Any) -> CancelResponse:
-        if execution := self._executions.get(bytes(goal.goal_id.uuid)):
-            execution.cancel()
-        return CancelResponse.ACCEPT
-
-    def _accepted(self, goal: Any) -> None:
-        """Executor thread: hand the goal to a worker.
-
-        A coroutine that awaits the worker would be the ordinary way, but the EventsExecutor
-        spins for as long as one waits: half a core while the robot moves.
-        """
-        goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
-        try:
-            ticket = self._robot.joint_motion.ticket()
-            self._host.submit(self._run, goal, self._server.requester, ticket)
-        except RobotdError as error:
-            self._end(goal, Ending(None, _RESULT.INVALID_GOAL, str(error)))
-
-    def _run(self, goal: Any, requester: Any, ticket: int) -> None:
-        """Worker thread: execute the goal, then let the executor thread end it."""
-        with self._host.sent_by_request(requester):
-            ending = self._ending_of(goal, ticket)
-        self._end(goal, ending)
-
-    def _end(self, goal: Any, ending: Ending) -> None:
-        self._server.notify_execute(goal, lambda goal: self._finish(goal, ending))
-
-    def _finish(self, goal: Any, ending: Ending) -> Any:
-        """Executor thread. The goal ends here only, so after ``_cancel`` is through."""
-        self._live -= 1
-        if ending.outcome is Outcome.SUCCEEDED:
-            goal.succeed()
-        elif ending.outcome is Outcome.CANCELED and goal.is_cancel_requested:
-            goal.canceled()
-        else:
-            goal.abort()
-        log.info("goal ended", outcome=_word(ending), reason=ending.text)
-        return _RESULT(error_code=ending.code, error_string=ending.text)
-
-    def _ending_of(self, goal: Any, ticket: int) -> Ending:
-        """Worker thread: from the goal message to standstill."""
-        try:
-            return self._follow(goal, ticket)
-        except TrajectoryRejected as error:
-            return Ending(None, int(error.code), str(error))
-        except RobotdError as error:
-            return Ending(None, _RESULT.INVALID_GOAL, str(error))
-        except Exception as error:
-            log.exception("a goal failed")
-            return Ending(None, _RESULT.INVALID_GOAL, f"internal error: {error}")
-        finally:
-            self._executions.pop(bytes(goal.goal_id.uuid), None)
-
-    def _follow(self, goal: Any, ticket: int) -> Ending:
-        message, follower = goal.request, self._robot.follower
-        request = trajectory_request(message)
-        tolerances = follower.tolerances(
-            joint_tolerances(message.path_tolerance),
-            joint_tolerances(message.goal_tolerance),
-            duration_s(message.goal_time_tolerance),
-        )
-        start_ns = self._start_ns(message.trajectory.header.stamp, request)
-        with follower.follow(request, tolerances, start_ns, ticket) as execution:
-            self._executions[bytes(goal.goal_id.uuid)] = execution
-            self._watch(goal, execution)
-            outcome, text = execution.outcome or Outcome.FAULT, execution.message
-        code = _CODES[outcome]
-        if outcome is Outcome.CANCELED and not goal.is_cancel_requested:
-            code, text = _RESULT.INVALID_GOAL, "stopped by the robot, not by the client"
-        notes = (*execution.trajectory.notes, *tolerances.notes)
-        return Ending(outcome, code, "; ".join([text, *notes]))
-
-    def _watch(self, goal: Any, execution: TrajectoryExecution) -> None:
-        """Publish feedback until the goal has ended."""
-        with execution.ticks(FEEDBACK_PERIOD_NS, self._robot.clock) as ticks:
-            for _ in ticks:
-                if goal.is_cancel_requested:  # before it was in the table
-                    execution.cancel()
-                self._publish_feedback(goal, execution)
-
-    def _start_ns(self, stamp: Any, request: TrajectoryRequest) -> int | None:
-        """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
-        begin_ns = stamp_ns(stamp)
-        if begin_ns == 0 or len(request.times_s) == 0:
-            return None
-        delay_ns = begin_ns - self.get_clock().now().nanoseconds
-        check_start_delay(delay_ns / NANOSECONDS, float(request.times_s[-1]))
-        return self._robot.clock.now_ns() + delay_ns
-
-    def _publish_feedback(self, goal: Any, execution: TrajectoryExecution) -> None:
-        now_ns = self.get_clock().now().nanoseconds
-        goal.publish_feedback(feedback(execution.trajectory.names, execution.progress(), now_ns))
-
-
-def _unused(goal: Any) -> Any:
-    """The execute callback that rclpy asks for; ``_accepted`` does without."""
-    raise AssertionError("goals are executed by a worker")
-
-
-def _word(ending: Ending) -> str:
-    return "rejected" if ending.outcome is None else ending.outcome.name.lower()

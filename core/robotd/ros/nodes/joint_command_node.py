@@ -10,10 +10,11 @@ from control_msgs.srv import QueryTrajectoryState
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
+from robotd.control.joint_group import JointGroup
 from robotd.control.joint_motion import OWNER
 from robotd.control.joint_stream import JointStream
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
-from robotd.node_settings.command_settings import read_joint_command
+from robotd.node_settings.command_settings import JointTopics, read_joint_command
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.controller_state_topic import ControllerStateTopic, TrajectoryQuery
@@ -40,45 +41,45 @@ class JointCommandNode(Node):
         if not robot.joint_names:
             raise DescriptorError(f"{NAME} needs joints, which {robot.descriptor.name} has not")
         self._robot, self._host = robot, host
-        self._names = robot.joint_names
         parameters = Parameters(self, robot.descriptor)
         settings = read_joint_command(parameters, robot.descriptor)
-        self._timeout_s = settings.timeout_s
+        self._timeout_s, self._state_rate_hz = settings.timeout_s, settings.state_rate_hz
         parameters.done()
-        if settings.trajectory:
-            stream = self._stream(settings.trajectory, OWNER)
-            self._trajectories = TrajectoryTopic(self, robot, host, settings.trajectory, stream)
-        if settings.position:
-            self._forward(settings.position, Float64MultiArray, _positions)
-        if settings.velocity:
-            self._forward(settings.velocity, Float64MultiArray, _velocities)
-        if settings.jog:
-            self._forward(settings.jog, JointJog, self._jog)
-        if settings.state:
-            publisher = ControllerStateTopic(self, robot, settings.state)
-            rate_hz = settings.state_rate_hz
-            robot.control_loop.every(rate_hz, "controller state", publisher.publish)
-            self.rates_hz = {publisher.topic: float(rate_hz)}
-        if settings.query:
-            answer = TrajectoryQuery(self, robot).answer
-            add_service(self, host, QueryTrajectoryState, settings.query, answer, blocking=False)
+        self.rates_hz: dict[str, float] = {}
+        for name, topics in settings.topics.items():
+            self._serve(robot.groups[name], topics)
 
-    def _forward(self, topic: str, message_type: Any, command: Any) -> None:
+    def _serve(self, group: JointGroup, topics: JointTopics) -> None:
+        """Offer the topics and the service of one joint group."""
+        robot, host = self._robot, self._host
+        if topics.trajectory:
+            stream = self._stream(group, topics.trajectory, OWNER)
+            TrajectoryTopic(self, group, robot.clock, host, topics.trajectory, stream)
+        if topics.position:
+            self._forward(group, topics.position, Float64MultiArray, _positions)
+        if topics.velocity:
+            self._forward(group, topics.velocity, Float64MultiArray, _velocities)
+        if topics.jog:
+            self._forward(group, topics.jog, JointJog, _jog)
+        if topics.state:
+            publisher = ControllerStateTopic(self, robot, group, topics.state)
+            robot.control_loop.every(self._state_rate_hz, "controller state", publisher.publish)
+            self.rates_hz[publisher.topic] = float(self._state_rate_hz)
+        if topics.query:
+            answer = TrajectoryQuery(self, group, robot.clock).answer
+            add_service(self, host, QueryTrajectoryState, topics.query, answer, blocking=False)
+
+    def _forward(self, group: JointGroup, topic: str, message_type: Any, command: Any) -> None:
         """Let every message of ``topic`` command a stream of its own."""
-        stream = self._stream(topic, topic)
+        stream = self._stream(group, topic, topic)
 
         def on_message(message: Any) -> None:
             stream.apply(lambda open_stream: command(message, open_stream))
 
         add_subscription(self, self._host, message_type, topic, on_message, DEPTH)
 
-    def _stream(self, topic: str, owner: str) -> TopicStream:
-        return TopicStream(self._robot, self._host, topic, owner, self._timeout_s)
-
-    def _jog(self, message: Any, stream: JointStream) -> None:
-        if len(message.displacements):
-            raise InvalidArgument("displacements are not supported; send velocities")
-        stream.send_velocity(named_values(self._names, message.joint_names, message.velocities))
+    def _stream(self, group: JointGroup, topic: str, owner: str) -> TopicStream:
+        return TopicStream(group.stream, self._host, topic, owner, self._timeout_s)
 
 
 def named_values(
@@ -105,3 +106,9 @@ def _positions(message: Any, stream: JointStream) -> None:
 
 def _velocities(message: Any, stream: JointStream) -> None:
     stream.send_velocity(message.data)
+
+
+def _jog(message: Any, stream: JointStream) -> None:
+    if len(message.displacements):
+        raise InvalidArgument("displacements are not supported; send velocities")
+    stream.send_velocity(named_values(stream.joints, message.joint_names, message.velocities))

@@ -29,9 +29,9 @@ class Parameters(ParameterReader):
         super().__init__(node.get_name(), descriptor)
         self._node = node
 
-    def action(self, name: str, meaning: str) -> str:
+    def action(self, name: str, meaning: str, default: str = "") -> str:
         """Full name of an action, remapped by ``-r``."""
-        value = super().action(name, meaning)
+        value = super().action(name, meaning, default)
         return remapped_action(self._node, value) if value else ""
 
     def _take(self, name: str, default: Any, meaning: str) -> Any:

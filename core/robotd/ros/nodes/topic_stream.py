@@ -1,14 +1,13 @@
-"""Stream of the joints that is fed by a topic."""
+"""Stream of a joint group that is fed by a topic."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
 
-from robotd.control.joint_stream import JointStream
+from robotd.control.joint_stream import JointStream, JointStreams
 from robotd.errors import NotReady, RobotdError
 from robotd.log import get_logger
-from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
 
@@ -25,7 +24,7 @@ class TopicStream:
     executor thread.
 
     Args:
-        robot: whose joints are streamed.
+        streams: of the joint group.
         host: its workers open and close streams.
         topic: name, for the log.
         owner: of the joints.
@@ -33,9 +32,9 @@ class TopicStream:
     """
 
     def __init__(
-        self, robot: Robot, host: RosHost, topic: str, owner: str, timeout_s: float
+        self, streams: JointStreams, host: RosHost, topic: str, owner: str, timeout_s: float
     ) -> None:
-        self._robot, self._host, self._topic = robot, host, topic
+        self._streams, self._host, self._topic = streams, host, topic
         self._owner, self._timeout_s = owner, timeout_s
         self._rejections = RejectionLog()
         self._lock = threading.Lock()  # of the three below
@@ -74,7 +73,7 @@ class TopicStream:
     def _run(self) -> None:
         """Worker: open a stream, run it to its end, and give the joints back."""
         try:
-            stream = self._robot.stream(
+            stream = self._streams(
                 timeout_s=self._timeout_s, owner=self._owner, ends_when_silent=True
             )
         except RobotdError as error:

@@ -9,10 +9,12 @@ from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
+from robotd.clock import NANOSECONDS, Clock
 from robotd.control.trajectory_execution import Progress
 from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.rejection import reject, reject_joints
+
+CLOCK_READINGS = 3
 
 
 def trajectory_request(goal: Any) -> TrajectoryRequest:
@@ -50,6 +52,19 @@ def duration_s(message: Any) -> float:
 def stamp_ns(message: Any) -> int:
     """Nanoseconds of a builtin_interfaces/Time."""
     return int(message.sec) * NANOSECONDS + int(message.nanosec)
+
+
+def clock_time_ns(time_ns: int, ros_clock: Any, clock: Clock) -> int:
+    """Return the time of ``clock`` at ROS time ``time_ns``. Any thread.
+
+    Uses the best of some readings: a thread may be suspended between the two clocks, and goals of
+    several joint groups with one stamp start together.
+    """
+    readings = []
+    for _ in range(CLOCK_READINGS):
+        before_ns, ros_ns = clock.now_ns(), int(ros_clock.now().nanoseconds)
+        readings.append((clock.now_ns() - before_ns, before_ns + time_ns - ros_ns))
+    return min(readings)[1]
 
 
 def feedback(names: Iterable[str], progress: Progress, now_ns: int) -> Any:

@@ -8,16 +8,17 @@ from typing import Any
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
+from robotd.clock import Clock
+from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.log import get_logger
 from robotd.motion import TrajectoryRequest
-from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.topic_stream import TopicStream
-from robotd.ros.nodes.trajectory_conversions import duration_s, stamp_ns
+from robotd.ros.nodes.trajectory_conversions import clock_time_ns, duration_s, stamp_ns
 from robotd.ros.services import add_subscription
 
 log = get_logger("trajectory")
@@ -36,18 +37,25 @@ class TrajectoryTopic:
 
     Args:
         node: subscribes.
-        robot: executes.
+        group: executes.
+        clock: of the control loop.
         host: its workers execute trajectories.
         topic: name.
         stream: of single points.
     """
 
     def __init__(
-        self, node: Node, robot: Robot, host: RosHost, topic: str, stream: TopicStream
+        self,
+        node: Node,
+        group: JointGroup,
+        clock: Clock,
+        host: RosHost,
+        topic: str,
+        stream: TopicStream,
     ) -> None:
-        self._robot, self._host, self._topic, self._stream = robot, host, topic, stream
+        self._group, self._clock, self._ros_clock = group, clock, node.get_clock()
+        self._host, self._topic, self._stream = host, topic, stream
         self._rejections = RejectionLog()
-        self._clock = node.get_clock()
         self._lock = threading.Lock()
         self._execution: TrajectoryExecution | None = None  # newest
         add_subscription(node, host, JointTrajectory, topic, self._take, DEPTH)
@@ -75,7 +83,7 @@ class TrajectoryTopic:
             )
         if len(point.velocities) not in (0, len(columns)):
             raise InvalidArgument(f"{len(point.velocities)} velocities for {len(columns)} joints")
-        position = self._robot.joint_motion.command().tolist()
+        position = self._group.motion.command().tolist()
         velocity = [0.0] * len(position)
         for index, column in enumerate(columns):
             position[column] = point.positions[index]
@@ -95,7 +103,8 @@ class TrajectoryTopic:
                 [point.velocities for point in message.points],
                 [point.accelerations for point in message.points],
             )
-            with self._robot.follower.follow(request, None, self._start_ns(message)) as execution:
+            start_ns = self._start_ns(message)
+            with self._group.follower.follow(request, None, start_ns) as execution:
                 with self._lock:
                     self._execution = execution
                 execution.wait()
@@ -108,9 +117,7 @@ class TrajectoryTopic:
     def _start_ns(self, message: Any) -> int | None:
         """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
         begin_ns = stamp_ns(message.header.stamp)
-        if not begin_ns:
-            return None
-        return int(self._robot.clock.now_ns() + begin_ns - self._clock.now().nanoseconds)
+        return clock_time_ns(begin_ns, self._ros_clock, self._clock) if begin_ns else None
 
 
 def _columns(names: list[str], known: tuple[str, ...]) -> list[int]:

@@ -100,13 +100,14 @@ def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
 
 
 def _find(robot: str | Path, overrides: Sequence[str]) -> RobotDescriptor:
-    """A robot of robotd, of a plugin, or a file."""
+    """Load a robot of robotd, of a plugin or a file, without its joint groups."""
     robots, _ = register_all(load_plugins()[0])
-    return load_robot_descriptor(
+    descriptor = load_robot_descriptor(
         robot,
         search_path=(*default_search_path(), *robots.folders),
         overrides=[parse_override(text) for text in overrides],
     )
+    return descriptor.model_copy(update={"groups": {}})
 
 
 class FaultInjectorOrSkip:

@@ -1,0 +1,134 @@
+"""Groups of joints, each with one client at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from robotd.clock import Clock
+from robotd.control.joint_motion import STOP_TIMEOUT_S, JointMotion
+from robotd.control.joint_stream import JointStreams
+from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.control.source_slot import SourceSlot
+from robotd.control.trajectory_follower import TrajectoryFollower
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Axes
+from robotd.device.drivers import AxisDriver
+from robotd.errors import InvalidArgument, Unsupported, unknown_name
+
+ON_DEVICE = "several joint groups with trajectories that the device interpolates"
+
+
+class JointGroup:
+    """Joints that are claimed, moved and stopped together.
+
+    A goal or stream of one group does not affect those of another one. All groups share the
+    device, the control loop, the speed, and the stop of all motion.
+
+    Args:
+        name: of the descriptor's ``groups``.
+        descriptor: of the robot, with the joints of this group.
+        axes: of the robot.
+        slot: of the joints.
+        clock: of the control loop.
+        on_device: as of ``TrajectoryFollower``.
+        backend: name, for errors.
+
+    Attributes:
+        name: as above.
+        joint_names, joint_axes: names and axes, in the order of the group's commands.
+        motion: hands the joints from one setpoint source to the next.
+        follower: executes trajectories of ``joint_names``.
+        stream: opens a stream of some of the joints.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        descriptor: RobotDescriptor,
+        axes: Axes,
+        slot: SourceSlot,
+        clock: Clock,
+        on_device: AxisDriver | None,
+        backend: str,
+    ) -> None:
+        self.name = name
+        self.joint_names = descriptor.joint_names
+        self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
+        self.motion = JointMotion(axes, slot, self.joint_axes, clock)
+        self.follower = TrajectoryFollower(self.motion, axes, descriptor, clock, on_device)
+        self.stream = JointStreams(
+            self.motion, axes, descriptor, self.follower.limits, clock, backend
+        )
+
+
+class JointGroups(dict[str, JointGroup]):
+    """Groups of a robot by name; every joint is in one. Any thread."""
+
+    @property
+    def only(self) -> JointGroup:
+        """The group of all joints. Raises InvalidArgument where there are several groups."""
+        if len(self) == 1:
+            return next(iter(self.values()))
+        names = ", ".join(self)
+        raise InvalidArgument(f"the joints are in several groups: use groups[...] ({names})")
+
+    def of(self, joints: Iterable[str]) -> JointGroup:
+        """Return the group that has all of ``joints``.
+
+        Raises InvalidArgument: an unknown joint, or joints of several groups.
+        """
+        if len(self) == 1:
+            return self.only
+        group_of = {joint: group for group in self.values() for joint in group.joint_names}
+        found: dict[str, str] = {}  # group: its first joint among those asked for
+        for joint in joints:
+            if joint not in group_of:
+                raise InvalidArgument(unknown_name("joint", joint, group_of))
+            found.setdefault(group_of[joint].name, joint)
+        if len(found) != 1:
+            names = ", ".join(f"{joint} in {group}" for group, joint in found.items())
+            raise InvalidArgument(f"joints of one group must be given, not {names or 'none'}")
+        return self[next(iter(found))]
+
+    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
+        """Stop all groups at the same time, along their paths, and wait for standstill.
+
+        After ``timeout_s`` of a group it returns while joints may still move.
+        """
+        for group in self.values():
+            group.motion.cancel()
+        for group in self.values():
+            group.motion.stop(timeout_s)
+
+
+def make_groups(
+    descriptor: RobotDescriptor,
+    axes: Axes,
+    mixer: SetpointMixer,
+    clock: Clock,
+    driver: AxisDriver,
+    backend: str,
+) -> JointGroups:
+    """Return the groups of a robot, each with a slot of ``mixer``.
+
+    Raises Unsupported: there are several and the device interpolates trajectories itself.
+    """
+    groups = descriptor.joint_groups
+    if len(groups) > 1 and axes.trajectories_on_device:
+        raise Unsupported(ON_DEVICE, backend)
+    on_device = driver if axes.trajectories_on_device else None
+    return JointGroups(
+        (
+            name,
+            JointGroup(
+                name,
+                descriptor.model_copy(update={"joints": joints}),
+                axes,
+                mixer.slot(),
+                clock,
+                on_device,
+                backend,
+            ),
+        )
+        for name, joints in groups.items()
+    )
