@@ -73,13 +73,15 @@ class AlarmEndsAfterAWhile(Mutant):
     found_by = "test_feedback.py::test_an_alarm_stays_however_long_it_takes"
 
     class Axes(SimAxes):
+        ticks = 3000
+
         def read(self, image: ProcessImage) -> None:
             super().read(image)
             seen = self.__dict__.setdefault("seen", set())
             for axis in set(np.flatnonzero(image.amp_alarm).tolist()) - seen:
                 seen.add(axis)
                 clear = partial(self._simulation.power.clear, axis)
-                self._world.at(self._world.tick + 3000, clear)
+                self._world.at(self._world.tick + self.ticks, clear)
 
 
 class ClearsAllAlarms(Mutant):
@@ -131,14 +133,8 @@ class ServoOnClearsAlarms(Mutant):
 class AlarmEndsAfterALongWhile(Mutant):
     found_by = "test_feedback.py::test_an_alarm_stays_however_long_it_takes"
 
-    class Axes(SimAxes):
-        def read(self, image: ProcessImage) -> None:
-            super().read(image)
-            seen = self.__dict__.setdefault("seen", set())
-            for axis in set(np.flatnonzero(image.amp_alarm).tolist()) - seen:
-                seen.add(axis)
-                clear = partial(self._simulation.power.clear, axis)
-                self._world.at(self._world.tick + 9000, clear)
+    class Axes(AlarmEndsAfterAWhile.Axes):
+        ticks = 9000
 
 
 class ClearsTheNextAlarmToo(Mutant):

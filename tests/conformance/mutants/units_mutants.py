@@ -137,13 +137,15 @@ class Drifts(Mutant):
     found_by = "test_ramps.py::test_a_standing_axis_does_not_drift"
 
     class Axes(SimAxes):
+        step_rad = 2e-6  # for each read
+
         def read(self, image: ProcessImage) -> None:
             with self._world.lock:
                 self._world.advance()
                 for axis in np.flatnonzero(self._states.servo_on):
                     if self._motion.is_idle(int(axis)):
                         servo = self._simulation.servo
-                        here = float(servo.command[axis]) + 2e-6
+                        here = float(servo.command[axis]) + self.step_rad
                         servo.place(int(axis), here, here, 0.0)
             super().read(image)
             image.position[:] = self._simulation.servo.position
@@ -181,16 +183,8 @@ class DriftsSlowly(Mutant):
 
     found_by = "test_ramps.py::test_a_standing_axis_does_not_drift"
 
-    class Axes(ReadAnew):
-        def read(self, image: ProcessImage) -> None:
-            with self._world.lock:
-                self._world.advance()
-                for axis in np.flatnonzero(self._states.servo_on):
-                    if self._motion.is_idle(int(axis)):
-                        servo = self._simulation.servo
-                        here = float(servo.command[axis]) + 0.6e-6
-                        servo.place(int(axis), here, here, 0.0)
-            super().read(image)
+    class Axes(Drifts.Axes):
+        step_rad = 0.6e-6
 
 
 class SagsAfterAMove(Mutant):
