@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
 from robotd.device.axes import Axes, each
 from robotd.device.connection import Connection
@@ -207,7 +208,7 @@ class Recovery:
             },
         )
 
-    def _verify(self, before: np.ndarray, report: Report) -> None:
+    def _verify(self, before: FloatArray, report: Report) -> None:
         left = self.problems()
         if left:
             raise NotReady(f"not recovered: {'; '.join(left)}")
