@@ -11,9 +11,12 @@ from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
 
+from robotd.descriptor import load_robot_descriptor
+from robotd.descriptor.urdf import read_urdf
 from robotd.testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
@@ -57,6 +60,22 @@ def test_status_as_json_has_every_axis(cr3a: RobotProcess, client: Client) -> No
     assert (report["state"], report["ready"]) == ("Communicating", True)
     assert [axis["axis"] for axis in report["axes"]] == list(range(6))
     assert all(axis["servo_on"] and not axis["alarm"] for axis in report["axes"])
+
+
+def test_status_has_the_pose_of_the_tool(cr3a: RobotProcess, client: Client) -> None:
+    report = json.loads(robotd(cr3a.domain, "status", "--json")[1])
+    tool = report["tool"]
+    assert (tool["link"], tool["base"]) == ("link6", "base_link")
+    descriptor = load_robot_descriptor("cr3a")
+    assert descriptor.urdf is not None
+    joints = zip(descriptor.joint_names, report["axes"], strict=True)
+    positions = {name: axis["position"] for name, axis in joints}
+    frame = read_urdf(descriptor.urdf).pose("link6", positions)
+    assert tool["position_m"] == pytest.approx(frame[:3, 3], abs=1e-4)
+    rotation = Rotation.from_euler("xyz", tool["rotation_rad"]).as_matrix()
+    assert rotation == pytest.approx(frame[:3, :3], abs=1e-3)
+    assert Rotation.from_quat(tool["quaternion"]).as_matrix() == pytest.approx(rotation)
+    assert "link6 in base_link" in robotd(cr3a.domain, "status")[1]
 
 
 def test_move_moves_the_named_joints_only(cr3a: RobotProcess, client: Client) -> None:

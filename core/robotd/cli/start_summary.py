@@ -81,8 +81,9 @@ def _range(joint: JointSettings) -> str:
 
 
 def _wheels(drive: DriveSettings) -> Iterator[str]:
-    yield f"left axis {drive.left_axis}, right axis {drive.right_axis}"
-    yield f"radius {drive.wheel_radius_m:g} m, {drive.wheel_separation_m:g} m apart"
+    names = (name.removesuffix(" wheel") for name in drive.wheel_names)
+    yield ", ".join(f"{name} axis {axis}" for name, axis in zip(names, drive.axes, strict=True))
+    yield f"{drive.kind}, radius {drive.wheel_radius_m:g} m, {drive.wheel_separation_m:g} m apart"
     yield f"at most {drive.velocity_m_s:g} m/s and {drive.angular_velocity_rad_s:g} rad/s"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robotd.descriptor import JointSettings, JointType, RobotDescriptor
 from robotd.descriptor.urdf import UrdfJoint, read_urdf
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, did_you_mean
 
 ROUNDING = 1e-3  # rad, m or their rates: files are written with few digits
 
@@ -19,13 +19,21 @@ def check_urdf(path: Path, descriptor: RobotDescriptor) -> None:
     """Check the URDF itself, and compare names and limits of the joints.
 
     Raises DescriptorError with every problem: those of ``read_urdf``; or a joint that the URDF does
-    not have or does not move, and a limit of the descriptor beyond that of the URDF.
+    not have or does not move, a missing ``tool_link``, and a limit of the descriptor beyond that of
+    the URDF.
     """
-    joints = read_urdf(path).joint
+    urdf = read_urdf(path)
+    joints = urdf.joint
     problems: list[DescriptorError] = []
+    tool = descriptor.tool_link
+    if tool is not None and tool not in urdf.links:
+        what = f"has no link {tool!r}, tool_link{did_you_mean(tool, urdf.links)}"
+        problems.append(DescriptorError(what, path=path))
     for joint in descriptor.joints:
         problems += _differences(path, joint, joints.get(joint.name))
-    for name in descriptor.gripper.joints if descriptor.gripper else ():
+    fingers = descriptor.gripper.joints if descriptor.gripper else ()
+    wheels = descriptor.drive.wheel_joints if descriptor.drive else ()
+    for name in (*fingers, *wheels):
         if name not in joints:
             problems.append(DescriptorError(f"has no joint {name!r}", path=path))
     if problems:

@@ -1,12 +1,15 @@
-"""Names and limits of a robot's axes, from its descriptor."""
+"""Names and limits of a robot's axes and of its base, from its descriptor."""
 
 from __future__ import annotations
 
 import math
 
-from robotd.descriptor import DriveSettings, RobotDescriptor
+from robotd.descriptor import DifferentialDrive, DriveSettings, MecanumDrive, RobotDescriptor
+from robotd.motion.base_kinematics import BaseKinematics
 from robotd.motion.diff_drive import WheelPair
 from robotd.motion.limits import AxisLimits
+from robotd.motion.mecanum import MecanumWheels
+from robotd.motion.planar import PlanarTwist
 from robotd.motion.twist_limits import RampLimits, TwistLimits
 
 
@@ -14,7 +17,7 @@ def axis_names(descriptor: RobotDescriptor) -> list[str]:
     """Return the joints' names, and names of all other axes, by index."""
     names = {joint.axis: joint.name for joint in descriptor.joints}
     if descriptor.drive:
-        names |= zip(descriptor.drive.axes, ("left wheel", "right wheel"), strict=True)
+        names |= zip(descriptor.drive.axes, descriptor.drive.wheel_names, strict=True)
     return [names.get(axis, f"axis {axis}") for axis in range(descriptor.axes)]
 
 
@@ -31,19 +34,27 @@ def axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
     return [limits.get(axis, AxisLimits.unlimited()) for axis in range(descriptor.axes)]
 
 
-def wheel_pair(settings: DriveSettings) -> WheelPair:
-    """Return the calibrated kinematics of the base."""
-    return WheelPair(
-        settings.wheel_radius_m,
-        settings.wheel_separation_m * settings.wheel_separation_multiplier,
-        settings.left_wheel_radius_multiplier,
-        settings.right_wheel_radius_multiplier,
-    )
+def base_kinematics(settings: DriveSettings) -> BaseKinematics:
+    """Return the kinematics of a base, calibrated, for its kind."""
+    match settings:
+        case DifferentialDrive():
+            return WheelPair(
+                settings.wheel_radius_m,
+                settings.wheel_separation_m * settings.wheel_separation_multiplier,
+                settings.left_wheel_radius_multiplier,
+                settings.right_wheel_radius_multiplier,
+            )
+        case MecanumDrive():
+            return MecanumWheels(
+                settings.wheel_radius_m, settings.wheel_separation_m, settings.wheelbase_m
+            )
+        case _:
+            raise TypeError(f"no kinematics of {type(settings).__name__}")
 
 
 def twist_limits(settings: DriveSettings) -> TwistLimits:
-    """Return the limits of the base as ``TwistLimits``; the smaller wheel limits the rims."""
-    wheels = wheel_pair(settings)
+    """Return the limits of the base as ``TwistLimits``; the smallest wheel limits the rims."""
+    wheels = base_kinematics(settings)
     return TwistLimits(
         RampLimits(
             settings.velocity_m_s,
@@ -57,20 +68,32 @@ def twist_limits(settings: DriveSettings) -> TwistLimits:
             settings.angular_deceleration_rad_s2,
             settings.angular_jerk_rad_s3 or math.inf,
         ),
-        (settings.wheel_velocity_rad_s or math.inf) * min(wheels.radii),
-        wheels.separation / 2,
+        (settings.wheel_velocity_rad_s or math.inf) * wheels.radius,
+        wheels.lever,
+        _lateral_limits(settings),
     )
 
 
 def wheel_limits(settings: DriveSettings) -> AxisLimits:
     """Return the limits of a wheel as an axis: its share of the fastest twist."""
     limits = twist_limits(settings)
-    ramps = [max(part.acceleration, part.deceleration) for part in (limits.linear, limits.angular)]
-    rim = limits.linear.velocity + limits.half_track * limits.angular.velocity
-    radius = min(wheel_pair(settings).radii)
+    radius = base_kinematics(settings).radius
+    fastest = PlanarTwist(*(part.velocity for part in limits.parts))
+    steepest = PlanarTwist(*(max(part.acceleration, part.deceleration) for part in limits.parts))
     return AxisLimits(
         -math.inf,
         math.inf,
-        min(rim, limits.rim) / radius,
-        (ramps[0] + limits.half_track * ramps[1]) / radius,
+        min(limits.rim_speed(fastest), limits.rim) / radius,
+        limits.rim_speed(steepest) / radius,
+    )
+
+
+def _lateral_limits(settings: DriveSettings) -> RampLimits | None:
+    if not isinstance(settings, MecanumDrive):
+        return None
+    return RampLimits(
+        settings.lateral_velocity_m_s,
+        settings.lateral_acceleration_m_s2,
+        settings.lateral_deceleration_m_s2,
+        settings.lateral_jerk_m_s3 or math.inf,
     )

@@ -8,7 +8,9 @@ import threading
 from robotd.clock import NANOSECONDS
 from robotd.device.process_image import ProcessImage
 from robotd.log import get_logger
-from robotd.motion.diff_drive import Odometry, Pose, WheelPair
+from robotd.motion.base_kinematics import BaseKinematics
+from robotd.motion.dead_reckoning import Odometry
+from robotd.motion.planar import Pose
 
 log = get_logger("base")
 
@@ -19,8 +21,8 @@ class BaseOdometry:
     """Pose from the wheel positions of the process image. Any thread, except ``track``.
 
     Args:
-        wheels: kinematics of the pair.
-        wheel_axes: axes of the left and the right wheel.
+        wheels: kinematics of the base.
+        wheel_axes: axes of the wheels, in the order of ``wheels``.
         wrap_rad: range after which a wheel's position begins again; None: it never does.
         wheel_velocity: limit of a wheel, rad/s.
         period_s: of the control loop.
@@ -28,8 +30,8 @@ class BaseOdometry:
 
     def __init__(
         self,
-        wheels: WheelPair,
-        wheel_axes: tuple[int, int],
+        wheels: BaseKinematics,
+        wheel_axes: tuple[int, ...],
         wrap_rad: float | None,
         wheel_velocity: float,
         period_s: float,
@@ -58,13 +60,13 @@ class BaseOdometry:
 
     def track(self, image: ProcessImage) -> None:
         """Add the motion since the last image. Control-loop thread."""
-        left, right = (float(image.position[axis]) for axis in self._wheel_axes)
+        positions = [float(image.position[axis]) for axis in self._wheel_axes]
         elapsed_s = (image.fresh_ns - self._fresh_ns) / NANOSECONDS
-        if elapsed_s <= 0.0 or not math.isfinite(left + right):
+        if elapsed_s <= 0.0 or not math.isfinite(sum(positions)):
             return
         self._fresh_ns = image.fresh_ns
         longest_step = self._jump * max(elapsed_s, self._period_s)
         with self._lock:
-            moved = self._odometry.update(left, right, longest_step)
+            moved = self._odometry.update(positions, longest_step)
         if not moved:
             log.warning("a wheel's position was renumbered; odometry goes on from there")

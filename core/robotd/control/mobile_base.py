@@ -1,11 +1,11 @@
-"""Differential-drive base: velocity commands in, wheel commands and odometry out."""
+"""Mobile base: velocity commands in, wheel commands and odometry out."""
 
 from __future__ import annotations
 
 import math
 
 from robotd.clock import NANOSECONDS, Clock
-from robotd.control.axis_limits import twist_limits, wheel_limits, wheel_pair
+from robotd.control.axis_limits import base_kinematics, twist_limits, wheel_limits
 from robotd.control.base_odometry import BaseOdometry
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
@@ -19,14 +19,14 @@ from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.events import noted
 from robotd.log import get_logger
-from robotd.motion.diff_drive import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
+from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
 from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
 
 
 class MobileBase:
-    """Differential drive that claims its wheels while it is commanded, and its odometry.
+    """Wheeled base that claims its wheels while it is commanded, and its odometry.
 
     The control loop limits the commanded twist, streams wheel speeds (``WheelMotion``) and
     integrates the odometry (``track``), once a period. The thread ``robotd-base`` claims the
@@ -44,7 +44,7 @@ class MobileBase:
     Attributes:
         events: of the robot, where commands are noted.
         settings: of the descriptor, or of the ROS parameters.
-        wheels: kinematics of the pair.
+        wheels: kinematics of the base.
     """
 
     def __init__(self, axes: Axes, slot: SourceSlot, settings: DriveSettings, clock: Clock) -> None:
@@ -58,7 +58,7 @@ class MobileBase:
     def configure(self, settings: DriveSettings) -> None:
         """Set the parameters and reset the odometry. Before ``start`` only."""
         self.settings = settings
-        self.wheels = wheel_pair(settings)
+        self.wheels = base_kinematics(settings)
         self._command = TwistCommand(settings.command_timeout_s)
         self._odometry = BaseOdometry(
             self.wheels,
@@ -86,28 +86,31 @@ class MobileBase:
 
     def twist(self, image: ProcessImage) -> PlanarTwist:
         """Return the measured twist, from the wheel velocities in ``image``."""
-        left, right = self.settings.axes
-        return self.wheels.twist(float(image.velocity[left]), float(image.velocity[right]))
+        return self.wheels.twist(*(float(image.velocity[axis]) for axis in self.settings.axes))
 
     @noted
-    def command(self, linear_m_s: float, angular_rad_s: float) -> None:
+    def command(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> None:
         """Set the twist until the next command, for ``command_timeout_s`` at most.
 
         Any thread; never blocks. A twist beyond the limits is scaled down on its arc. Wheels that
         cannot be moved are logged once, and each command tries again.
 
         Raises:
-            InvalidArgument: a number is not finite.
+            InvalidArgument: a number is not finite, or the base cannot move sideways.
             NotReady: the base was stopped by ``stop``, motion is stopped, or it was and the client
                 has sent neither a zero twist nor nothing for ``command_timeout_s`` since.
         """
-        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
+        twist = PlanarTwist(linear_m_s, angular_rad_s, lateral_m_s)
+        if not all(map(math.isfinite, twist)):
             raise InvalidArgument(
-                f"twist of {linear_m_s} m/s and {angular_rad_s} rad/s is not finite"
+                f"twist of {linear_m_s} m/s ahead, {lateral_m_s} m/s to the left and"
+                f" {angular_rad_s} rad/s is not finite"
             )
+        if lateral_m_s and not self.wheels.moves_sideways:
+            raise InvalidArgument(f"{lateral_m_s} m/s to the left: the base cannot move sideways")
         if self._command.stopped:
             raise NotReady("the base is being stopped")
-        twist, now_ns = PlanarTwist(linear_m_s, angular_rad_s), self._clock.now_ns()
+        now_ns = self._clock.now_ns()
         accepted = self._command.is_accepted(twist, now_ns)
         self._axes.stop_latch.check()
         if not accepted:

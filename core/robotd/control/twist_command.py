@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
-from robotd.motion.diff_drive import ZERO_TWIST, PlanarTwist
+from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 
 log = get_logger("base")
 

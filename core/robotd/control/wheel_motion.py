@@ -1,4 +1,4 @@
-"""Setpoint source of a differential-drive base: wheel speeds from the commanded twist."""
+"""Setpoint source of a mobile base: wheel speeds from the commanded twist."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage, columns
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import MotionState
-from robotd.motion.diff_drive import ZERO_TWIST, WheelPair
+from robotd.motion.base_kinematics import BaseKinematics
+from robotd.motion.planar import ZERO_TWIST
 from robotd.motion.twist_limits import TwistLimiter
 
 OWNER = "mobile base"
@@ -27,8 +28,8 @@ class WheelMotion:
 
     Args:
         axes: for the reasons why a wheel cannot move.
-        wheel_axes: axes of the left and the right wheel.
-        wheels: kinematics of the pair.
+        wheel_axes: axes of the wheels, in the order of ``wheels``.
+        wheels: kinematics of the base.
         limiter: at rest; one for each motion.
         command: twist to reach.
         claimed_ns: time of the claim.
@@ -44,8 +45,8 @@ class WheelMotion:
     def __init__(
         self,
         axes: Axes,
-        wheel_axes: tuple[int, int],
-        wheels: WheelPair,
+        wheel_axes: tuple[int, ...],
+        wheels: BaseKinematics,
         limiter: TwistLimiter,
         command: TwistCommand,
         claimed_ns: int,
@@ -55,7 +56,7 @@ class WheelMotion:
         self.columns = columns(wheel_axes)
         self.completion = Completion()
         self.twist = ZERO_TWIST
-        self.setpoint: FloatArray = np.zeros((3, 2))
+        self.setpoint: FloatArray = np.zeros((3, len(wheel_axes)))
         self.setpoint[0] = np.nan
         self._axes, self._wheel_axes = axes, wheel_axes
         self._wheels, self._limiter, self._command = wheels, limiter, command

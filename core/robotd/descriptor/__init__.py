@@ -1,5 +1,6 @@
 """Robot descriptors: models, and their loading from files."""
 
+from robotd.descriptor.drive_settings import DifferentialDrive, DriveSettings, MecanumDrive
 from robotd.descriptor.io_settings import GripperSettings, IoAddress
 from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.descriptor.load import (
@@ -11,7 +12,6 @@ from robotd.descriptor.load import (
 )
 from robotd.descriptor.model import (
     CycleSettings,
-    DriveSettings,
     EngineSettings,
     RobotDescriptor,
     TrajectorySettings,
@@ -20,12 +20,14 @@ from robotd.descriptor.overrides import Override, parse_override
 
 __all__ = [
     "CycleSettings",
+    "DifferentialDrive",
     "DriveSettings",
     "EngineSettings",
     "GripperSettings",
     "IoAddress",
     "JointSettings",
     "JointType",
+    "MecanumDrive",
     "Override",
     "RobotDescriptor",
     "RobotSummary",

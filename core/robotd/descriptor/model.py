@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
+from robotd.descriptor.drive_settings import Drive, DriveSettings
 from robotd.descriptor.group_settings import ALL_JOINTS, GroupSettings, group_problems
 from robotd.descriptor.io_settings import (
     GripperSettings,
@@ -23,7 +24,6 @@ from robotd.descriptor.io_settings import (
 from robotd.descriptor.joint_settings import JointSettings
 from robotd.descriptor.section import (
     MAX_AXES,
-    Axis,
     File,
     Name,
     NotNegative,
@@ -85,52 +85,6 @@ class EngineSettings(Section):
     )
     servo_timeout_s: Positive = Field(5.0, description="Time for a servo to report on or off.")
     homing_timeout_s: Positive = Field(30.0, description="Time for an axis to find its home.")
-
-
-class DriveSettings(Section):
-    """A base on two driven wheels, each turned by one axis in velocity mode."""
-
-    left_axis: Axis = Field(description="Axis of the device that turns the left wheel.")
-    right_axis: Axis = Field(description="Axis of the device that turns the right wheel.")
-    wheel_radius_m: Positive = Field(description="Radius of the wheels.")
-    wheel_separation_m: Positive = Field(description="Distance between the wheels' treads.")
-    wheel_separation_multiplier: Positive = Field(
-        1.0, description="Calibrated factor of the separation."
-    )
-    left_wheel_radius_multiplier: Positive = Field(
-        1.0, description="Calibrated factor of the radius of the left wheel."
-    )
-    right_wheel_radius_multiplier: Positive = Field(
-        1.0, description="Calibrated factor of the radius of the right wheel."
-    )
-    wheel_wrap_rad: Positive | None = Field(
-        None, description="Range after which a wheel's position begins again; null: it never does."
-    )
-    wheel_velocity_rad_s: Positive | None = Field(
-        None, description="Highest speed of a wheel; null: whatever the twist's limits give."
-    )
-    velocity_m_s: Positive = Field(description="Highest speed, ahead and back.")
-    acceleration_m_s2: Positive = Field(description="Highest acceleration.")
-    deceleration_m_s2: Positive = Field(description="Highest deceleration.")
-    jerk_m_s3: Positive | None = Field(None, description="Highest jerk; null: not limited.")
-    angular_velocity_rad_s: Positive = Field(description="Highest speed of turning.")
-    angular_acceleration_rad_s2: Positive = Field(description="Highest acceleration of turning.")
-    angular_deceleration_rad_s2: Positive = Field(description="Highest deceleration of turning.")
-    angular_jerk_rad_s3: Positive | None = Field(
-        None, description="Highest jerk of turning; null: not limited."
-    )
-    command_timeout_s: Positive = Field(
-        0.5, description="Age of the last command at which the base slows to rest."
-    )
-
-    @property
-    def axes(self) -> tuple[int, int]:
-        """The axes of the wheels, left and right."""
-        return self.left_axis, self.right_axis
-
-    def problems(self) -> Iterator[Problem]:
-        if self.left_axis == self.right_axis:
-            yield ("right_axis",), "used before, by left_axis", self.right_axis
 
 
 class TrajectorySettings(Section):
@@ -220,6 +174,11 @@ class RobotDescriptor(Section):
         None, description="WMX parameter file, relative to this file; null loads none."
     )
     urdf: File | None = Field(None, description="URDF of the robot, relative to this file.")
+    tool_link: str | None = Field(
+        None,
+        description="Link of the URDF whose pose is that of the tool; null: the one that the last "
+        "joint moves.",
+    )
     joints: tuple[JointSettings, ...] = Field(
         (), strict=False, description="Joints in the order of JointState; switched on at start."
     )
@@ -228,7 +187,7 @@ class RobotDescriptor(Section):
         description="Groups of joints that move independently of each other, by name; empty: all "
         "joints are one group.",
     )
-    drive: DriveSettings | None = Field(
+    drive: Drive | None = Field(
         None, description="Wheels of a mobile base, switched on at start; null: no base."
     )
     axes: int = Field(
@@ -332,8 +291,8 @@ class RobotDescriptor(Section):
 
     def _drive_problems(self) -> Iterator[Problem]:
         joints = {joint.axis: index for index, joint in enumerate(self.joints)}
-        for key in ("left_axis", "right_axis") if self.drive else ():
-            axis = getattr(self.drive, key)
+        drive = self.drive
+        for key, axis in zip(drive.AXIS_KEYS, drive.axes, strict=True) if drive else ():
             if axis >= self.axes:
                 yield ("drive", key), f"must be less than axes ({self.axes})", axis
             if axis in joints:

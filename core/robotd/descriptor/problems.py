@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Iterable, Sequence
-from typing import Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -98,21 +98,30 @@ def _shown(value: Any) -> str:
 
 def _keys_at(model: type[BaseModel], loc: Sequence[str | int]) -> list[str]:
     """Return the keys of the model at ``loc`` below ``model``; empty without one."""
-    current: Any = model
+    current: list[Any] = [model]
     for key in loc:
-        if isinstance(current, type) and issubclass(current, BaseModel):
-            fields = {field.alias or name: field for name, field in current.model_fields.items()}
-            current = fields[str(key)].annotation if str(key) in fields else None
-            current = _without_none(current)
-        else:
-            arguments = [item for item in get_args(current) if item is not ...]
-            current = _without_none(arguments[-1]) if arguments else None
-    if isinstance(current, type) and issubclass(current, BaseModel):
-        return [field.alias or name for name, field in current.model_fields.items()]
-    return []
+        current = [item for each in current for item in _below(each, str(key))]
+    fields = [each.model_fields.items() for each in current if _is_model(each)]
+    return list(dict.fromkeys(field.alias or name for each in fields for name, field in each))
 
 
-def _without_none(annotation: Any) -> Any:
-    if get_origin(annotation) in (Union, types.UnionType):
-        return next(item for item in get_args(annotation) if item is not type(None))
-    return annotation
+def _below(annotation: Any, key: str) -> list[Any]:
+    """Return the possible types of ``key`` in a model, or of a collection's items."""
+    if _is_model(annotation):
+        fields = {field.alias or name: field for name, field in annotation.model_fields.items()}
+        return _alternatives(fields[key].annotation) if key in fields else []
+    arguments = [item for item in get_args(annotation) if item is not ...]
+    return _alternatives(arguments[-1]) if arguments else []
+
+
+def _alternatives(annotation: Any) -> list[Any]:
+    """Return the members of a union, without None; other types alone."""
+    if get_origin(annotation) is Annotated:
+        return _alternatives(get_args(annotation)[0])
+    if get_origin(annotation) not in (Union, types.UnionType):
+        return [] if annotation is type(None) else [annotation]
+    return [item for member in get_args(annotation) for item in _alternatives(member)]
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

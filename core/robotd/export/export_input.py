@@ -34,6 +34,15 @@ class ExportInput:
             value = f"{node}/{value.removeprefix('~/')}"
         return posixpath.join(self.namespace, value) if value else ""
 
+    def own_topic(self, node: str, name: str) -> str:
+        """Return the resolved name of a topic ``~/name``.
+
+        Raises DescriptorError where the robot has no such node.
+        """
+        if node not in self.descriptor.nodes:
+            raise self.rejection(f"{self.descriptor.name} does not run the node {node}")
+        return posixpath.join(self.namespace, node, name)
+
     def needed_topic(self, node: str, name: str, default: str = "") -> str:
         """As ``topic``. Raises DescriptorError where the robot has no such node or name."""
         if node not in self.descriptor.nodes:

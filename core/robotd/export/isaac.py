@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robotd.descriptor import DriveSettings
+from robotd.descriptor import DifferentialDrive
 from robotd.export.export_input import ExportInput
 
 STATE = "manipulator_state"
@@ -21,7 +21,7 @@ def topic_map(source: ExportInput) -> str:
     entries = []
     if STATE in source.descriptor.nodes and (topic := source.topic(STATE, PARAMETER)):
         entries.append(_joints(source, topic))
-    if drive is not None and BASE in source.descriptor.nodes:
+    if isinstance(drive, DifferentialDrive) and BASE in source.descriptor.nodes:
         entries.append(_base(source, drive))
     if not entries:
         raise source.rejection(_nothing(source))
@@ -49,7 +49,7 @@ def _joints(source: ExportInput, topic: str) -> dict[str, Any]:
     }
 
 
-def _base(source: ExportInput, drive: DriveSettings) -> dict[str, Any]:
+def _base(source: ExportInput, drive: DifferentialDrive) -> dict[str, Any]:
     return {
         "node": "ROS2 Subscribe Twist",
         "topic": source.needed_topic(BASE, "encoder_vel_topic"),

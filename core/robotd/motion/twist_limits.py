@@ -1,6 +1,6 @@
 """Limits of a base's twist that keep the commanded curvature.
 
-Whatever has to be reduced is reduced by one factor for both parts of the twist, so that a limit
+Whatever has to be reduced is reduced by one factor for all parts of the twist, so that a limit
 makes the base slower but leaves it on the commanded arc.
 """
 
@@ -10,7 +10,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from robotd.motion.diff_drive import ZERO_TWIST, PlanarTwist
+from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 
 _TOGETHER = 1e-9  # parts whose zeros are this close, as a part of the way, are zero together
 
@@ -36,26 +36,34 @@ class TwistLimits:
     """Limits of a twist.
 
     Attributes:
-        linear, angular: of its two parts.
-        rim: highest speed of a wheel's rim in m/s, both parts together; inf: not limited.
-        half_track: half the distance between the wheels in m.
+        linear, angular: of two of its parts.
+        rim: highest speed of a wheel's rim in m/s, all parts together; inf: not limited.
+        lever: speed of a wheel's rim in m/s while the base turns on the spot with 1 rad/s.
+        lateral: of the third part; None: the base cannot move sideways, the part is always 0.
     """
 
     linear: RampLimits
     angular: RampLimits
     rim: float = math.inf
-    half_track: float = 0.0
+    lever: float = 0.0
+    lateral: RampLimits | None = None
+
+    @property
+    def parts(self) -> tuple[RampLimits, ...]:
+        """The limits in the order of ``PlanarTwist``, without a ``lateral`` of None."""
+        known = (self.linear, self.angular, self.lateral)
+        return tuple(part for part in known if part is not None)
+
+    def rim_speed(self, twist: PlanarTwist) -> float:
+        """Return the speed of the fastest wheel's rim in m/s."""
+        return abs(twist.linear) + abs(twist.lateral) + self.lever * abs(twist.angular)
 
     def scaled(self, twist: PlanarTwist) -> PlanarTwist:
         """``twist`` on its arc, as fast as the limits of velocity allow."""
-        speeds = abs(twist.linear), abs(twist.angular)
-        excess = max(
-            1.0,
-            speeds[0] / self.linear.velocity,
-            speeds[1] / self.angular.velocity,
-            (speeds[0] + self.half_track * speeds[1]) / self.rim,
-        )
-        return PlanarTwist(twist.linear / excess, twist.angular / excess)
+        excess = max(1.0, self.rim_speed(twist) / self.rim)
+        for speed, part in zip(twist, self.parts, strict=False):
+            excess = max(excess, abs(speed) / part.velocity)
+        return PlanarTwist(*(speed / excess for speed in twist))
 
     def smoothing(self) -> float:
         """Length in s of the moving average that keeps the jerk limits; 0.0 without any.
@@ -63,10 +71,7 @@ class TwistLimits:
         Over T seconds an average changes its slope by (a₁ - a₀) / T, and a₁ - a₀ is at most
         twice the steeper ramp.
         """
-        return max(
-            2 * max(part.acceleration, part.deceleration) / part.jerk
-            for part in (self.linear, self.angular)
-        )
+        return max(2 * max(part.acceleration, part.deceleration) / part.jerk for part in self.parts)
 
 
 class TwistLimiter:
@@ -79,12 +84,12 @@ class TwistLimiter:
     by way of 0. During such a reversal the average may mix both ramps, and the steeper one is
     the limit.
 
-    From twist (v, ω) a stop takes max(|v| / deceleration, |ω| / deceleration) of the parts
+    A stop takes the maximum of |speed| / deceleration of the parts,
     plus ``TwistLimits.smoothing``, each rounded up to a whole period.
     """
 
     def __init__(self, limits: TwistLimits, period_s: float) -> None:
-        self._limits = limits
+        self._limits, self._parts = limits, limits.parts
         self._period_s = period_s
         self._length = max(1, math.ceil(limits.smoothing() / period_s - 1e-9))
         self.reset()
@@ -109,9 +114,7 @@ class TwistLimiter:
     def _towards(self, command: PlanarTwist) -> PlanarTwist:
         now, goal = self._ramp, _to_first_zero(self._ramp, command)
         excess = 1.0
-        for present, wanted, limits in zip(
-            now, goal, (self._limits.linear, self._limits.angular), strict=True
-        ):
+        for present, wanted, limits in zip(now, goal, self._parts, strict=False):
             grows = abs(wanted) > abs(present)
             slope = limits.acceleration if grows else limits.deceleration
             excess = max(excess, abs(wanted - present) / (slope * self._period_s))
@@ -123,19 +126,16 @@ class TwistLimiter:
         self._same = min(self._same, self._length) + 1 if twist == newest else 1
         count = self._length
         if self._same >= count:  # exact from here on, whatever the sum has gathered in rounding
-            self._sum = PlanarTwist(twist.linear * count, twist.angular * count)
+            self._sum = twist.scaled(count)
             return twist
-        self._sum = PlanarTwist(
-            self._sum.linear + twist.linear - oldest.linear,
-            self._sum.angular + twist.angular - oldest.angular,
-        )
-        return PlanarTwist(self._sum.linear / count, self._sum.angular / count)
+        sums = zip(self._sum, twist, oldest, strict=True)
+        self._sum = PlanarTwist(*(total + new - old for total, new, old in sums))
+        return PlanarTwist(*(total / count for total in self._sum))
 
 
 def _between(start: PlanarTwist, end: PlanarTwist, part: float) -> PlanarTwist:
     return PlanarTwist(
-        start.linear + part * (end.linear - start.linear),
-        start.angular + part * (end.angular - start.angular),
+        *(have + part * (want - have) for have, want in zip(start, end, strict=True))
     )
 
 
@@ -148,8 +148,5 @@ def _to_first_zero(start: PlanarTwist, end: PlanarTwist) -> PlanarTwist:
     first = min(zeros)
     if first == math.inf:
         return end
-    linear, angular = _between(start, end, first)
-    return PlanarTwist(
-        0.0 if zeros[0] <= first + _TOGETHER else linear,
-        0.0 if zeros[1] <= first + _TOGETHER else angular,
-    )
+    parts = zip(_between(start, end, first), zeros, strict=True)
+    return PlanarTwist(*(0.0 if zero <= first + _TOGETHER else part for part, zero in parts))

@@ -14,15 +14,19 @@ from robotd.node_settings.arm_settings import read_manipulator_state, read_traje
 from robotd.node_settings.axis_settings import read_core_motion
 from robotd.node_settings.base_settings import read_diff_drive
 from robotd.node_settings.command_settings import read_gripper_controller, read_joint_command
+from robotd.node_settings.mecanum_settings import read_mecanum_drive
 from robotd.node_settings.parameter_reader import ParameterReader
+from robotd.node_settings.state_publisher_settings import read_state_publisher
 
 _READERS: Mapping[str, Callable[[ParameterReader, RobotDescriptor], object]] = {
     "wmx_core_motion_node": read_core_motion,
     "manipulator_state": read_manipulator_state,
     "follow_joint_trajectory_server": read_trajectory_server,
     "diff_drive_controller": read_diff_drive,
+    "mecanum_drive_controller": read_mecanum_drive,
     "joint_command_node": read_joint_command,
     "gripper_controller": read_gripper_controller,
+    "robot_state_publisher": read_state_publisher,
 }
 
 

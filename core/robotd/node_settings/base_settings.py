@@ -1,17 +1,25 @@
-"""Settings of ``diff_drive_controller``: the drive section of the robot under its parameters."""
+"""Settings of ``diff_drive_controller``, and what the nodes of all mobile bases have in common.
+
+The drive section of the robot under the node's parameters.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
-from robotd.descriptor import DriveSettings, RobotDescriptor
+from robotd.descriptor import DifferentialDrive, DriveSettings, RobotDescriptor
 from robotd.errors import DescriptorError
 from robotd.node_settings.arm_settings import FILE_MEANING
 from robotd.node_settings.parameter_reader import ParameterReader
 
 RATE_HZ = 10
 LIMITED_TOPIC = "~/cmd_vel_out"
+TF_TOPIC = "tf"
+ODOM_MEANING = "fixed frame of the odometry"
+TF_MEANING = "publish odom → base on tf"
+
+Kind = TypeVar("Kind", bound=DriveSettings)
 
 MULTIPLIERS = {
     "wheel_separation_multiplier": "distance between the wheels",
@@ -25,19 +33,21 @@ POSE_VARIANCES = (1e-3, 1e-3, NOT_MEASURED, NOT_MEASURED, NOT_MEASURED, 1e-2)
 TWIST_VARIANCES = (1e-3, 1e-3, NOT_MEASURED, NOT_MEASURED, NOT_MEASURED, 1e-2)
 
 
-class DiffDriveSettings(NamedTuple):
-    """Settings of ``diff_drive_controller``.
+class BaseSettings(NamedTuple):
+    """Settings of the node of a mobile base.
+
+    An optional topic that is "" is not offered.
 
     Attributes:
         drive: geometry and limits of the base.
         parameters_file: None: the robot's own.
         stamped: commands are ``TwistStamped`` instead of ``Twist``.
-        commands, echo, wheel_speeds, odometry: topics.
+        commands, wheel_speeds, odometry: topics.
+        echo, limited, transform: optional topics: commands as received, limited commands, and
+            the transform odom → base.
         rate_hz: of the topics.
         odom_frame, base_frame: of the odometry, with their prefix.
         pose_variances, twist_variances: six each: x, y, z, roll, pitch, yaw.
-        publish_tf: odom → base on ``/tf``.
-        publish_limited: the limited command on ``LIMITED_TOPIC``.
         description: URDF to publish; "" for none.
     """
 
@@ -49,53 +59,75 @@ class DiffDriveSettings(NamedTuple):
     rate_hz: int
     wheel_speeds: str
     odometry: str
+    transform: str
+    limited: str
     odom_frame: str
     base_frame: str
     pose_variances: tuple[float, ...]
     twist_variances: tuple[float, ...]
-    publish_tf: bool
-    publish_limited: bool
     description: str
 
 
-def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) -> DiffDriveSettings:
+def drive_of(node: str, descriptor: RobotDescriptor, kind: type[Kind]) -> Kind:
+    """Return the drive of a robot. Raises DescriptorError: none, or of another kind."""
+    drive = descriptor.drive
+    if drive is None:
+        raise DescriptorError(f"{node} needs a drive, which {descriptor.name} has not")
+    if not isinstance(drive, kind):
+        what = f"{node} cannot move a {drive.kind} base: see drive.kind of {descriptor.name}"
+        raise DescriptorError(what)
+    return drive
+
+
+def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) -> BaseSettings:
     """Declare the parameters of ``diff_drive_controller``.
 
-    Raises DescriptorError where the robot has no drive.
+    Raises DescriptorError where the robot has no differential drive.
     """
-    if descriptor.drive is None:
-        raise DescriptorError(f"{parameters.node} needs a drive, which {descriptor.name} has not")
-    highest = int(descriptor.cycle.rate_hz)
+    drive = drive_of(parameters.node, descriptor, DifferentialDrive)
     prefix = parameters.text("frame_prefix", "", "put before the names of all frames")
-    return DiffDriveSettings(
-        _drive(parameters, descriptor.drive),
-        parameters.file("wmx_param_file_path", FILE_MEANING),
-        parameters.flag("use_stamped_vel", False, "take TwistStamped instead of Twist"),
-        parameters.topic("cmd_vel_topic", "commands", required=True),
-        parameters.topic("encoder_vel_topic", "echo of the commands", required=True),
-        parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz"),
-        parameters.topic("encoder_omega_topic", "speeds of the wheels", required=True),
-        parameters.topic("encoder_odometry_topic", "odometry", required=True),
-        prefix + parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
-        prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
-        _variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
-        _variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
-        parameters.flag("publish_tf", False, "publish odom → base on tf"),
-        parameters.flag("publish_limited_velocity", False, f"publish {LIMITED_TOPIC}"),
-        parameters.description(),
+    return BaseSettings(
+        drive=_drive(parameters, drive),
+        parameters_file=parameters.file("wmx_param_file_path", FILE_MEANING),
+        stamped=parameters.flag("use_stamped_vel", False, "take TwistStamped instead of Twist"),
+        commands=parameters.topic("cmd_vel_topic", "commands", required=True),
+        echo=parameters.topic("encoder_vel_topic", "echo of the commands", required=True),
+        rate_hz=read_rate(parameters, descriptor),
+        wheel_speeds=parameters.topic("encoder_omega_topic", "speeds of the wheels", required=True),
+        odometry=parameters.topic("encoder_odometry_topic", "odometry", required=True),
+        odom_frame=prefix + parameters.text("odom_frame_id", "odom", ODOM_MEANING),
+        base_frame=prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
+        pose_variances=read_variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
+        twist_variances=read_variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
+        transform=TF_TOPIC if parameters.flag("publish_tf", False, TF_MEANING) else "",
+        limited=read_limited_topic(parameters),
+        description=parameters.description(),
     )
 
 
-def _variances(
+def read_rate(parameters: ParameterReader, descriptor: RobotDescriptor) -> int:
+    """Declare ``rate``."""
+    highest = int(descriptor.cycle.rate_hz)
+    return parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz")
+
+
+def read_limited_topic(parameters: ParameterReader) -> str:
+    """Declare ``publish_limited_velocity``; return the topic, "" for none."""
+    meaning = f"publish {LIMITED_TOPIC}"
+    return LIMITED_TOPIC if parameters.flag("publish_limited_velocity", False, meaning) else ""
+
+
+def read_variances(
     parameters: ParameterReader, name: str, default: tuple[float, ...]
 ) -> tuple[float, ...]:
+    """Declare six variances, at least 0."""
     values = parameters.numbers(name, default, "variances of x, y, z, roll, pitch, yaw")
     if min(values) < 0.0:
         parameters.reject(name, f"{min(values)} is below 0")
     return values
 
 
-def _drive(parameters: ParameterReader, drive: DriveSettings) -> DriveSettings:
+def _drive(parameters: ParameterReader, drive: DifferentialDrive) -> DifferentialDrive:
     """Declare the parameters of geometry, ramps and limits; ``drive`` gives their defaults.
 
     ``acc_time`` and ``dec_time`` are the times between rest and the highest speed; a limit of
@@ -103,9 +135,9 @@ def _drive(parameters: ParameterReader, drive: DriveSettings) -> DriveSettings:
     """
     parameters.same_as("drive.left_axis", "left_axis", drive.left_axis, "axis of the wheel")
     parameters.same_as("drive.right_axis", "right_axis", drive.right_axis, "axis of the wheel")
-    linear = _limits(parameters, "linear.x", "m", drive.velocity_m_s, drive.acceleration_m_s2,
+    linear = read_limits(parameters, "linear.x", "m", drive.velocity_m_s, drive.acceleration_m_s2,
                      drive.deceleration_m_s2, drive.jerk_m_s3)  # fmt: skip
-    angular = _limits(parameters, "angular.z", "rad", drive.angular_velocity_rad_s,
+    angular = read_limits(parameters, "angular.z", "rad", drive.angular_velocity_rad_s,
                       drive.angular_acceleration_rad_s2, drive.angular_deceleration_rad_s2,
                       drive.angular_jerk_rad_s3)  # fmt: skip
     acc_time = parameters.positive("acc_time", 1.0, "time from rest to the highest speed in s")
@@ -137,7 +169,7 @@ def _drive(parameters: ParameterReader, drive: DriveSettings) -> DriveSettings:
     )
 
 
-def _limits(
+def read_limits(
     parameters: ParameterReader,
     part: str,
     unit: str,
@@ -146,7 +178,10 @@ def _limits(
     deceleration: float,
     jerk: float | None,
 ) -> tuple[float, float, float, float | None]:
-    """The limits of one part of the twist, under the names that ros2_controllers gives them."""
+    """Declare velocity, acceleration, deceleration and jerk of one part of the twist.
+
+    The names are those of ros2_controllers. A jerk of None is not limited.
+    """
     highest = parameters.number(f"{part}.max_jerk", jerk or 0.0, f"in {unit}/s³; 0: no limit")
     if highest < 0.0:
         parameters.reject(f"{part}.max_jerk", f"{highest} is below 0")

@@ -46,9 +46,18 @@ BUILT_IN = {
         "robotd.ros.nodes.gripper_controller:GripperController",
         "the gripper as actions, for MoveIt",
     ),
+    "robot_state_publisher": NodeInfo(
+        "robotd.ros.nodes.robot_state_publisher:RobotStatePublisher",
+        "transforms of the whole robot from its URDF; replaces the program of this name",
+    ),
     "diff_drive_controller": NodeInfo(
         "robotd.ros.nodes.diff_drive_controller:DiffDriveController",
         "twists and odometry of a mobile base; the wheels are switched on at start",
+        enables_servos=True,
+    ),
+    "mecanum_drive_controller": NodeInfo(
+        "robotd.ros.nodes.mecanum_drive_controller:MecanumDriveController",
+        "twists and odometry of a mecanum base; the wheels are switched on at start",
         enables_servos=True,
     ),
 }

@@ -68,7 +68,11 @@ class Tables:
             default = "**required**" if key in required else _default(field, bool(references))
             rows.append((f"`{key}`", value, default, field.get("description", "")))
             suffix = "[]" if _alternatives(field)[0].get("type") == "array" else ""
-            inner += [(name, f"{path}.{key}{suffix}".lstrip(".")) for name in references]
+            several = len(references) > 1
+            inner += [
+                (name, f"{path}.{key}{suffix}".lstrip(".") + several * f" ({name})")
+                for name in references
+            ]
         yield path, table(HEADER, rows)
         for name, key_path in inner:
             if name not in self._seen:
@@ -84,7 +88,7 @@ class Tables:
             names = (self._reference(item), self._reference(of))
             references += [name for name in names if name and self._is_section(name)]
             words.append(self._words(item, of))
-        return " or ".join(words), references
+        return " or ".join(dict.fromkeys(words)), references
 
     def _words(self, item: Schema, of: Schema) -> str:
         if name := self._reference(item):
@@ -108,8 +112,13 @@ class Tables:
 
 
 def _alternatives(field: Schema) -> list[Schema]:
-    choices = field.get("anyOf") or field.get("oneOf") or [field]
-    return [item for item in choices if item.get("type") != "null"] or [{}]
+    return [item for item in _choices(field) if item.get("type") != "null"] or [{}]
+
+
+def _choices(field: Schema) -> list[Schema]:
+    """Return the members of a union, of unions inside it too; another field alone."""
+    members = field.get("anyOf") or field.get("oneOf")
+    return [item for each in members for item in _choices(each)] if members else [field]
 
 
 def _default(field: Schema, holds_models: bool) -> str:

@@ -3,119 +3,24 @@
 from __future__ import annotations
 
 import math
-import threading
-import time
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from structlog.testing import capture_logs
+from tests.unit.control.base_harness import COMMAND_S, BaseHarness, running
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, FakeClock, MonotonicClock
+from robotd.clock import MonotonicClock
 from robotd.control.axis_limits import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import InvalidArgument, LateSetpoint, NotReady
-from robotd.motion.diff_drive import ORIGIN, ZERO_TWIST, PlanarTwist, Pose, along_arc
+from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose, along_arc
 from robotd.motion.profile import Profile
-from robotd.plugin.manager import load_backend
-from robotd.robot import Robot
-from robotd_sim.simulation import Simulation
 
-COMMAND_S = 0.05  # between two commands of a client
 TICK_S = 0.001
-
-
-class SteppingClock(FakeClock):
-    """Clock that runs control periods in sleeps, except in those of the base's thread."""
-
-    def __init__(self, period_s: float) -> None:
-        super().__init__()
-        self.step: Callable[[], None] = lambda: None
-        self._period_ns = round(period_s * NANOSECONDS)
-
-    def sleep_until_ns(self, deadline_ns: int) -> None:
-        if threading.current_thread().name == "robotd-base":
-            time.sleep(1e-4)
-            return
-        while self.now_ns() + self._period_ns <= deadline_ns:
-            self.step()
-        super().sleep_until_ns(deadline_ns)
-
-
-class Harness:
-    """Baymax, enabled, on a clock that the test advances."""
-
-    def __init__(self, descriptor: RobotDescriptor) -> None:
-        self.period_s = 1.0 / descriptor.cycle.rate_hz
-        self.clock = SteppingClock(self.period_s)
-        self.clock.step = self.step
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Simulation, "__init__", self._remember(Simulation.__init__))
-            self.robot = Robot(descriptor, load_backend("sim"), self.clock)
-        assert self.robot.base is not None
-        self.base = self.robot.base
-        self.base.start()
-        self.up()
-
-    def _remember(self, init: Callable[..., None]) -> Callable[..., None]:
-        def remembering(simulation: Simulation, *arguments: Any) -> None:
-            init(simulation, *arguments)
-            self.simulation = simulation
-
-        return remembering
-
-    def up(self) -> None:
-        self.robot.connection.start()
-        self.step()
-        self.robot.enable_joints()
-        self.step()
-
-    def step(self) -> None:
-        self.clock.advance(self.period_s)
-        self.robot.control_loop.step(self.clock.now_ns())
-
-    def run(self, seconds: float) -> None:
-        for _ in range(round(seconds / self.period_s)):
-            self.step()
-
-    def drive(self, linear: float, angular: float, seconds: float) -> None:
-        """Send commands for ``seconds``, then none."""
-        for _ in range(round(seconds / COMMAND_S)):
-            self.base.command(linear, angular)
-            self.settle()
-            self.run(COMMAND_S)
-
-    def settle(self) -> None:
-        """Wait until the base's thread has claimed or released the wheels."""
-        base = self.base
-        self.wait(lambda: base.moving or base._worker.settled)
-
-    def wait(self, condition: Callable[[], bool]) -> None:
-        """Wait for another thread; periods run meanwhile, as it may wait for the image."""
-        deadline = time.monotonic() + 5.0
-        time.sleep(1e-4)
-        while not condition():
-            assert time.monotonic() < deadline
-            time.sleep(1e-3)
-            if not condition():
-                self.step()
-
-    def close(self) -> None:
-        closing = threading.Thread(target=self.base.close)
-        closing.start()
-        self.wait(lambda: not closing.is_alive())
-
-    @property
-    def twist(self) -> PlanarTwist:
-        return self.base.twist(self.robot.image)
-
-    def wheel(self, axis: int) -> float:
-        """Return the true position of a wheel, ahead of encoder and process image."""
-        return float(self.simulation.servo.position[axis])
 
 
 @pytest.fixture
@@ -124,20 +29,14 @@ def descriptor() -> RobotDescriptor:
 
 
 @pytest.fixture
-def harness(descriptor: RobotDescriptor) -> Iterator[Harness]:
+def harness(descriptor: RobotDescriptor) -> Iterator[BaseHarness]:
     yield from running(descriptor)
-
-
-def running(descriptor: RobotDescriptor) -> Iterator[Harness]:
-    made = Harness(descriptor)
-    yield made
-    made.close()
 
 
 class Truth:
     """Reference pose: Euler integration of the simulated wheels, tick by tick."""
 
-    def __init__(self, harness: Harness) -> None:
+    def __init__(self, harness: BaseHarness) -> None:
         self.harness = harness
         self.x = self.y = self.heading = self.way = 0.0
         self.wheels = (harness.wheel(0), harness.wheel(1))
@@ -152,7 +51,7 @@ class Truth:
         self.way += abs(left + right) / 2
 
 
-def test_a_square_of_ten_metres_closes_and_odometry_is_the_truth(harness: Harness) -> None:
+def test_a_square_of_ten_metres_closes_and_odometry_is_the_truth(harness: BaseHarness) -> None:
     truth = Truth(harness)
     run_ticks = round(harness.period_s / TICK_S)
 
@@ -179,7 +78,7 @@ def test_a_square_of_ten_metres_closes_and_odometry_is_the_truth(harness: Harnes
     assert math.remainder(truth.heading, 2 * math.pi) == pytest.approx(0, abs=math.radians(0.1))
 
 
-def test_without_commands_it_stops_on_its_arc_in_time(harness: Harness) -> None:
+def test_without_commands_it_stops_on_its_arc_in_time(harness: BaseHarness) -> None:
     with capture_logs() as logs:
         harness.drive(0.8, 0.4, 2.0)
         limits = twist_limits(harness.base.settings)
@@ -199,14 +98,14 @@ def test_without_commands_it_stops_on_its_arc_in_time(harness: Harness) -> None:
     assert [log["event"] for log in logs] == ["no command in time: the base slows to rest"]
 
 
-def test_the_wheels_ramp_in_the_time_of_the_parameters_not_at_once(harness: Harness) -> None:
+def test_the_wheels_ramp_in_the_time_of_the_parameters_not_at_once(harness: BaseHarness) -> None:
     settings = harness.base.settings
     assert settings.acceleration_m_s2 == 2.5
     harness.drive(1.0, 0.0, 0.2)
     assert 0.0 < harness.twist.linear < 0.5
 
 
-def test_the_limited_command_is_what_the_wheels_are_sent(harness: Harness) -> None:
+def test_the_limited_command_is_what_the_wheels_are_sent(harness: BaseHarness) -> None:
     assert harness.base.limited == ZERO_TWIST
     harness.drive(1.0, 0.5, 0.2)
     left, right = harness.robot.image.setpoint[1]
@@ -235,7 +134,7 @@ def test_multipliers_scale_wheel_speeds_and_odometry(descriptor: RobotDescriptor
         assert harness.twist == pytest.approx(PlanarTwist(0.9, 0.0), abs=1e-3)
 
 
-def test_zero_commands_claim_and_log_nothing(harness: Harness) -> None:
+def test_zero_commands_claim_and_log_nothing(harness: BaseHarness) -> None:
     with capture_logs() as logs:
         for _ in range(40):
             harness.base.command(0.0, 0.0)
@@ -246,20 +145,20 @@ def test_zero_commands_claim_and_log_nothing(harness: Harness) -> None:
     harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
 
 
-def test_moving_wheels_are_claimed(harness: Harness) -> None:
+def test_moving_wheels_are_claimed(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 0.5)
     with pytest.raises(NotReady, match="left wheel: in use by mobile base"):
         harness.robot.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
 
 
-def test_a_free_wheel_is_limited_to_what_the_base_may_do(harness: Harness) -> None:
+def test_a_free_wheel_is_limited_to_what_the_base_may_do(harness: BaseHarness) -> None:
     with pytest.raises(InvalidArgument, match=r"right wheel: velocity 12\.1 rad/s exceeds 12"):
         harness.robot.axes.jog([Jog(1, Profile(12.1, 5.0, 5.0))])
 
 
 @pytest.mark.parametrize("twist", [(math.nan, 0.0), (0.0, math.inf), (-math.inf, math.nan)])
 def test_a_twist_that_is_not_finite_is_rejected(
-    harness: Harness, twist: tuple[float, float]
+    harness: BaseHarness, twist: tuple[float, float]
 ) -> None:
     with pytest.raises(InvalidArgument, match="is not finite"):
         harness.base.command(*twist)
@@ -267,7 +166,7 @@ def test_a_twist_that_is_not_finite_is_rejected(
     assert harness.base.pose == ORIGIN
 
 
-def test_a_servo_that_goes_off_stops_both_wheels_and_is_logged_once(harness: Harness) -> None:
+def test_a_servo_that_goes_off_stops_both_wheels_and_is_logged_once(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     with capture_logs() as logs:
         harness.robot.axes.servo(0, False)
@@ -287,7 +186,7 @@ def test_a_servo_that_goes_off_stops_both_wheels_and_is_logged_once(harness: Har
     assert harness.twist.linear == pytest.approx(0.5, abs=1e-3)
 
 
-def test_an_alarm_stops_the_other_wheel_by_its_own_ramp(harness: Harness) -> None:
+def test_an_alarm_stops_the_other_wheel_by_its_own_ramp(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     with harness.simulation.world.lock:
         harness.simulation.power.trip(1, 0x7305)
@@ -299,7 +198,7 @@ def test_an_alarm_stops_the_other_wheel_by_its_own_ramp(harness: Harness) -> Non
     assert abs(harness.robot.image.velocity[0]) < 1e-6
 
 
-def test_wheels_stopped_by_another_command_are_claimed_again(harness: Harness) -> None:
+def test_wheels_stopped_by_another_command_are_claimed_again(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     harness.robot.axes.stop([1])
     with capture_logs() as logs:
@@ -311,7 +210,7 @@ def test_wheels_stopped_by_another_command_are_claimed_again(harness: Harness) -
     assert harness.twist.linear == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_lost_device_ends_motion_and_the_odometry_continues(harness: Harness) -> None:
+def test_a_lost_device_ends_motion_and_the_odometry_continues(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     pose = harness.base.pose
     with harness.simulation.world.lock:
@@ -327,7 +226,7 @@ def test_a_lost_device_ends_motion_and_the_odometry_continues(harness: Harness) 
     assert harness.base.pose.x > pose.x + 0.01
 
 
-def test_after_stop_commands_are_rejected_until_the_engine_restarts(harness: Harness) -> None:
+def test_after_stop_commands_are_rejected_until_the_engine_restarts(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     clock = MonotonicClock()
     harness.base._clock = clock  # the stop waits while this thread makes time pass
@@ -337,7 +236,7 @@ def test_after_stop_commands_are_rejected_until_the_engine_restarts(harness: Har
         harness.base.command(0.5, 0.0)
     harness.run(1.0)
     harness.settle()
-    assert harness.twist == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert harness.twist == pytest.approx(ZERO_TWIST, abs=1e-6)
     harness.robot.connection.stop_communication()
     harness.step()
     harness.up()
@@ -353,7 +252,7 @@ def test_the_pose_starts_at_zero_for_any_encoder_position(descriptor: RobotDescr
         assert harness.base.pose == ORIGIN
 
 
-def test_homing_a_wheel_is_no_motion(harness: Harness) -> None:
+def test_homing_a_wheel_is_no_motion(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     harness.run(2.0)
     harness.settle()
@@ -368,7 +267,7 @@ def test_homing_a_wheel_is_no_motion(harness: Harness) -> None:
     ]
 
 
-def test_reset_makes_the_current_pose_the_origin(harness: Harness) -> None:
+def test_reset_makes_the_current_pose_the_origin(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.5, 1.0)
     assert harness.base.pose.heading > 0.1
     harness.base.reset_odometry()
@@ -386,7 +285,7 @@ def test_wheels_are_put_into_velocity_mode(descriptor: RobotDescriptor) -> None:
         assert harness.twist.linear > 0.1
 
 
-def test_a_setpoint_that_was_not_sent_leaves_no_jump(harness: Harness) -> None:
+def test_a_setpoint_that_was_not_sent_leaves_no_jump(harness: BaseHarness) -> None:
     """The next setpoint is one step from the last one that the device has."""
     sent: list[float] = []
     mixer = harness.robot.control_loop._mixer
@@ -407,7 +306,7 @@ def test_a_setpoint_that_was_not_sent_leaves_no_jump(harness: Harness) -> None:
     assert mixer.stats.late_setpoints > 50
 
 
-def test_odometry_is_set_to_a_pose_and_goes_on_from_there(harness: Harness) -> None:
+def test_odometry_is_set_to_a_pose_and_goes_on_from_there(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     harness.run(2.0)
     harness.base.reset_odometry(Pose(3.0, -1.0, math.pi / 2))
@@ -421,7 +320,9 @@ def test_odometry_is_set_to_a_pose_and_goes_on_from_there(harness: Harness) -> N
         harness.base.reset_odometry(Pose(math.nan, 0.0, 0.0))
 
 
-def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(harness: Harness) -> None:
+def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(
+    harness: BaseHarness,
+) -> None:
     harness.drive(0.8, 0.4, 2.0)
     harness.robot.axes.stop_latch.engage("by the operator")
     previous = harness.twist.linear
@@ -445,7 +346,7 @@ def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(harness:
     assert harness.twist.linear > 0.1
 
 
-def test_after_a_stop_a_pause_as_long_as_the_time_out_is_neutral_too(harness: Harness) -> None:
+def test_after_a_stop_a_pause_as_long_as_the_time_out_is_neutral_too(harness: BaseHarness) -> None:
     harness.drive(0.8, 0.4, 1.0)
     harness.robot.axes.stop_latch.engage("by the operator")
     harness.run(1.0)
@@ -455,7 +356,7 @@ def test_after_a_stop_a_pause_as_long_as_the_time_out_is_neutral_too(harness: Ha
     assert harness.twist.linear > 0.1
 
 
-def test_the_speed_of_the_operator_keeps_the_arc(harness: Harness) -> None:
+def test_the_speed_of_the_operator_keeps_the_arc(harness: BaseHarness) -> None:
     harness.drive(0.8, 0.4, 2.0)
     harness.robot.set_speed(0.5)
     previous = harness.twist.linear

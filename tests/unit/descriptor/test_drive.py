@@ -4,7 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.descriptor import (
+    DifferentialDrive,
+    MecanumDrive,
+    RobotDescriptor,
+    load_robot_descriptor,
+)
 from robotd.errors import DescriptorError
 
 BASE = """\
@@ -51,5 +56,67 @@ def test_wheels_count_as_axes_and_have_defaults(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_drive_is_told_by_its_key(tmp_path: Path, text: str, where: str) -> None:
+    with pytest.raises(DescriptorError, match=where):
+        load(tmp_path, text)
+
+
+MECANUM = """\
+schema: 1
+name: rover
+drive:
+  kind: mecanum
+  front_left_axis: 0
+  front_right_axis: 1
+  rear_left_axis: 2
+  rear_right_axis: 3
+  wheel_radius_m: 0.1
+  wheel_separation_m: 0.5
+  wheelbase_m: 0.6
+  velocity_m_s: 1.0
+  acceleration_m_s2: 1.0
+  deceleration_m_s2: 1.0
+  lateral_velocity_m_s: 0.5
+  lateral_acceleration_m_s2: 1.0
+  lateral_deceleration_m_s2: 1.0
+  angular_velocity_rad_s: 1.0
+  angular_acceleration_rad_s2: 1.0
+  angular_deceleration_rad_s2: 1.0
+"""
+
+
+def test_a_drive_is_differential_unless_it_says_otherwise(tmp_path: Path) -> None:
+    assert isinstance(load(tmp_path, BASE).drive, DifferentialDrive)
+
+
+def test_a_mecanum_drive_has_four_wheels(tmp_path: Path) -> None:
+    robot = load(tmp_path, MECANUM)
+    assert isinstance(robot.drive, MecanumDrive)
+    assert (robot.axes, robot.drive.axes) == (4, (0, 1, 2, 3))
+    assert robot.drive.wheel_names[2] == "rear left wheel"
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        (
+            MECANUM.replace("kind: mecanum", "kind: omni"),
+            r"robot.yaml:4: drive.kind: unknown kind of base \(available: differential, mecanum\)",
+        ),
+        (
+            MECANUM.replace("rear_left_axis: 2", "rear_left_axis: 1"),
+            "robot.yaml:7: drive.rear_left_axis: used before, by front_right_axis",
+        ),
+        (
+            MECANUM.replace("wheelbase_m", "wheelbase"),
+            "drive.wheelbase: unknown key; did you mean 'wheelbase_m'",
+        ),
+        (MECANUM.replace("  wheelbase_m: 0.6\n", ""), "drive.wheelbase_m: missing"),
+        (MECANUM.replace("  kind: mecanum\n", ""), "drive.front_left_axis: unknown key"),
+        (MECANUM + "  wheel_joints: [a, b]\n", r"drive.wheel_joints: must be as many as wheels"),
+        (MECANUM.replace("kind: mecanum", "kind: [1]"), "drive.kind: unknown kind of base"),
+        ("schema: 1\nname: rover\ndrive: fast\n", "drive: must be a valid dictionary"),
+    ],
+)
+def test_mistakes_in_a_kind_of_base_are_named(tmp_path: Path, text: str, where: str) -> None:
     with pytest.raises(DescriptorError, match=where):
         load(tmp_path, text)

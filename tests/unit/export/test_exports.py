@@ -180,6 +180,29 @@ def test_nav2_is_warned_of_a_missing_transform(baymax: RobotDescriptor) -> None:
     assert "publish_tf" not in EXPORTS["nav2"](source)
 
 
+def test_nav2_gets_a_mecanum_base(baymax: RobotDescriptor) -> None:
+    mecanum = load_robot_descriptor("mecanum_base")
+    source = changed(mecanum, "mecanum_drive_controller", **{"linear.y.max_velocity": 0.3})
+    nodes = nodes_of_nav2(source)
+    assert nodes["amcl"]["robot_model_type"] == "nav2_amcl::OmniMotionModel"
+    assert nodes["controller_server"]["odom_topic"] == "/mecanum_drive_controller/odometry"
+    command = nodes["collision_monitor"]["cmd_vel_out_topic"]
+    assert command == "/mecanum_drive_controller/reference"
+    assert nodes["velocity_smoother"]["enable_stamped_cmd_vel"] is True
+    assert twist_limits(source) == {
+        "max_velocity": [1.0, 0.3, 2.0],
+        "min_velocity": [-1.0, -0.3, -2.0],
+        "max_accel": [1.5, 1.0, 4.0],
+        "max_decel": [-1.5, -1.0, -4.0],
+    }
+    assert "-r /mecanum_drive_controller/tf_odometry:=/tf" in EXPORTS["nav2"](source)
+    plain = changed(mecanum, "mecanum_drive_controller", use_stamped_vel=False)
+    command = nodes_of_nav2(plain)["collision_monitor"]["cmd_vel_out_topic"]
+    assert command == "/mecanum_drive_controller/reference_unstamped"
+    differential = nodes_of_nav2(ExportInput(baymax))["amcl"]["robot_model_type"]
+    assert differential == "nav2_amcl::DifferentialMotionModel"
+
+
 def test_isaac_gets_the_joints_of_the_arm() -> None:
     descriptor = load_robot_descriptor("cr3a", "orin")
     joints, clock = yaml.safe_load(EXPORTS["isaac"](ExportInput(descriptor)))["action_graph"]

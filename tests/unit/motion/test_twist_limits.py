@@ -4,11 +4,13 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.motion.diff_drive import ZERO_TWIST, PlanarTwist
+from robotd.motion.mecanum import MecanumWheels
+from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
 
 PERIOD_S = 0.01
@@ -17,10 +19,13 @@ ROUNDING = 1e-9
 rates = st.floats(0.1, 10.0)
 ramps = st.builds(RampLimits, rates, rates, rates, st.just(math.inf))
 smooth_ramps = st.builds(RampLimits, rates, rates, rates, st.floats(2.0, 100.0))
-limits = st.builds(TwistLimits, ramps, ramps, st.floats(0.1, 10.0), st.floats(0.05, 1.0))
-smooth_limits = st.builds(TwistLimits, smooth_ramps, smooth_ramps)
+rims, levers = st.floats(0.1, 10.0), st.floats(0.05, 1.0)
+limits = st.builds(TwistLimits, ramps, ramps, rims, levers, ramps)
+smooth_limits = st.builds(
+    TwistLimits, smooth_ramps, smooth_ramps, st.just(math.inf), levers, smooth_ramps
+)
 speeds = st.floats(-20.0, 20.0).map(lambda value: round(value, 6))
-twists = st.builds(PlanarTwist, speeds, speeds)
+twists = st.builds(PlanarTwist, speeds, speeds, st.one_of(st.just(0.0), speeds))
 commands = st.lists(st.tuples(twists, st.integers(1, 60)), min_size=1, max_size=8)
 
 
@@ -30,8 +35,9 @@ def driven(limiter: TwistLimiter, phases: Sequence[tuple[PlanarTwist, int]]) -> 
     return [ZERO_TWIST, *steps]
 
 
-def parts(all_limits: TwistLimits) -> tuple[RampLimits, RampLimits]:
-    return all_limits.linear, all_limits.angular
+def rim_speeds(all_limits: TwistLimits, twist: PlanarTwist) -> tuple[float, ...]:
+    """Rim speeds of four mecanum wheels with the lever of the limits."""
+    return MecanumWheels(1.0, all_limits.lever, all_limits.lever).speeds(twist)
 
 
 def same_direction(twist: PlanarTwist, command: PlanarTwist) -> bool:
@@ -42,9 +48,8 @@ def same_direction(twist: PlanarTwist, command: PlanarTwist) -> bool:
     if math.hypot(*twist) < 1e-12:
         return True
     size = math.hypot(*twist) * math.hypot(*command)
-    across = twist.linear * command.angular - twist.angular * command.linear
-    along = twist.linear * command.linear + twist.angular * command.angular
-    return abs(across) <= 1e-9 * size and along >= 0.0
+    across = float(np.linalg.norm(np.cross(twist, command)))
+    return across <= 1e-9 * size and float(np.dot(twist, command)) >= 0.0
 
 
 @given(limits, twists, st.integers(1, 200))
@@ -71,9 +76,8 @@ def test_no_limit_is_exceeded(
 ) -> None:
     steps = driven(TwistLimiter(all_limits, PERIOD_S), phases)
     for twist in steps:
-        rim = abs(twist.linear) + all_limits.half_track * abs(twist.angular)
-        assert rim <= all_limits.rim * (1 + ROUNDING)
-    for part, ramp in enumerate(parts(all_limits)):
+        assert max(map(abs, rim_speeds(all_limits, twist))) <= all_limits.rim * (1 + ROUNDING)
+    for part, ramp in enumerate(all_limits.parts):
         for before, after in pairwise(twist[part] for twist in steps):
             assert abs(after) <= ramp.velocity * (1 + ROUNDING)
             assert before * after >= 0.0, "a reversal skips standstill"
@@ -86,7 +90,7 @@ def test_no_limit_is_exceeded_with_a_limited_jerk(
     all_limits: TwistLimits, phases: list[tuple[PlanarTwist, int]]
 ) -> None:
     steps = driven(TwistLimiter(all_limits, PERIOD_S), phases)
-    for part, ramp in enumerate(parts(all_limits)):
+    for part, ramp in enumerate(all_limits.parts):
         values = [twist[part] for twist in steps]
         slopes = [(after - before) / PERIOD_S for before, after in pairwise(values)]
         steepest = max(ramp.acceleration, ramp.deceleration)
@@ -105,7 +109,7 @@ def test_a_stop_takes_no_longer_than_promised(
     reached = limiter._ramp
     braking_s = max(
         abs(speed) / part.deceleration
-        for speed, part in zip(reached, parts(all_limits), strict=True)
+        for speed, part in zip(reached, all_limits.parts, strict=True)
     )
     periods = math.ceil(braking_s / PERIOD_S - 1e-6) + math.ceil(
         all_limits.smoothing() / PERIOD_S - 1e-6
@@ -132,10 +136,20 @@ def test_a_lasting_command_is_reached_exactly(
 
 def test_a_fast_command_is_slowed_on_its_arc() -> None:
     all_limits = TwistLimits(RampLimits(1.0, 1.0, 1.0), RampLimits(2.0, 4.0, 4.0), 1.2, 0.275)
-    assert all_limits.scaled(PlanarTwist(2.0, 1.0)) == pytest.approx((1.0, 0.5))
-    assert all_limits.scaled(PlanarTwist(0.5, -8.0)) == pytest.approx((0.125, -2.0))
+    assert all_limits.scaled(PlanarTwist(2.0, 1.0)) == pytest.approx(PlanarTwist(1.0, 0.5))
+    assert all_limits.scaled(PlanarTwist(0.5, -8.0)) == pytest.approx(PlanarTwist(0.125, -2.0))
     rim = all_limits.scaled(PlanarTwist(1.0, 2.0))
-    assert rim == pytest.approx((1.2 / 1.55, 2.4 / 1.55))
+    assert rim == pytest.approx(PlanarTwist(1.2 / 1.55, 2.4 / 1.55))
+
+
+def test_sideways_counts_for_the_rims_and_has_its_own_limit() -> None:
+    ramp = RampLimits(1.0, 1.0, 1.0)
+    all_limits = TwistLimits(ramp, ramp, 1.5, 0.5, RampLimits(0.5, 1.0, 1.0))
+    assert all_limits.scaled(PlanarTwist(1.0, 0.0, 1.0)) == pytest.approx(
+        PlanarTwist(0.5, 0.0, 0.5)
+    )
+    rim = all_limits.scaled(PlanarTwist(1.0, 1.0, 0.5))
+    assert rim == pytest.approx(PlanarTwist(0.75, 0.75, 0.375))
 
 
 def test_reset_stands_still_at_once() -> None:

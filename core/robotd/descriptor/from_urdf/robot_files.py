@@ -117,8 +117,10 @@ def _base(roles: Roles) -> Iterator[str]:
         " be replaced by those of the machine; the wheels' speed limits both parts of a twist."
     )
     yield "drive:"
+    yield "  kind: differential                    # mecanum has other keys: robots/mecanum_base"
     yield f"  left_axis: {first}"
     yield f"  right_axis: {first + 1}"
+    yield f"  wheel_joints: [{left.name}, {right.name}]"
     yield f"  wheel_radius_m: {_rounded(base.radius_m)}"
     yield f"  wheel_separation_m: {_rounded(base.separation_m)}"
     yield f"  wheel_velocity_rad_s: {_number(base.velocity_rad_s)}      # {origin}"

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import SetBool, Trigger
 from wmx_ros2_message.msg import AxisState
@@ -48,6 +49,24 @@ class AxisReport:
 
 
 @dataclass(frozen=True)
+class ToolReport:
+    """Measured pose of the tool.
+
+    Attributes:
+        link, base: names of its frame and of the frame that it is given in.
+        position_m: x, y, z.
+        rotation_rad: roll, pitch, yaw about the fixed axes of ``base``.
+        quaternion: the rotation as x, y, z, w.
+    """
+
+    link: str
+    base: str
+    position_m: tuple[float, float, float]
+    rotation_rad: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
 class RobotReport:
     """The engine and its axes.
 
@@ -61,6 +80,7 @@ class RobotReport:
             without ``wmx_core_motion_node``.
         owners: client that moves it, by name of the joint; without those that nobody owns.
         inputs, outputs: levels by name in the descriptor; None while they are unknown.
+        tool: None for a robot without a URDF, and while positions are not known.
     """
 
     state: str
@@ -73,11 +93,29 @@ class RobotReport:
     owners: dict[str, str]
     inputs: Levels
     outputs: Levels
+    tool: ToolReport | None
 
 
 def _owners(text: str) -> dict[str, str]:
     pairs = (line.partition(": ") for line in text.splitlines())
     return {name: owner for name, _, owner in pairs}
+
+
+def _tool(message: TransformStamped) -> ToolReport | None:
+    if not message.child_frame_id:
+        return None
+    place, turn = message.transform.translation, message.transform.rotation
+    x, y, z, w = turn.x, turn.y, turn.z, turn.w
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return ToolReport(
+        message.child_frame_id,
+        message.header.frame_id,
+        (place.x, place.y, place.z),
+        (roll, pitch, yaw),
+        (x, y, z, w),
+    )
 
 
 def read_report(client: RosClient) -> RobotReport:
@@ -89,6 +127,7 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Float64, SPEED, LATCHED) as speed,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
         client.listen(String, IO, LATCHED) as io,
+        client.listen(TransformStamped, f"{OPERATOR_NODE}/tool_pose") as tool,
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
@@ -108,6 +147,7 @@ def read_report(client: RosClient) -> RobotReport:
             reports,
             _owners(owners.wait().data),
             *read_levels(io.wait().data),
+            _tool(tool.wait()),
         )
 
 

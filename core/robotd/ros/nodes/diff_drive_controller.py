@@ -1,116 +1,17 @@
-"""diff_drive_controller: a mobile base, from twists to wheels and from wheels to odometry."""
+"""diff_drive_controller: a mobile base with two driven wheels."""
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
-from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
-from rclpy.node import Node
-from std_srvs.srv import Trigger
-
-from robotd.clock import NANOSECONDS
-from robotd.errors import DescriptorError, InvalidArgument, RobotdError
-from robotd.motion.diff_drive import Pose
-from robotd.node_settings.base_settings import DiffDriveSettings, read_diff_drive
+from robotd.node_settings.base_settings import read_diff_drive
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import TypeMismatchCheck
-from robotd.ros.nodes.node_parameters import Parameters
-from robotd.ros.nodes.odometry_topics import OdometryTopics
-from robotd.ros.nodes.rejection_log import RejectionLog
-from robotd.ros.nodes.robot_description import publish_description
-from robotd.ros.nodes.trajectory_conversions import stamp_ns
-from robotd.ros.services import add_service, add_subscription
+from robotd.ros.nodes.base_controller import BaseController
 
 NAME = "diff_drive_controller"
-COMMAND_DEPTH = 1  # only the newest twist means anything
-ECHO_DEPTH = 10
-MAX_TILT = 1e-3  # of a quaternion about z
 
 
-class DiffDriveController(Node):
-    """Node of a mobile base: twists in, odometry out; ``MobileBase`` does the control.
-
-    With this node in the set, the wheels are switched on at start.
-
-    Raises:
-        DescriptorError: the robot has no base, or a parameter is wrong; nothing was opened.
-    """
+class DiffDriveController(BaseController):
+    """Node of a differential base; raises as ``BaseController``."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
-        super().__init__(NAME, context=host.context)
-        self._rejections = RejectionLog()
-        if robot.base is None:
-            raise DescriptorError(f"{NAME} needs a drive, which {robot.descriptor.name} has not")
-        self._base = robot.base
-        parameters = Parameters(self, robot.descriptor)
-        settings = read_diff_drive(parameters, robot.descriptor)
-        parameters.done()
-        self._base.configure(settings.drive)
-        if settings.parameters_file:
-            robot.connection.parameters.path = settings.parameters_file
-        self._take_commands(host, settings)
-        self._publish_state(settings, robot)
-        publish_description(self, settings.description)
-        add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
-        self._odom_frame = settings.odom_frame
-        add_subscription(self, host, PoseWithCovarianceStamped, "~/set_pose", self._set_pose, 1)
-
-    def _take_commands(self, host: RosHost, settings: DiffDriveSettings) -> None:
-        self._topic = settings.commands
-        self._echo = self.create_publisher(Twist, settings.echo, ECHO_DEPTH)
-        taken = TwistStamped if settings.stamped else Twist
-        handler = self._command_stamped if settings.stamped else self._command
-        subscription = add_subscription(self, host, taken, self._topic, handler, COMMAND_DEPTH)
-        self._offered = TypeMismatchCheck(
-            self,
-            subscription,
-            f"geometry_msgs/msg/{taken.__name__}",
-            f"publish {taken.__name__}, or set use_stamped_vel to"
-            f" {str(not settings.stamped).lower()}",
-        )
-
-    def _publish_state(self, settings: DiffDriveSettings, robot: Robot) -> None:
-        topics = OdometryTopics(self, robot, settings)
-        robot.control_loop.every(settings.rate_hz, "odometry", topics.publish)
-        self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
-
-    def _command_stamped(self, message: Any) -> None:
-        """Ignore a command that is older than the time-out; a zero stamp has no age."""
-        sent_ns = stamp_ns(message.header.stamp)
-        age_s = (self.get_clock().now().nanoseconds - sent_ns) / NANOSECONDS
-        limit_s = self._base.settings.command_timeout_s
-        if sent_ns and age_s > limit_s:
-            text = f"the command is {age_s:.2f} s old, its time-out is {limit_s:g} s"
-            self._rejections.rejected(self._topic, (), text)
-            return
-        self._command(message.twist)
-
-    def _command(self, twist: Any) -> None:
-        try:
-            self._base.command(twist.linear.x, twist.angular.z)
-        except RobotdError as error:
-            self._rejections.rejected(self._topic, (), str(error))
-            return
-        self._rejections.accepted(self._topic, ())
-        self._echo.publish(twist)
-
-    def _set_pose(self, message: Any) -> None:
-        """Raise InvalidArgument for another frame, a tilted pose or one that is not finite."""
-        frame, pose = message.header.frame_id, message.pose.pose
-        if frame not in ("", self._odom_frame):
-            raise InvalidArgument(f"the pose is in {frame!r}, not in {self._odom_frame!r}")
-        q = pose.orientation
-        if abs(q.x) + abs(q.y) > MAX_TILT or q.z**2 + q.w**2 < 1.0 - MAX_TILT:
-            raise InvalidArgument(
-                f"orientation ({q.x:g}, {q.y:g}, {q.z:g}, {q.w:g}) is not one about z"
-            )
-        heading = math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
-        self._base.reset_odometry(Pose(pose.position.x, pose.position.y, heading))
-
-    def _reset_odometry(self, request: Any, response: Any) -> Any:
-        self._base.reset_odometry()
-        response.success = True
-        response.message = "odometry set to zero"
-        return response
+        super().__init__(NAME, robot, host, read_diff_drive)

@@ -11,17 +11,16 @@ from std_msgs.msg import Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
 from robotd.device.process_image import ProcessImage
-from robotd.node_settings.base_settings import LIMITED_TOPIC, DiffDriveSettings
+from robotd.node_settings.base_settings import BaseSettings
 from robotd.robot import Robot
 from robotd.ros.middleware import HotPublisher
 
 DEPTH = 10
-TF_TOPIC = "tf"
 TF_DEPTH = 100
 
 _POSE = ("position.x", "position.y", "orientation.z", "orientation.w")
 _TRANSFORM = ("translation.x", "translation.y", "rotation.z", "rotation.w")
-_TWIST = ("linear.x", "angular.z")
+_TWIST = ("linear.x", "angular.z", "linear.y")  # in the order of ``PlanarTwist``
 
 
 class OdometryTopics:
@@ -33,7 +32,7 @@ class OdometryTopics:
         topics: resolved names of all that is published.
     """
 
-    def __init__(self, node: Node, robot: Robot, settings: DiffDriveSettings) -> None:
+    def __init__(self, node: Node, robot: Robot, settings: BaseSettings) -> None:
         if robot.base is None:
             raise ValueError(f"{robot.descriptor.name} has no base")
         self._base = robot.base
@@ -43,7 +42,7 @@ class OdometryTopics:
         omega = node.create_publisher(Float64MultiArray, settings.wheel_speeds, DEPTH)
         odometry = node.create_publisher(Odometry, settings.odometry, DEPTH)
         self.topics = [omega.topic_name, odometry.topic_name]
-        self._omega = HotPublisher(omega, Float64MultiArray(data=[0.0, 0.0]), ["data"])
+        self._omega = HotPublisher(omega, Float64MultiArray(data=[0.0] * len(self._axes)), ["data"])
         pose = [f"pose.pose.{name}" for name in _POSE]
         twist = [f"twist.twist.{name}" for name in _TWIST]
         self._odometry = HotPublisher(odometry, _odometry(settings), [*pose, *twist])
@@ -51,15 +50,15 @@ class OdometryTopics:
         self._poses = [[self._odometry.view(path) for path in pose]]
         self._twists = [[self._odometry.view(path) for path in twist]]
         self._wheels = self._omega.view("data")
-        if settings.publish_tf:
-            publisher = node.create_publisher(TFMessage, TF_TOPIC, TF_DEPTH)
+        if settings.transform:
+            publisher = node.create_publisher(TFMessage, settings.transform, TF_DEPTH)
             self.topics.append(publisher.topic_name)
             paths = [f"transforms.0.transform.{name}" for name in _TRANSFORM]
             message = HotPublisher(publisher, _transform(settings), paths)
             self._stamped.append(message)
             self._poses.append([message.view(path) for path in paths])
-        if settings.publish_limited:
-            publisher = node.create_publisher(TwistStamped, LIMITED_TOPIC, DEPTH)
+        if settings.limited:
+            publisher = node.create_publisher(TwistStamped, settings.limited, DEPTH)
             self.topics.append(publisher.topic_name)
             paths = [f"twist.{name}" for name in _TWIST]
             message = HotPublisher(publisher, _limited(settings), paths)
@@ -88,7 +87,7 @@ class OdometryTopics:
         self._omega.publish()
 
 
-def _odometry(settings: DiffDriveSettings) -> Odometry:
+def _odometry(settings: BaseSettings) -> Odometry:
     message = Odometry(child_frame_id=settings.base_frame)
     message.header.frame_id = settings.odom_frame
     parts = (message.pose, settings.pose_variances), (message.twist, settings.twist_variances)
@@ -98,13 +97,13 @@ def _odometry(settings: DiffDriveSettings) -> Odometry:
     return message
 
 
-def _transform(settings: DiffDriveSettings) -> TFMessage:
+def _transform(settings: BaseSettings) -> TFMessage:
     transform = TransformStamped(child_frame_id=settings.base_frame)
     transform.header.frame_id = settings.odom_frame
     return TFMessage(transforms=[transform])
 
 
-def _limited(settings: DiffDriveSettings) -> TwistStamped:
+def _limited(settings: BaseSettings) -> TwistStamped:
     message = TwistStamped()
     message.header.frame_id = settings.base_frame
     return message

@@ -17,6 +17,7 @@ from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.nodes.named_io import NamedIo
 from robotd.ros.nodes.owner_topic import OwnerTopic
 from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
+from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
 from robotd.ros.services import add_service, add_subscription, named_values
 
 
@@ -30,6 +31,7 @@ class OperatorNode(Node):
         self._speed = _SpeedServices(self, robot, host)
         self._owners = OwnerTopic(self, robot)
         self._io = NamedIo(self, robot, host)
+        self._tool = ToolPoseTopic(self, robot)
 
 
 class _SpeedServices:

@@ -1,0 +1,141 @@
+"""Models of the descriptor's section ``drive``: one for each kind of mobile base."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from robotd.descriptor.section import Axis, Name, Positive, Problem, Section, twice
+
+
+class DriveSettings(Section):
+    """A base on driven wheels, each turned by one axis in velocity mode."""
+
+    AXIS_KEYS: ClassVar[tuple[str, ...]]  # in the order of the wheels
+
+    kind: str
+    wheel_radius_m: Positive = Field(description="Radius of the wheels.")
+    wheel_separation_m: Positive = Field(
+        description="Distance between the treads of the left and the right wheels."
+    )
+    wheel_wrap_rad: Positive | None = Field(
+        None, description="Range after which a wheel's position begins again; null: it never does."
+    )
+    wheel_velocity_rad_s: Positive | None = Field(
+        None, description="Highest speed of a wheel; null: whatever the twist's limits give."
+    )
+    wheel_joints: tuple[Name, ...] = Field(
+        (),
+        strict=False,
+        description="Joints of the wheels in the URDF, in the order of the axes above, for the "
+        "transforms of `robot_state_publisher`; empty: the wheels stand still there.",
+    )
+    velocity_m_s: Positive = Field(description="Highest speed, ahead and back.")
+    acceleration_m_s2: Positive = Field(description="Highest acceleration.")
+    deceleration_m_s2: Positive = Field(description="Highest deceleration.")
+    jerk_m_s3: Positive | None = Field(None, description="Highest jerk; null: not limited.")
+    angular_velocity_rad_s: Positive = Field(description="Highest speed of turning.")
+    angular_acceleration_rad_s2: Positive = Field(description="Highest acceleration of turning.")
+    angular_deceleration_rad_s2: Positive = Field(description="Highest deceleration of turning.")
+    angular_jerk_rad_s3: Positive | None = Field(
+        None, description="Highest jerk of turning; null: not limited."
+    )
+    command_timeout_s: Positive = Field(
+        0.5, description="Age of the last command at which the base slows to rest."
+    )
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """The axes of the wheels, in the order of ``AXIS_KEYS``."""
+        return tuple(getattr(self, key) for key in self.AXIS_KEYS)
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """Names of the wheels for people, in the order of ``axes``."""
+        keys = (key.removesuffix("_axis") for key in self.AXIS_KEYS)
+        return tuple(f"{key.replace('_', ' ')} wheel" for key in keys)
+
+    def problems(self) -> Iterator[Problem]:
+        first: dict[int, str] = {}
+        for key, axis in zip(self.AXIS_KEYS, self.axes, strict=True):
+            if axis in first:
+                yield (key,), f"used before, by {first[axis]}", axis
+            first.setdefault(axis, key)
+        yield from twice("wheel_joints", self.wheel_joints)
+        if self.wheel_joints and len(self.wheel_joints) != len(self.axes):
+            what = f"must be as many as wheels ({len(self.axes)}), or none"
+            yield ("wheel_joints",), what, self.wheel_joints
+
+
+class DifferentialDrive(DriveSettings):
+    """A base on two driven wheels on one axle."""
+
+    AXIS_KEYS = ("left_axis", "right_axis")
+
+    kind: Literal["differential"] = Field("differential", description="Kind of the base.")
+    left_axis: Axis = Field(description="Axis of the device that turns the left wheel.")
+    right_axis: Axis = Field(description="Axis of the device that turns the right wheel.")
+    wheel_separation_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the separation."
+    )
+    left_wheel_radius_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the radius of the left wheel."
+    )
+    right_wheel_radius_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the radius of the right wheel."
+    )
+
+
+class MecanumDrive(DriveSettings):
+    """A base on four mecanum wheels, whose rollers form an X, seen from above."""
+
+    AXIS_KEYS = ("front_left_axis", "front_right_axis", "rear_left_axis", "rear_right_axis")
+
+    kind: Literal["mecanum"] = Field(description="Kind of the base.")
+    front_left_axis: Axis = Field(description="Axis that turns the front left wheel.")
+    front_right_axis: Axis = Field(description="Axis that turns the front right wheel.")
+    rear_left_axis: Axis = Field(description="Axis that turns the rear left wheel.")
+    rear_right_axis: Axis = Field(description="Axis that turns the rear right wheel.")
+    wheelbase_m: Positive = Field(description="Distance between the front and the rear axles.")
+    lateral_velocity_m_s: Positive = Field(description="Highest speed sideways.")
+    lateral_acceleration_m_s2: Positive = Field(description="Highest acceleration sideways.")
+    lateral_deceleration_m_s2: Positive = Field(description="Highest deceleration sideways.")
+    lateral_jerk_m_s3: Positive | None = Field(
+        None, description="Highest jerk sideways; null: not limited."
+    )
+
+
+KINDS: Mapping[str, type[DriveSettings]] = {
+    "differential": DifferentialDrive,
+    "mecanum": MecanumDrive,
+}
+
+
+def _by_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> DriveSettings:
+    """Validate by the model that ``kind`` names.
+
+    Unlike those of a tagged union, the keys of errors do not contain the kind.
+    """
+    del handler
+    if isinstance(value, DriveSettings):
+        return value
+    kind = value.get("kind", "differential") if isinstance(value, dict) else "differential"
+    if isinstance(kind, str) and kind in KINDS:
+        return KINDS[kind].model_validate(value)
+    what = f"unknown kind of base (available: {', '.join(KINDS)})"
+    raise ValidationError.from_exception_data(
+        "drive",
+        [
+            InitErrorDetails(
+                type=PydanticCustomError("robotd", "{what}", {"what": what}),
+                loc=("kind",),
+                input=kind,
+            )
+        ],
+    )
+
+
+Drive = Annotated[DifferentialDrive | MecanumDrive, WrapValidator(_by_kind)]

@@ -1,0 +1,54 @@
+"""Dead reckoning: the pose of a base from the positions of its wheels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from robotd.motion.base_kinematics import BaseKinematics
+from robotd.motion.planar import ORIGIN, Pose, along_arc
+
+
+class Odometry:
+    """Pose since the last ``reset``, from the positions of the wheels.
+
+    Between two updates each wheel is taken to turn evenly, so the base runs along an arc, which
+    is integrated exactly. The first update after the start, or after ``rebase``, only takes the
+    wheels' positions as the baseline. Not thread-safe.
+
+    Args:
+        wheels: their kinematics.
+        wrap: range in rad after which a wheel's position begins again; None: it never does.
+    """
+
+    def __init__(self, wheels: BaseKinematics, wrap: float | None = None) -> None:
+        self.pose = ORIGIN
+        self._wheels = wheels
+        self._wrap = wrap
+        self._last: Sequence[float] | None = None
+
+    def update(self, positions: Sequence[float], longest_step: float = math.inf) -> bool:
+        """Move on to the wheels' positions in rad, which are finite.
+
+        False, and a new baseline, when a wheel is further from its last position than
+        ``longest_step`` rad: it was not turned, its position was given another number.
+        """
+        last, self._last = self._last, positions
+        if last is None:
+            return True
+        steps = [self._step(now - before) for now, before in zip(positions, last, strict=True)]
+        if max(map(abs, steps)) > longest_step:
+            return False
+        self.pose = along_arc(self.pose, self._wheels.twist(*steps))
+        return True
+
+    def rebase(self) -> None:
+        """Take the next positions as the baseline, wherever they are; the pose stays."""
+        self._last = None
+
+    def reset(self, pose: Pose = ORIGIN) -> None:
+        """Make ``pose`` the present one."""
+        self.pose = pose
+
+    def _step(self, change: float) -> float:
+        return change if self._wrap is None else math.remainder(change, self._wrap)

@@ -1,0 +1,58 @@
+"""Mecanum drive: four wheels with rollers at 45°, which move the base in every direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from robotd.motion.planar import PlanarTwist
+
+
+@dataclass(frozen=True)
+class MecanumWheels:
+    """Kinematics of four wheels: front left, front right, rear left, rear right.
+
+    The rollers that touch the ground lie along the diagonals of the base, seen from above as an X.
+    The base's frame is in the middle of the wheels. Formulas: Taheri, Qiao, Ghaeminezhad,
+    "Kinematic Model of a Four Mecanum Wheeled Mobile Robot", IJCA 113(3), 2015.
+
+    Attributes:
+        radius: of the wheels in m, positive.
+        separation: distance between the left and the right wheels in m, positive.
+        wheelbase: distance between the front and the rear wheels in m, positive.
+    """
+
+    moves_sideways: ClassVar[bool] = True
+
+    radius: float
+    separation: float
+    wheelbase: float
+
+    @property
+    def lever(self) -> float:
+        """Half of track plus wheelbase in m."""
+        return (self.separation + self.wheelbase) / 2
+
+    def speeds(self, twist: PlanarTwist) -> tuple[float, ...]:
+        """Angular velocities of the four wheels in rad/s that move the base by ``twist``."""
+        ahead, left, turning = twist.linear, twist.lateral, twist.angular * self.lever
+        return (
+            (ahead - left - turning) / self.radius,
+            (ahead + left + turning) / self.radius,
+            (ahead + left - turning) / self.radius,
+            (ahead - left + turning) / self.radius,
+        )
+
+    def twist(self, *turns: float) -> PlanarTwist:
+        """Invert ``speeds``; for wheel angles in rad the result is a displacement.
+
+        Four wheels have three degrees of freedom: of turns that contradict each other, because
+        wheels slip, the result is the least-squares solution.
+        """
+        front_left, front_right, rear_left, rear_right = turns
+        quarter = self.radius / 4
+        return PlanarTwist(
+            quarter * (front_left + front_right + rear_left + rear_right),
+            quarter * (-front_left + front_right - rear_left + rear_right) / self.lever,
+            quarter * (-front_left + front_right + rear_left - rear_right),
+        )

@@ -1,0 +1,144 @@
+"""robot_state_publisher: transforms of the whole robot from its URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from tf2_msgs.msg import TFMessage
+
+from robotd.arrays import FloatArray
+from robotd.descriptor.urdf import JointFrames, UrdfJoint, parse_urdf
+from robotd.device.process_image import ProcessImage
+from robotd.log import get_logger
+from robotd.node_settings.base_settings import TF_TOPIC
+from robotd.node_settings.state_publisher_settings import read_state_publisher
+from robotd.robot import Robot
+from robotd.ros.host import RosHost
+from robotd.ros.middleware import HotPublisher, StampClock
+from robotd.ros.nodes.joint_state_topics import Fingers
+from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.odometry_topics import TF_DEPTH
+from robotd.ros.nodes.ready_topic import LATCHED
+from robotd.ros.nodes.robot_description import publish_description
+
+NAME = "robot_state_publisher"
+STATIC_TOPIC = "tf_static"
+
+log = get_logger("ros")
+
+
+class RobotStatePublisher(Node):
+    """Node that publishes moving frames from the control loop, and fixed ones latched.
+
+    It reads the joints from the process image, not from ``joint_states``.
+
+    Raises:
+        DescriptorError: a parameter or the URDF is wrong; nothing was opened.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__(NAME, context=host.context)
+        parameters = Parameters(self, robot.descriptor)
+        settings = read_state_publisher(parameters, robot.descriptor)
+        parameters.done()
+        path = robot.descriptor.urdf or Path("robot_description")
+        urdf = parse_urdf(settings.description.encode(), path)
+        known = _KnownJoints(robot)
+        frames = JointFrames(urdf, known.names)
+        if idle := [joint.name for joint in frames.still if joint.moves]:
+            log.info("joints that nothing moves are published at 0", joints=idle)
+        publish_description(self, settings.description)
+        static = self.create_publisher(TFMessage, STATIC_TOPIC, LATCHED)
+        static.publish(self._static(frames, settings.prefix))
+        self.rates_hz: dict[str, float] = {}
+        if frames.moving:
+            publisher = self.create_publisher(TFMessage, TF_TOPIC, TF_DEPTH)
+            topic = _MovingTopic(self, robot, frames, known, publisher, settings.prefix)
+            robot.control_loop.every(settings.rate_hz, "transforms", topic.publish)
+            self.rates_hz[publisher.topic_name] = settings.rate_hz
+
+    def _static(self, frames: JointFrames, prefix: str) -> TFMessage:
+        message = TFMessage(transforms=_templates(frames.still, prefix))
+        stamp = self.get_clock().now().to_msg()
+        for each, numbers in zip(message.transforms, frames.still_transforms(), strict=True):
+            each.header.stamp = stamp
+            x, y, z, qx, qy, qz, qw = map(float, numbers)
+            place, turn = each.transform.translation, each.transform.rotation
+            place.x, place.y, place.z = x, y, z
+            turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw
+        return message
+
+
+class _KnownJoints:
+    """Positions of arm joints, wheels and fingers. Control loop.
+
+    Attributes:
+        names: of the joints, in the order of ``positions``.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        drive, known = robot.descriptor.drive, robot.descriptor.gripper
+        self._axes = list(robot.joint_axes)
+        self._fingers = None
+        self.names = list(robot.joint_names)
+        if drive is not None and drive.wheel_joints:
+            self._axes += drive.axes
+            self.names += drive.wheel_joints
+        if robot.gripper is not None and known is not None:
+            multipliers = np.array(known.multipliers or [1.0] * len(known.joints))
+            self._fingers = Fingers(robot.gripper, known.open_m, known.closed_m, multipliers)
+            self.names += known.joints
+
+    def positions(self, image: ProcessImage) -> FloatArray:
+        """Return rad or m, shape (names,); NaN where the device does not know a position."""
+        measured = image.position[self._axes]
+        if self._fingers is None:
+            return measured
+        opening = self._fingers.position_m(image.stamp_ns)
+        return np.concatenate([measured, self._fingers.multipliers * opening])
+
+
+class _MovingTopic:
+    """Transforms of moving joints; ``publish`` belongs to the control loop.
+
+    Nothing is published while the engine is not ready or a position is not known.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        robot: Robot,
+        frames: JointFrames,
+        known: _KnownJoints,
+        publisher: Publisher,
+        prefix: str,
+    ) -> None:
+        self._connection, self._frames, self._known = robot.connection, frames, known
+        self._clock = StampClock(node.get_clock())
+        template = TFMessage(transforms=_templates(frames.moving, prefix))
+        paths = [f"transforms.{index}.transform" for index in range(len(frames.moving))]
+        self._message = HotPublisher(publisher, template, paths)
+        self._views = [self._message.view(path) for path in paths]
+
+    def publish(self, image: ProcessImage) -> None:
+        positions = self._known.positions(image)
+        if not self._connection.ready or not np.isfinite(positions).all():
+            return
+        for view, numbers in zip(self._views, self._frames.transforms(positions), strict=True):
+            view[:] = numbers
+        self._message.stamp(self._clock.now_ns())
+        self._message.publish()
+
+
+def _templates(joints: Iterable[UrdfJoint], prefix: str) -> Sequence[TransformStamped]:
+    messages = []
+    for joint in joints:
+        message = TransformStamped(child_frame_id=prefix + joint.child)
+        message.header.frame_id = prefix + joint.parent
+        messages.append(message)
+    return messages
