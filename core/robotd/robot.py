@@ -23,9 +23,10 @@ from robotd.control.recovery import Recovery, Report
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
-from robotd.device.axes import Axes, each
+from robotd.device.axes import Axes
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
+from robotd.device.each_axis import each
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
@@ -124,7 +125,14 @@ class Robot:
             descriptor.outputs,
         )
         check_names(descriptor, self.io)
-        self.fieldbus = Fieldbus(drivers.fieldbus, self.connection, capabilities, name)
+        self.fieldbus = Fieldbus(
+            drivers.fieldbus,
+            self.connection,
+            capabilities,
+            name,
+            self.events,
+            self.axes.kept_at_rest,
+        )
         self.gripper = Gripper(self.io, descriptor.gripper, clock) if descriptor.gripper else None
         self.mixer = mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz, clock)
         self.control_loop = ControlLoop(

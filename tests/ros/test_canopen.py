@@ -11,10 +11,13 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from tests.canopen.drives_process import DrivesProcess, write_robot
 from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.test_client_commands import robotd
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import (
@@ -205,3 +208,27 @@ def test_a_lost_drive_and_the_way_back(
     client.wait_engine()
     assert set_axis(client, "set_on", [2], [1]).success
     succeed(client, 1, 0.0)
+
+
+def test_objects_of_a_drive_are_read_and_written(arm: RobotProcess, client: Client) -> None:
+    ramp = {"slave_id": 2, "index": 0x6083, "subindex": 0}
+    written = call_object(client, "write_object", **ramp, value=500_000)
+    assert written == (True, "20 a1 07 00 (0x0007A120, 500000)")
+    assert call_object(client, "read_object", **ramp) == written
+    code, output, error = robotd(arm.domain, "sdo", "read", "2", "0x6083")
+    assert (code, output) == (0, f"{written[1]}\n"), error
+    for fields, reason in (
+        ({"slave_id": 2, "index": 0x5FFF, "subindex": 0}, "abort 0x06020000"),
+        ({"slave_id": 99, "index": 0x1000, "subindex": 0}, "slave 99 is not on master 0"),
+        ({"slave_id": 2}, "expected the whole numbers slave_id, index, subindex, [master_id]"),
+    ):
+        successful, text = call_object(client, "read_object", **fields)
+        assert (successful, reason in text) == (False, True), text
+
+
+def call_object(client: Client, name: str, **fields: int) -> tuple[bool, str]:
+    """Call one of the services of objects; return success and text."""
+    parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in fields.items()]
+    service = f"/wmx/ecat/{name}"
+    result = client.call(SetParametersAtomically, service, parameters=parameters).result
+    return result.successful, result.reason

@@ -25,6 +25,7 @@ COMMANDS = {
     "pause": "Bring motion to rest on its path, to be resumed.",
     "resume": "Resume motion after a pause.",
     "recover": "Bring the running robot back after a fault. Nothing moves.",
+    "sdo": "Read and write objects (SDO) of the running robot's drives.",
     "snapshot": "Save the last seconds of the running robot.",
     "explain": "Explain a recording, or an alarm, error or abort code.",
     "record": "Record the running robot, or repair a recording.",

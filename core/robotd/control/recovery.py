@@ -10,8 +10,9 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
-from robotd.device.axes import Axes, each
+from robotd.device.axes import Axes
 from robotd.device.connection import Connection
+from robotd.device.each_axis import each
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.process_image import ProcessImage
 from robotd.errors import ConnectError, NotReady, RobotdError, reason_of

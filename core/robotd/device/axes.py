@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -280,6 +280,18 @@ class Axes:
         self._effect.wait_for_motion()
 
     @contextmanager
+    def kept_at_rest(self, what: str) -> Iterator[None]:
+        """Let no motion start until the block ends; stops are not delayed.
+
+        Raises NotReady, naming ``what`` and the axis, unless every axis is idle and unclaimed.
+        """
+        with self._lock:
+            for axis in range(len(self)):
+                self._check_axis(axis)
+                self._check_idle(axis, what)
+            yield
+
+    @contextmanager
     def claimed(
         self, owner: str, axes: Sequence[int], mode: CommandMode = CommandMode.POSITION
     ) -> Iterator[None]:
@@ -384,15 +396,3 @@ class Axes:
 
 def _numbers(profile: Profile) -> tuple[float, float, float]:
     return profile.velocity, profile.acceleration, profile.deceleration
-
-
-def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:
-    """Run a one-axis command on every axis; return error or None of each."""
-    results: dict[int, Exception | None] = {}
-    for axis in axes:
-        try:
-            command(axis)
-            results[axis] = None
-        except Exception as error:  # noqa: BLE001 - the caller reports every axis
-            results[axis] = error
-    return results

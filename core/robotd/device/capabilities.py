@@ -30,6 +30,8 @@ class Capability(StrEnum):
       (``ProcessImage.set_controller_alarm``).
     - REGISTER_READ, STATISTICS, HOT_CONNECT: methods of the fieldbus driver
       (``read_register``, ``reset_statistics``, ``start_hot_connect``).
+    - OBJECTS: objects of the nodes, SDO, are read and written at run time, by the fieldbus driver
+      (``read_object``, ``write_object``).
     - DEVICE_WATCHDOG: moving axes stop by themselves when setpoints or the process end.
     - SIMULATED: nothing real moves.
     """
@@ -45,6 +47,7 @@ class Capability(StrEnum):
     REGISTER_READ = "register_read"
     STATISTICS = "statistics"
     HOT_CONNECT = "hot_connect"
+    OBJECTS = "objects"
     TRAJECTORIES_ON_DEVICE = "trajectories_on_device"
     CONTROLLER_ALARM = "controller_alarm"
     DEVICE_WATCHDOG = "device_watchdog"

@@ -340,3 +340,18 @@ class FieldbusDriver(ABC):
     def start_hot_connect(self, bus: int) -> None:
         """Let newly attached nodes join (HOT_CONNECT)."""
         raise Unsupported("start_hotconnect")
+
+    def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+        """Return an object of a node as it is on the bus (OBJECTS).
+
+        Raises OperationError with the node's abort code, DeviceTimeout without an answer.
+        """
+        raise Unsupported("read_object")
+
+    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
+        """Write an object of a node; no axis of the device moves (OBJECTS).
+
+        What the driver remembers of objects that it writes itself is no longer valid. Raises as
+        ``read_object`` does.
+        """
+        raise Unsupported("write_object")

@@ -1,12 +1,19 @@
-"""Fieldbus diagnostics with every argument checked."""
+"""Fieldbus diagnostics, and objects of the nodes, with every argument checked."""
 
 from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 
 from robotd.device.bus_status import BusStatus
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
 from robotd.device.drivers import FieldbusDriver
 from robotd.errors import InvalidArgument, Unsupported
+from robotd.events import EventLog, noted
+
+MAX_OBJECT_BYTES = 4096  # of one write; the longest texts and tables of drives have less
 
 
 class Fieldbus:
@@ -15,6 +22,8 @@ class Fieldbus:
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
         capabilities: of the backend.
+        events: where writes are noted; None: in a log of its own.
+        kept_at_rest: lets no motion start in its block; raises NotReady while an axis moves.
     """
 
     def __init__(
@@ -23,7 +32,11 @@ class Fieldbus:
         connection: Connection,
         capabilities: frozenset[Capability],
         backend: str,
+        events: EventLog | None = None,
+        kept_at_rest: Callable[[str], AbstractContextManager[None]] = nullcontext,
     ) -> None:
+        self.events = events or EventLog(time.monotonic_ns)
+        self._kept_at_rest = kept_at_rest
         self._maybe_driver = driver
         self._connection = connection
         self._capabilities = capabilities
@@ -49,10 +62,36 @@ class Fieldbus:
                 f"registers {address:#06x}..{address + length - 1:#06x}"
                 f" are outside 0x0000..{size - 1:#06x}"
             )
-        known = [one.id for one in driver.status(bus).nodes]
-        if node not in known:
-            raise InvalidArgument(f"slave {node} is not on master {bus} (slaves: {known})")
+        _check_node(driver, bus, node)
         return driver.read_register(bus, node, address, length)
+
+    def read_object(self, bus: int, node: int, index: int, subindex: int = 0) -> bytes:
+        """Return an object of a node, little-endian as on the bus; also in motion.
+
+        Raises:
+            InvalidArgument: there is no such node, or a number is out of range.
+            OperationError: the node aborts the transfer, with its reason.
+            DeviceTimeout: the node does not answer.
+        """
+        driver = self._checked("read_object", Capability.OBJECTS, bus)
+        _check_object(index, subindex)
+        _check_node(driver, bus, node)
+        return driver.read_object(bus, node, index, subindex)
+
+    @noted
+    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
+        """Write an object of a node while every axis of the robot is at rest; none may start.
+
+        The node does what the object means, whatever the limits of the descriptor are. Raises as
+        ``read_object`` does, and NotReady while an axis moves or is claimed.
+        """
+        driver = self._checked("write_object", Capability.OBJECTS, bus)
+        _check_object(index, subindex)
+        if not 1 <= len(data) <= MAX_OBJECT_BYTES:
+            raise InvalidArgument(f"{len(data)} bytes of data are outside 1..{MAX_OBJECT_BYTES}")
+        _check_node(driver, bus, node)
+        with self._kept_at_rest("writing an object"):
+            driver.write_object(bus, node, index, subindex, data)
 
     def reset_statistics(self, bus: int) -> None:
         """Zero the counters of ``status``."""
@@ -70,3 +109,15 @@ class Fieldbus:
         if not 0 <= bus < driver.buses:
             raise InvalidArgument(f"master {bus} is outside 0..{driver.buses - 1}")
         return driver
+
+
+def _check_object(index: int, subindex: int) -> None:
+    for name, number, last in (("index", index, 0xFFFF), ("subindex", subindex, 0xFF)):
+        if not 0 <= number <= last:
+            raise InvalidArgument(f"{name} {number} is outside 0..{last:#x}")
+
+
+def _check_node(driver: FieldbusDriver, bus: int, node: int) -> None:
+    known = [one.id for one in driver.status(bus).nodes]
+    if node not in known:
+        raise InvalidArgument(f"slave {node} is not on master {bus} (slaves: {known})")

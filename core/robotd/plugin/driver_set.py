@@ -23,6 +23,7 @@ _METHODS: dict[Capability, tuple[tuple[type, str], ...]] = {
     Capability.REGISTER_READ: ((FieldbusDriver, "read_register"),),
     Capability.STATISTICS: ((FieldbusDriver, "reset_statistics"),),
     Capability.HOT_CONNECT: ((FieldbusDriver, "start_hot_connect"),),
+    Capability.OBJECTS: ((FieldbusDriver, "read_object"), (FieldbusDriver, "write_object")),
 }
 """Methods that a declared capability needs; without the capability they are never called."""
 

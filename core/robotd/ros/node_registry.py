@@ -27,7 +27,7 @@ BUILT_IN = {
     "wmx_io_node": NodeInfo("robotd.ros.nodes.wmx_io_node:WmxIoNode", "digital inputs and outputs"),
     "wmx_ethercat_node": NodeInfo(
         "robotd.ros.nodes.wmx_ethercat_node:WmxEthercatNode",
-        "fieldbus state, registers, statistics",
+        "fieldbus state, registers, statistics, objects",
     ),
     "manipulator_state": NodeInfo(
         "robotd.ros.nodes.manipulator_state:ManipulatorState",

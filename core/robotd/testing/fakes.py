@@ -219,6 +219,7 @@ class FakeFieldbus(Recorder, FieldbusDriver):
         super().__init__()
         made = tuple(BusNode(number, BusState.OPERATIONAL) for number in range(nodes))
         self.network = BusStatus(BusState.OPERATIONAL, nodes=made)
+        self.objects: dict[tuple[int, int, int], bytes] = {}
 
     @property
     def buses(self) -> int:
@@ -240,3 +241,11 @@ class FakeFieldbus(Recorder, FieldbusDriver):
 
     def start_hot_connect(self, bus: int) -> None:
         self.record("start_hot_connect", bus)
+
+    def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+        self.record("read_object", bus, node, index, subindex)
+        return self.objects.get((node, index, subindex), bytes(4))
+
+    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
+        self.record("write_object", bus, node, index, subindex, data)
+        self.objects[node, index, subindex] = data

@@ -30,6 +30,7 @@ CAPABILITIES = frozenset(
         Capability.HOMING,
         Capability.SCALING,
         Capability.STATISTICS,
+        Capability.OBJECTS,
         Capability.DEVICE_WATCHDOG,
     }
 )

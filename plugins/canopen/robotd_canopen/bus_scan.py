@@ -149,18 +149,6 @@ def sdo_of(interface: str, channel: str, bitrate: int, node: int) -> Iterator[Sd
         bus.close()
 
 
-def describe_value(data: bytes) -> str:
-    """Format data as ``37 02 (0x0237, 567)``, with the text where it is printable."""
-    parts = [data.hex(" ")]
-    if len(data) in (1, 2, 4, 8):
-        number = int.from_bytes(data, "little")
-        parts.append(f"(0x{number:0{2 * len(data)}X}, {number})")
-    text = data.decode("ascii", "replace")
-    if text.isprintable() and len(data) > 1:
-        parts.append(repr(text))
-    return " ".join(parts)
-
-
 def _bus(interface: str, channel: str, bitrate: int) -> Bus:
     return Bus(_bus_options(interface, channel, bitrate))
 

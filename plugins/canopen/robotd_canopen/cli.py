@@ -64,7 +64,7 @@ def scan(interface: str, channel: str, bitrate: int, timeout_s: float, *, as_jso
 
 @canopen.group()
 def sdo() -> None:
-    """Read and write objects of a node, for commissioning."""
+    """Read and write objects of a node on a bus without a robot; see 'robotd sdo' otherwise."""
 
 
 @sdo.command("read")
@@ -74,10 +74,11 @@ def sdo() -> None:
 @click.argument("sub", type=NUMBER, default=0)
 def read(interface: str, channel: str, bitrate: int, node: int, index: int, sub: int) -> None:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
-    from robotd_canopen.bus_scan import describe_value, sdo_of
+    from robotd.api import object_text
+    from robotd_canopen.bus_scan import sdo_of
 
     with sdo_of(interface, channel, bitrate, node) as client:
-        click.echo(describe_value(client.upload(index, sub)))
+        click.echo(object_text(client.upload(index, sub)))
 
 
 @sdo.command("write")
@@ -98,12 +99,13 @@ def write(
     size: int | None,
 ) -> None:
     """Write VALUE to object INDEX:SUB of NODE, and print the value read back."""
-    from robotd_canopen.bus_scan import describe_value, sdo_of
+    from robotd.api import object_text
+    from robotd_canopen.bus_scan import sdo_of
 
     with sdo_of(interface, channel, bitrate, node) as client:
         length = size or len(client.upload(index, sub))
         client.download(index, sub, (value % (1 << 8 * length)).to_bytes(length, "little"))
-        click.echo(describe_value(client.upload(index, sub)))
+        click.echo(object_text(client.upload(index, sub)))
 
 
 @canopen.command()

@@ -41,6 +41,18 @@ class CanopenFieldbus(FieldbusDriver):
             },
         )
 
+    def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+        return self._master.nodes[node].sdo.upload(index, subindex)
+
+    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
+        written = self._master.nodes[node]
+        try:
+            written.sdo.download(index, subindex, data)
+        finally:  # a write without a response may have been executed
+            for axis in self._master.axes:
+                if axis.node is written:
+                    axis.objects.forget()
+
     def reset_statistics(self, bus: int) -> None:
         counters = self._master.bus.counters
         counters.malformed = counters.error_frames = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -11,8 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.unit.device.harness import ALL, Harness
 
-from robotd.device.axes import Axes, Jog, Move, each
+from robotd.device.axes import Axes, Jog, Move
 from robotd.device.capabilities import Capability
+from robotd.device.each_axis import each
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import (
     DeviceTimeout,
@@ -385,3 +387,32 @@ def test_an_alarm_of_the_controller_is_not_that_of_an_axis() -> None:
     assert str(harness.axes.rejection(1, CommandMode.POSITION)) == (
         "controller alarm 17 (emergency stop)"
     )
+
+
+def test_no_motion_starts_while_axes_are_kept_at_rest(harness: Harness) -> None:
+    def is_locked() -> bool:
+        locked: list[bool] = []
+        lock = harness.axes._lock
+        thread = threading.Thread(target=lambda: locked.append(not lock.acquire(blocking=False)))
+        thread.start()
+        thread.join()
+        return locked[0]
+
+    with harness.axes.kept_at_rest("writing an object"):
+        assert is_locked()
+        harness.axes.stop([0])
+    assert not is_locked()
+
+
+def test_axes_that_move_or_are_claimed_are_not_at_rest(harness: Harness) -> None:
+    with (
+        harness.axes.claimed("a goal", [1]),
+        pytest.raises(NotReady, match=r"^joint2: in use by a goal$"),
+        harness.axes.kept_at_rest("writing an object"),
+    ):
+        pass
+    harness.driver.image.operation[2] = Operation.VELOCITY
+    harness.refresh()
+    text = r"^axis 2: writing an object needs an idle axis, this one is in velocity$"
+    with pytest.raises(NotReady, match=text), harness.axes.kept_at_rest("writing an object"):
+        pass

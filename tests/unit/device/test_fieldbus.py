@@ -40,12 +40,43 @@ def test_registers_that_are_not_there_are_rejected(
     assert harness.fieldbus_driver.calls == []
 
 
+def test_objects_are_read_and_written(harness: Harness) -> None:
+    harness.fieldbus.write_object(0, 1, 0x6083, 0, b"\x10\x27\0\0")
+    assert harness.fieldbus.read_object(0, 1, 0x6083) == b"\x10\x27\0\0"
+    assert harness.fieldbus_driver.calls == [
+        ("write_object", 0, 1, 0x6083, 0, b"\x10\x27\0\0"),
+        ("read_object", 0, 1, 0x6083, 0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("node", "index", "subindex", "data", "text"),
+    [
+        (0, -1, 0, b"1", r"index -1 is outside 0\.\.0xffff"),
+        (0, 0x10000, 0, b"1", r"index 65536 is outside"),
+        (0, 0x6083, 256, b"1", r"subindex 256 is outside 0\.\.0xff"),
+        (2, 0x6083, 0, b"1", r"slave 2 is not on master 0 \(slaves: \[0, 1\]\)"),
+        (0, 0x6083, 0, b"", r"0 bytes of data are outside 1\.\.4096"),
+    ],
+)
+def test_objects_that_cannot_be_are_rejected(
+    harness: Harness, node: int, index: int, subindex: int, data: bytes, text: str
+) -> None:
+    with pytest.raises(InvalidArgument, match=text):
+        harness.fieldbus.write_object(0, node, index, subindex, data)
+    if data:
+        with pytest.raises(InvalidArgument, match=text):
+            harness.fieldbus.read_object(0, node, index, subindex)
+    assert harness.fieldbus_driver.calls == []
+
+
 def commands(fieldbus: Fieldbus, master: int) -> dict[Capability | None, Callable[[], object]]:
     return {
         None: lambda: fieldbus.status(master),
         Capability.REGISTER_READ: lambda: fieldbus.read_register(master, 0, 0, 1),
         Capability.STATISTICS: lambda: fieldbus.reset_statistics(master),
         Capability.HOT_CONNECT: lambda: fieldbus.start_hot_connect(master),
+        Capability.OBJECTS: lambda: fieldbus.read_object(master, 0, 0x1000),
     }
 
 
@@ -64,7 +95,13 @@ def test_nothing_is_asked_before_the_engine_is_ready() -> None:
 
 
 @pytest.mark.parametrize(
-    "missing", [Capability.REGISTER_READ, Capability.STATISTICS, Capability.HOT_CONNECT]
+    "missing",
+    [
+        Capability.REGISTER_READ,
+        Capability.STATISTICS,
+        Capability.HOT_CONNECT,
+        Capability.OBJECTS,
+    ],
 )
 def test_a_feature_that_the_backend_does_not_have_is_unsupported(missing: Capability) -> None:
     harness = Harness(capabilities=ALL - {missing}).make_ready()

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
-from robotd.device.axes import each
+from robotd.device.each_axis import each
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.node_settings.axis_settings import read_core_motion
 from robotd.robot import Robot

@@ -1,4 +1,4 @@
-"""wmx_ethercat_node: state, registers and statistics of the fieldbus."""
+"""wmx_ethercat_node: state, registers, statistics and objects of the fieldbus."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from wmx_ros2_message.srv import (
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.ethercat_conversions import fill_network_state
+from robotd.ros.nodes.object_services import ObjectServices
 from robotd.ros.services import add_service
 
 
 class WmxEthercatNode(Node):
-    """Four services of diagnostics; all may wait for the fieldbus, so all run in workers."""
+    """Services of diagnostics, and of objects; all may wait for the bus and run in workers."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_ethercat_node", context=host.context)
@@ -32,6 +33,7 @@ class WmxEthercatNode(Node):
             (EcatStartHotconnect, "start_hotconnect", self._start_hot_connect),
         ):
             add_service(self, host, service_type, f"wmx/ecat/{name}", handler)
+        self._objects = ObjectServices(self, host, robot.fieldbus)
 
     def _get_network_state(self, request: Any, response: Any) -> Any:
         return fill_network_state(response, self._fieldbus.status(request.master_id))

@@ -12,10 +12,14 @@ from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import FieldbusDriver
 from robotd.device.fault_injector import FaultInjector
+from robotd.errors import OperationError
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)
+
+DEVICE_TYPE, IDENTITY = 0x1000, 0x1018  # objects that CiA 301 and CoE ask of every node
+RESERVED = 0x0FFF  # no object can have this index
 
 
 def fieldbus_of(harness: Harness) -> FieldbusDriver:
@@ -179,3 +183,27 @@ def test_registers_differ_from_each_other_and_between_nodes(harness: Harness) ->
     blocks = [harness.robot.fieldbus.read_register(0, node, 0, 64) for node in nodes[:2]]
     assert len(set(blocks[0])) > 2, "every register has the same value"
     assert len(set(blocks)) == len(blocks), "two nodes have the same registers"
+
+
+@pytest.mark.needs(Capability.OBJECTS)
+def test_objects_are_read_from_the_node_that_was_asked(harness: Harness) -> None:
+    fieldbus = harness.robot.fieldbus
+    for node in (node.id for node in fieldbus_of(harness).status(0).nodes):
+        kind = fieldbus.read_object(0, node, DEVICE_TYPE)
+        assert len(kind) == 4, "0x1000:00 is an UNSIGNED32 of every node"
+        assert fieldbus.read_object(0, node, IDENTITY, 0)[0] in range(1, 5)
+        assert fieldbus.read_object(0, node, DEVICE_TYPE) == kind
+
+
+@pytest.mark.needs(Capability.OBJECTS)
+def test_an_object_that_the_node_does_not_have_is_an_error_without_effect(harness: Harness) -> None:
+    fieldbus, node = harness.robot.fieldbus, fieldbus_of(harness).status(0).nodes[0].id
+    kind, start = fieldbus.read_object(0, node, DEVICE_TYPE), harness.image.position.copy()
+    with pytest.raises(OperationError):
+        fieldbus.read_object(0, node, RESERVED)
+    with pytest.raises(OperationError):
+        fieldbus.write_object(0, node, RESERVED, 0, bytes(4))
+    assert fieldbus.read_object(0, node, DEVICE_TYPE) == kind
+    harness.periods(5)
+    assert harness.image.servo_on.all()
+    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
