@@ -155,7 +155,7 @@ class Robot:
         self.groups = make_groups(descriptor, self.axes, mixer, clock, driver, name)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
-        self.connection.before_stop = self._stop_and_disable
+        self.connection.before_stop = self.disable
         self._reconnector = Reconnector(self.connection)
         used = (*self.joint_axes, *self.wheel_axes)
         self._recovery = Recovery(
@@ -393,8 +393,11 @@ class Robot:
             with suppress(RobotdError):  # a device that cannot be reached, again
                 self.axes.rest(everything, QUICK_STOP_S, quick=True)
 
-    def _stop_and_disable(self) -> None:
-        """Bring what moves to rest, then switch the servos off; failures are logged."""
+    def disable(self) -> None:
+        """Bring what moves to rest, then switch the servos off; failures are logged.
+
+        Any worker. No effect while the device does not communicate.
+        """
         if not self.connection.ready:
             return
         self.bring_to_rest()

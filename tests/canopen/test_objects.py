@@ -9,7 +9,7 @@ from robotd.device.axes import Move
 from robotd.errors import InvalidArgument, NotReady, OperationError
 from robotd.motion.profile import Profile
 
-ACCELERATION = (2, 0x6083, 0)  # of joint2
+ACCELERATION = (2, 0x6083, 0)  # of the elbow
 TYPE = (0x92, 1, 2, 0)  # CiA 402, servo drive
 
 
@@ -19,7 +19,7 @@ def test_objects_are_read_in_motion_and_written_at_rest(open_rig: OpenRig) -> No
         assert tuple(fieldbus.read_object(0, 1, 0x1000)) == TYPE
         robot.axes.move([Move(1, 0.3, Profile(0.2, 2.0, 2.0))])
         ramp = fieldbus.read_object(0, *ACCELERATION)
-        moving = r"joint2: writing an object needs an idle axis, this one is in position"
+        moving = r"elbow: writing an object needs an idle axis, this one is in position"
         with pytest.raises(NotReady, match=moving):
             fieldbus.write_object(0, *ACCELERATION, bytes(4))
         assert fieldbus.read_object(0, *ACCELERATION) == ramp
@@ -36,7 +36,7 @@ def test_objects_are_read_in_motion_and_written_at_rest(open_rig: OpenRig) -> No
 def test_a_rejection_names_node_object_and_reason(open_rig: OpenRig) -> None:
     with open_rig(SMALL) as harness:
         fieldbus = harness.robot.fieldbus
-        unknown = r"joint1 \(node 1\): reading 0x5FFF:00.* abort 0x06020000"
+        unknown = r"\(node 1\): reading 0x5FFF:00.* abort 0x06020000"
         with pytest.raises(OperationError, match=unknown):
             fieldbus.read_object(0, 1, 0x5FFF)
         with pytest.raises(InvalidArgument, match=r"slave 9 is not on master 0 \(slaves: \[1, 2"):

@@ -149,6 +149,7 @@ class Axes:
             if not on:
                 self._driver.servo(axis, False, self._connection.settings.servo_timeout_s)
             else:
+                self.stop_latch.check_servos()
                 with self._connection.parameters.scaling_lock:
                     self._enable(axis, group)
         self._effect.wait_for(lambda: bool((self.image.servo_on[list(group)] == on).all()))

@@ -24,6 +24,7 @@ class Fieldbus:
         capabilities: of the backend.
         events: where writes are noted; None: in a log of its own.
         kept_at_rest: lets no motion start in its block; raises NotReady while an axis moves.
+            None: motion does not matter.
     """
 
     def __init__(
@@ -33,10 +34,10 @@ class Fieldbus:
         capabilities: frozenset[Capability],
         backend: str,
         events: EventLog | None = None,
-        kept_at_rest: Callable[[str], AbstractContextManager[None]] = nullcontext,
+        kept_at_rest: Callable[[str], AbstractContextManager[None]] | None = None,
     ) -> None:
         self.events = events or EventLog(time.monotonic_ns)
-        self._kept_at_rest = kept_at_rest
+        self._kept_at_rest = kept_at_rest or nullcontext
         self._maybe_driver = driver
         self._connection = connection
         self._capabilities = capabilities

@@ -14,28 +14,38 @@ StopListener = Callable[[str], None]
 
 
 class StopLatch:
-    """Reason why all motion is stopped, until it is reset on purpose. Any thread.
+    """Reason why no motion may start: a stop until its reset, or a lifecycle. Any thread.
 
     Commands check it before they start motion; ``MotionStop`` ends the motion that runs.
 
     Attributes:
         reason: of the first stop since the last reset; "" while motion is allowed.
+        inactive: state of a managed robot in which nothing moves; "": it is active, or not managed.
+        servos_allowed: servos may be switched on.
     """
 
     def __init__(self) -> None:
-        self.reason = ""
+        self.reason = self.inactive = ""
+        self.servos_allowed = True
         self._lock = threading.Lock()
         self._listeners: list[StopListener] = []
 
     @property
     def rejection(self) -> str:
         """Text with which a motion command is rejected; "" while motion is allowed."""
+        if self.inactive:
+            return f"the robot is {self.inactive}: its lifecycle manager has to activate it"
         reason = self.reason
         return f"motion is stopped: {reason}; robotd reset allows it again" if reason else ""
 
     def check(self) -> None:
-        """Raise NotReady while motion is stopped."""
-        if self.reason:
+        """Raise NotReady while motion is stopped, or the robot is not active."""
+        if rejection := self.rejection:
+            raise NotReady(rejection)
+
+    def check_servos(self) -> None:
+        """Raise NotReady while no servo may be switched on."""
+        if not self.servos_allowed:
             raise NotReady(self.rejection)
 
     def on_change(self, listener: StopListener) -> None:

@@ -11,14 +11,15 @@ from collections.abc import Callable, Collection, Mapping
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError
 from robotd.node_settings.arm_settings import read_manipulator_state, read_trajectory_server
-from robotd.node_settings.axis_settings import read_core_motion
 from robotd.node_settings.base_settings import read_diff_drive
 from robotd.node_settings.command_settings import read_gripper_controller, read_joint_command
+from robotd.node_settings.device_settings import read_core_motion, read_engine
 from robotd.node_settings.mecanum_settings import read_mecanum_drive
 from robotd.node_settings.parameter_reader import ParameterReader
 from robotd.node_settings.state_publisher_settings import read_state_publisher
 
 _READERS: Mapping[str, Callable[[ParameterReader, RobotDescriptor], object]] = {
+    "wmx_engine_node": read_engine,
     "wmx_core_motion_node": read_core_motion,
     "manipulator_state": read_manipulator_state,
     "follow_joint_trajectory_server": read_trajectory_server,

@@ -23,9 +23,12 @@ from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import announce_often, exit_after, remove_leftovers
 from robotd.ros.node_registry import select_nodes
+from robotd.ros.robot_lifecycle import RobotLifecycle
 from robotd.ros.run_nodes import run_nodes
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from robotd.observation.recorder import Recorder
     from robotd.scenario import FaultSchedule
 
@@ -43,9 +46,9 @@ POLL_INTERVAL_S = 0.1
 
 @dataclass(frozen=True)
 class _Stop:
-    """Signal ``number`` arrived."""
+    """The process is asked to end, by a signal or a lifecycle manager."""
 
-    number: int
+    cause: str
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,7 @@ def serve(
     ):
         if served is not None:
             served(report_of(nodes))
-        _run(robot, chosen, events, ready, ended)
+        _run(robot, chosen, events, ready, ended, _lifecycle(nodes))
     return 0
 
 
@@ -126,11 +129,12 @@ def _run(
     events: SimpleQueue[Event],
     ready: Callable[[], None] | None,
     ended: Callable[[Exception | None], int] | None,
+    lifecycle: RobotLifecycle | None,
 ) -> None:
     """Start the robot, wait, shut it down; in threads, so that signals are handled."""
     enable = any(node.enables_servos for node in nodes)
     may_repeat = robot.descriptor.engine.reconnect or any(node.keeps_failed_start for node in nodes)
-    start = _in_thread("robotd-start", lambda: _start(robot, enable, events))
+    start = _in_thread("robotd-start", lambda: _begin(robot, lifecycle, enable, events))
     failure: Exception | None = None
     try:
         while not isinstance(event := _next(events), _Stop):
@@ -146,7 +150,7 @@ def _run(
                 failure = event.error
                 break
         else:
-            log.info("stopping", signal=signal.Signals(event.number).name)
+            log.info("stopping", cause=event.cause)
     finally:
         _in_thread("robotd-stop", lambda: _stop(robot, start, events))
         shut_down = _wait_until_ended(robot, events)
@@ -168,6 +172,19 @@ def _next(events: SimpleQueue[Event]) -> Event:
             return events.get(timeout=POLL_INTERVAL_S)
 
 
+def _begin(
+    robot: Robot, lifecycle: RobotLifecycle | None, enable: bool, events: SimpleQueue[Event]
+) -> None:
+    if lifecycle is None:
+        _start(robot, enable, events)
+    else:
+        _manage(lifecycle, enable, events)
+    # What start-up made stays: a full collection over it would cost the loop 20 ms. Until now
+    # there was none at all: `robotd run` has seen to that.
+    gc.freeze()
+    gc.enable()
+
+
 def _start(robot: Robot, enable: bool, events: SimpleQueue[Event]) -> None:
     try:
         robot.start(enable=enable)
@@ -175,11 +192,27 @@ def _start(robot: Robot, enable: bool, events: SimpleQueue[Event]) -> None:
         events.put(_StartEnded(error))
     else:
         events.put(_StartEnded(None))
-    finally:
-        # What start-up made stays: a full collection over it would cost the loop 20 ms. Until now
-        # there was none at all: `robotd run` has seen to that.
-        gc.freeze()
-        gc.enable()
+
+
+def _manage(lifecycle: RobotLifecycle, enable: bool, events: SimpleQueue[Event]) -> None:
+    """Leave the start to a lifecycle manager; the first activation counts as the start."""
+    activated = threading.Event()
+
+    def on_active() -> None:
+        if not activated.is_set():
+            activated.set()
+            events.put(_StartEnded(None))
+
+    lifecycle.enables_servos = enable
+    lifecycle.on_active = on_active
+    lifecycle.on_finalized = lambda: events.put(_Stop("lifecycle manager"))
+    log.info("managed: waiting for the transition configure")
+
+
+def _lifecycle(nodes: Sequence[Node]) -> RobotLifecycle | None:
+    """Return the lifecycle of a managed robot; None where nobody manages it."""
+    found = (getattr(node, "lifecycle", None) for node in nodes)
+    return next((each for each in found if each is not None), None)
 
 
 def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> None:
@@ -231,7 +264,7 @@ def _stop_signals(events: SimpleQueue[Event]) -> Iterator[None]:
         now_s = time.monotonic()
         if now_s - last_s >= REPEAT_S:
             last_s = now_s
-            events.put(_Stop(number))
+            events.put(_Stop(signal.Signals(number).name))
 
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, on_signal) for number in numbers]

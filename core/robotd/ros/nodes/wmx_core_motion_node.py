@@ -12,7 +12,7 @@ from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGe
 
 from robotd.device.each_axis import each
 from robotd.errors import InvalidArgument, RobotdError
-from robotd.node_settings.axis_settings import read_core_motion
+from robotd.node_settings.device_settings import read_core_motion
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import axis_conversions

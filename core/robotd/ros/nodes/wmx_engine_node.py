@@ -8,8 +8,12 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 from wmx_ros2_message.srv import SetEngine
 
+from robotd.errors import NotReady
+from robotd.node_settings.device_settings import read_engine
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
+from robotd.ros.nodes.lifecycle_services import LifecycleServices
+from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.services import add_service
 
@@ -19,12 +23,20 @@ READY = "wmx/engine/ready"
 class WmxEngineNode(Node):
     """Node that opens and closes the device, starts and stops communication, reports the state.
 
-    Nothing here enables a servo: after a restart of the engine the axes wait for ``set_on``.
+    Nothing here enables a servo: after a restart of the engine the axes wait for ``set_on``. With
+    the parameter ``managed`` a lifecycle manager starts and stops the robot, servos included.
+
+    Attributes:
+        lifecycle: None where the robot is not managed.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_engine_node", context=host.context)
         self._connection = robot.connection
+        parameters = Parameters(self, robot.descriptor)
+        managed = read_engine(parameters, robot.descriptor)
+        parameters.done()
+        self.lifecycle = LifecycleServices(self, robot, host).lifecycle if managed else None
         add_service(self, host, SetEngine, "wmx/engine/set_device", self._set_device)
         add_service(self, host, SetBool, "wmx/engine/set_comm", self._set_communication)
         add_service(self, host, Trigger, "wmx/engine/get_status", self._get_status, blocking=False)
@@ -34,6 +46,7 @@ class WmxEngineNode(Node):
         self.rates_hz = {self.resolve_topic_name(READY): 1 / PERIOD_S}
 
     def _set_device(self, request: Any, response: Any) -> Any:
+        self._check_unmanaged()
         if request.data:
             self._connection.open(request.path, request.name)
         else:
@@ -41,11 +54,17 @@ class WmxEngineNode(Node):
         return self._done(response)
 
     def _set_communication(self, request: Any, response: Any) -> Any:
+        self._check_unmanaged()
         if request.data:
             self._connection.start_communication()
         else:
             self._connection.stop_communication()
         return self._done(response)
+
+    def _check_unmanaged(self) -> None:
+        if self.lifecycle is not None:
+            what = "a lifecycle manager starts and stops this robot"
+            raise NotReady(f"{what}: use {self.get_fully_qualified_name()}/change_state")
 
     def _get_status(self, request: Any, response: Any) -> Any:
         return self._done(response)

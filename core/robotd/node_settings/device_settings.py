@@ -1,4 +1,4 @@
-"""Settings of ``wmx_core_motion_node``."""
+"""Settings of ``wmx_engine_node`` and ``wmx_core_motion_node``."""
 
 from __future__ import annotations
 
@@ -11,3 +11,8 @@ def read_core_motion(parameters: ParameterReader, descriptor: RobotDescriptor) -
     """Declare ``axis_names``, for clients to read."""
     names = axis_names(descriptor)
     parameters.same_as("joints", "axis_names", names, "names of the axes by index")
+
+
+def read_engine(parameters: ParameterReader, descriptor: RobotDescriptor) -> bool:
+    """Declare ``managed`` and return it."""
+    return parameters.flag("managed", False, "a lifecycle manager starts and stops the robot")
