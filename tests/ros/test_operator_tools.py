@@ -1,4 +1,4 @@
-"""Named I/O, and jogging by increments and by keys, on one robot of its own."""
+"""Named I/O, jogging by increments and by keys, and tolerances, on one robot of its own."""
 
 from __future__ import annotations
 
@@ -13,11 +13,17 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import TransformStamped
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
+from tests.ros.test_trajectory import goal, pose
+from wmx_ros2_message.msg import AxisState
 
 pytestmark = pytest.mark.ros
 
@@ -30,7 +36,8 @@ NAMES = ("inputs.part_present=5.3", "outputs.lamp=5.3", "outputs.horn=5.4")
 def arm() -> Iterator[RobotProcess]:
     """An arm whose inputs are wired to its outputs."""
     words = [word for name in (*NAMES, "backends.sim.io_loopback=true") for word in ("--set", name)]
-    with RobotProcess(*words, backend="sim") as process:
+    prefix = ("--ros-args", "-p", "frame_prefix:=cell/")
+    with RobotProcess(*words, *prefix, backend="sim") as process:
         process.wait_ready()
         yield process
 
@@ -168,3 +175,33 @@ def test_a_lost_terminal_ends_the_motion(
         assert process.wait(WAIT_S) == 130
         arm_client.next(joints)
         assert is_at_rest(joints)
+
+
+def test_tolerances_are_set_at_run_time_for_the_next_goal(arm_client: Client) -> None:
+    server = "/follow_joint_trajectory_server"
+
+    def set_parameter(name: str, value: float) -> tuple[bool, str]:
+        parameters = [Parameter(f"constraints.{name}", value=value).to_parameter_msg()]
+        service = f"{server}/set_parameters"
+        [result] = arm_client.call(SetParameters, service, parameters=parameters).results
+        return result.successful, result.reason
+
+    there, back = goal((1.0, pose(0.3))), goal((1.0, pose(0.0)))
+    assert arm_client.send_goal(there).result()[0] == GoalStatus.STATUS_SUCCEEDED
+    successful, reason = set_parameter("joint1.trajectory", -1.0)
+    assert (successful, "-1.0 is not a finite number of at least 0" in reason) == (False, True)
+    assert set_parameter("joint1.trajectory", 1e-6)[0]
+    status, result = arm_client.send_goal(back).result()
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "exceeds path tolerance" in result.error_string
+    assert set_parameter("joint1.trajectory", 0.0)[0]
+    assert arm_client.send_goal(back).result()[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_frame_prefix_is_put_before_all_frames(arm_client: Client) -> None:
+    states = arm_client.listen(AxisState, "/wmx/axis/state")
+    assert arm_client.next(states).header.frame_id == "cell/base_link"
+    poses = arm_client.listen(TransformStamped, "/robotd/tool_pose")
+    found = arm_client.next(poses, lambda message: message.child_frame_id)
+    assert found.header.frame_id.startswith("cell/")
+    assert found.child_frame_id.startswith("cell/")

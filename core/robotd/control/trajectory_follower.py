@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 
@@ -19,6 +19,7 @@ from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.motion import (
+    DefaultTolerances,
     JointLimits,
     JointTolerance,
     MotionState,
@@ -65,6 +66,7 @@ class TrajectoryFollower:
             tuple(joint.unit for joint in joints),
             np.array([joint.jerk for joint in joints]),
         )
+        self._default_tolerances = DefaultTolerances.of_settings(self.limits, self.settings)
         self._motion = motion
         self._takeover = descriptor.stream.takeover
         self._events = axes.events
@@ -82,17 +84,30 @@ class TrajectoryFollower:
         )
         self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)
 
+    def set_default_tolerances(
+        self, path: Sequence[float], goal: Sequence[float], goal_time_s: float
+    ) -> None:
+        """Replace the descriptor's tolerances, for goals that begin from now on. Any thread.
+
+        Args:
+            path, goal: of each joint, rad or m; inf: not checked.
+            goal_time_s: time after the end to reach the goal; inf: without an end.
+        """
+        self._default_tolerances = DefaultTolerances(np.array(path), np.array(goal), goal_time_s)
+
     def tolerances(
         self,
         path: Iterable[JointTolerance] = (),
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
     ) -> Tolerances:
-        """Return the descriptor's tolerances, overridden by those of a goal message.
+        """Return the default tolerances, overridden by those of a goal message.
 
-        In each value 0 means the descriptor's, -1 no limit. Raises TrajectoryRejected.
+        In each value 0 means the default, -1 no limit. Raises TrajectoryRejected.
         """
-        return Tolerances.of_goal(self.limits, self.settings, path, goal, goal_time_s)
+        return Tolerances.of_goal(
+            self.limits, self.settings, path, goal, goal_time_s, self._default_tolerances
+        )
 
     @contextmanager
     def follow(
@@ -106,7 +121,7 @@ class TrajectoryFollower:
 
         Args:
             request: points in any order of joints.
-            tolerances: for the path and the goal; None: the descriptor's.
+            tolerances: for the path and the goal; None: the defaults.
             start_ns: monotonic time at which the trajectory's time 0 is; None: now.
             ticket: of ``JointMotion.ticket``, for requests that workers take up in any order.
 

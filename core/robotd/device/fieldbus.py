@@ -81,10 +81,11 @@ class Fieldbus:
 
     @noted
     def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
-        """Write an object of a node while every axis of the robot is at rest; none may start.
+        """Write an object of a node while every axis is at rest.
 
-        The node does what the object means, whatever the limits of the descriptor are. Raises as
-        ``read_object`` does, and NotReady while an axis moves or is claimed.
+        No motion starts meanwhile. The node does what the object means, whatever the limits of the
+        descriptor are. Raises as ``read_object`` does, and NotReady while an axis moves or is
+        claimed.
         """
         driver = self._checked("write_object", Capability.OBJECTS, bus)
         _check_object(index, subindex)

@@ -14,9 +14,9 @@ StopListener = Callable[[str], None]
 
 
 class StopLatch:
-    """Reason why no motion may start: a stop until its reset, or a lifecycle. Any thread.
+    """Reason why no motion may start: a stop, or a lifecycle.
 
-    Commands check it before they start motion; ``MotionStop`` ends the motion that runs.
+    Any thread. Commands check it before they start motion; ``MotionStop`` ends what runs.
 
     Attributes:
         reason: of the first stop since the last reset; "" while motion is allowed.

@@ -13,6 +13,7 @@ from robotd.motion.request import TrajectoryRequest
 from robotd.motion.spline_points import spline_points
 from robotd.motion.stopping import StopPlan, plan_stop
 from robotd.motion.tolerance import (
+    DefaultTolerances,
     JointTolerance,
     ToleranceKind,
     Tolerances,
@@ -22,6 +23,7 @@ from robotd.motion.trajectory import Sampler, Trajectory
 
 __all__ = [
     "AxisLimits",
+    "DefaultTolerances",
     "Interpolation",
     "JointLimits",
     "JointTolerance",

@@ -54,6 +54,27 @@ class Violation:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class DefaultTolerances:
+    """Tolerances of goals that have none of their own.
+
+    Attributes:
+        path, goal: shape (m,), rad or m; inf: not checked.
+        goal_time_s: time after the end to get within ``goal``; inf: without an end.
+    """
+
+    path: FloatArray
+    goal: FloatArray
+    goal_time_s: float
+
+    @classmethod
+    def of_settings(cls, limits: JointLimits, settings: TrajectorySettings) -> DefaultTolerances:
+        """Return those of the descriptor."""
+        return cls(
+            limits.path_tolerance(settings), limits.goal_tolerance(settings), settings.goal_time_s
+        )
+
+
 class Tolerances:
     """Tolerances of one execution. One owner thread; checks allocate only for a violation.
 
@@ -78,27 +99,29 @@ class Tolerances:
         path: Iterable[JointTolerance] = (),
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
+        defaults: DefaultTolerances | None = None,
     ) -> Tolerances:
-        """Return the descriptor's defaults, overridden by the tolerances of a goal message.
+        """Return ``defaults``, overridden by the tolerances of a goal message.
+
+        Without ``defaults`` they are those of the descriptor.
 
         Raises:
             TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
                 negative and not -1.
         """
-        path_bounds = JointBounds(
-            ToleranceKind.PATH, limits, limits.path_tolerance(settings), None, path
-        )
+        defaults = defaults or DefaultTolerances.of_settings(limits, settings)
+        path_bounds = JointBounds(ToleranceKind.PATH, limits, defaults.path, None, path)
         goal_bounds = JointBounds(
             ToleranceKind.GOAL,
             limits,
-            limits.goal_tolerance(settings),
+            defaults.goal,
             limits.stopped_velocity(settings),
             goal,
         )
         return cls(
             path_bounds,
             goal_bounds,
-            _resolve(goal_time_s, settings.goal_time_s, "goal time tolerance"),
+            _resolve(goal_time_s, defaults.goal_time_s, "goal time tolerance"),
         )
 
     def check_path(

@@ -14,6 +14,7 @@ from robotd.descriptor.group_parameters import (
     default_action,
     group_prefixes,
 )
+from robotd.node_settings.constraint_settings import Constraints, read_constraints
 from robotd.node_settings.parameter_reader import ParameterReader
 
 FILE_MEANING = "parameter file; empty: the robot's"
@@ -48,10 +49,12 @@ class TrajectoryServerSettings(NamedTuple):
     Attributes:
         actions: name of the action of each joint group.
         gripper: name of the gripper's service, "" for none.
+        constraints: default tolerances of goals.
     """
 
     actions: Mapping[str, str]
     gripper: str
+    constraints: Constraints
 
 
 def read_manipulator_state(
@@ -102,7 +105,7 @@ def read_trajectory_server(
     if gripper and not has_gripper:
         what = f"{gripper!r} is given, but {descriptor.name} has no gripper"
         parameters.reject("wmx_gripper_topic", what)
-    return TrajectoryServerSettings(actions, gripper)
+    return TrajectoryServerSettings(actions, gripper, read_constraints(parameters, descriptor))
 
 
 def _declare_joints(parameters: ParameterReader, descriptor: RobotDescriptor) -> None:

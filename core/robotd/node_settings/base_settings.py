@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeVar
 from robotd.descriptor import DifferentialDrive, DriveSettings, RobotDescriptor
 from robotd.errors import DescriptorError
 from robotd.node_settings.arm_settings import FILE_MEANING
+from robotd.node_settings.device_settings import read_frame_prefix
 from robotd.node_settings.parameter_reader import ParameterReader
 
 RATE_HZ = 10
@@ -85,7 +86,7 @@ def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) ->
     Raises DescriptorError where the robot has no differential drive.
     """
     drive = drive_of(parameters.node, descriptor, DifferentialDrive)
-    prefix = parameters.text("frame_prefix", "", "put before the names of all frames")
+    prefix = read_frame_prefix(parameters)
     return BaseSettings(
         drive=_drive(parameters, drive),
         parameters_file=parameters.file("wmx_param_file_path", FILE_MEANING),

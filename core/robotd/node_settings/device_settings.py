@@ -7,10 +7,16 @@ from robotd.descriptor import RobotDescriptor
 from robotd.node_settings.parameter_reader import ParameterReader
 
 
-def read_core_motion(parameters: ParameterReader, descriptor: RobotDescriptor) -> None:
-    """Declare ``axis_names``, for clients to read."""
+def read_core_motion(parameters: ParameterReader, descriptor: RobotDescriptor) -> str:
+    """Declare ``axis_names``, for clients to read, and ``frame_prefix``, which is returned."""
     names = axis_names(descriptor)
     parameters.same_as("joints", "axis_names", names, "names of the axes by index")
+    return read_frame_prefix(parameters)
+
+
+def read_frame_prefix(parameters: ParameterReader) -> str:
+    """Declare ``frame_prefix`` and return it."""
+    return parameters.text("frame_prefix", "", "put before the names of all frames")
 
 
 def read_engine(parameters: ParameterReader, descriptor: RobotDescriptor) -> bool:

@@ -15,6 +15,7 @@ from robotd.node_settings.base_settings import (
     read_rate,
     read_variances,
 )
+from robotd.node_settings.device_settings import read_frame_prefix
 from robotd.node_settings.parameter_reader import ParameterReader
 
 LEVER = "kinematics.sum_of_robot_center_projection_on_X_Y_axis"
@@ -26,7 +27,7 @@ def read_mecanum_drive(parameters: ParameterReader, descriptor: RobotDescriptor)
     Raises DescriptorError where the robot has no mecanum drive.
     """
     drive = drive_of(parameters.node, descriptor, MecanumDrive)
-    prefix = parameters.text("frame_prefix", "", "put before the names of all frames")
+    prefix = read_frame_prefix(parameters)
     stamped = parameters.flag("use_stamped_vel", True, "take TwistStamped instead of Twist")
     publishes_tf = parameters.flag("enable_odom_tf", True, "publish odom → base on ~/tf_odometry")
     return BaseSettings(

@@ -47,6 +47,7 @@ class ParameterReader:
         self._descriptor = descriptor
         self._defaults = descriptor.ros_parameters.get(node, {})
         self._declared: set[str] = set()
+        self._settable: set[str] = set()
         self._problems: list[DescriptorError] = []
 
     def integer(self, name: str, default: int, limits: tuple[int, int], meaning: str) -> int:
@@ -62,6 +63,15 @@ class ParameterReader:
         value = float(self._declare(name, float(default), meaning))
         if not math.isfinite(value):
             self.reject(name, f"{value} is not a finite number")
+            return default
+        return value
+
+    def settable(self, name: str, default: float, meaning: str) -> float:
+        """A finite number of at least 0 that may be set at run time."""
+        self._settable.add(name)
+        value = self.number(name, default, f"{meaning}; 0: not checked")
+        if value < 0.0:
+            self.reject(name, f"{value} is less than 0")
             return default
         return value
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from robotd.descriptor import RobotDescriptor
+from robotd.node_settings.device_settings import read_frame_prefix
 from robotd.node_settings.parameter_reader import ParameterReader
 
 RATE_HZ = 50.0
@@ -39,6 +40,6 @@ def read_state_publisher(
         parameters.reject("publish_frequency", f"{rate_hz:g} is above {highest:g}")
     return StatePublisherSettings(
         description,
-        parameters.text("frame_prefix", "", "put before the names of all frames"),
+        read_frame_prefix(parameters),
         rate_hz,
     )

@@ -84,3 +84,26 @@ def test_tolerances_are_those_of_the_unit(robot: Robot) -> None:
     assert str(violation).startswith(
         "rail at 1.000 s: position error 0.01 m exceeds goal tolerance"
     )
+
+
+def test_a_continuous_joint_goes_to_the_number_that_was_asked_for(robot: Robot) -> None:
+    """Never the shortest way: 6.2 rad from 0 are 6.2 rad forward, and 0 from there the way back."""
+    go(robot, 0.1, 0.0, 12.0)
+    for target in (6.2, 0.0):
+        positions: list[float] = []
+        robot.control_loop.every(
+            500.0, "way", lambda image, seen=positions: seen.append(float(image.position[1]))
+        )
+        assert go(robot, 0.1, target, 8.0) is Outcome.SUCCEEDED
+        assert robot.image.position[1] == pytest.approx(target, abs=1e-3)
+        assert min(positions) > -0.01
+        assert max(positions) < 6.21
+
+
+def test_a_path_that_begins_a_turn_away_is_rejected(robot: Robot) -> None:
+    rail, table = robot.image.position_command[:2]
+    request = TrajectoryRequest.from_rows(
+        NAMES, [0.0, 9.0], [[rail, table + 2.0 * math.pi], [rail, table]]
+    )
+    with pytest.raises(TrajectoryRejected, match=r"table .* start tolerance 0\.01 rad"):
+        robot.follower.follow(request).__enter__()

@@ -462,3 +462,18 @@ def test_a_joint_that_is_held_ends_the_goal_and_does_not_leap_when_it_is_free(
     harness.run(1.0)
     assert max(speeds) < 0.05
     assert harness.image.position == pytest.approx(held_at, abs=5e-3)
+
+
+def test_default_tolerances_count_from_the_next_goal_on(harness: Harness) -> None:
+    harness.up()
+    joints = len(harness.robot.joint_names)
+    with harness.goal((0.5, 0.0, 0.0)) as execution:
+        harness.run(0.2)
+        harness.follower.set_default_tolerances([1e-9] * joints, [1e-9] * joints, 0.5)
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED
+    with harness.goal((0.0, 0.0, 0.0)) as execution:
+        assert harness.end(execution).outcome is Outcome.PATH_TOLERANCE
+    unlimited = [np.inf] * joints
+    harness.follower.set_default_tolerances(unlimited, unlimited, np.inf)
+    with harness.goal((0.2, 0.0, 0.0)) as execution:
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED

@@ -38,14 +38,19 @@ class AxisStateTopic:
 
     Nothing is published while the engine is not ready: old values must not look current.
 
+    Args:
+        prefix: put before the name of the frame.
+
     Attributes:
         topic: its resolved name.
     """
 
-    def __init__(self, node: Node, image: ProcessImage, connection: Connection) -> None:
+    def __init__(
+        self, node: Node, image: ProcessImage, connection: Connection, prefix: str
+    ) -> None:
         arrays = {field: getattr(image, name) for field, name in FIELDS.items()}
         zeros = {field: np.zeros_like(array).tolist() for field, array in arrays.items()}
-        template = AxisState(header=Header(frame_id=FRAME), **zeros)
+        template = AxisState(header=Header(frame_id=prefix + FRAME), **zeros)
         publisher = node.create_publisher(AxisState, TOPIC, DEPTH)
         self.topic = publisher.topic_name
         self._connection = connection

@@ -10,6 +10,7 @@ from std_srvs.srv import SetBool
 from robotd.node_settings.arm_settings import read_trajectory_server
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
+from robotd.ros.nodes.constraint_parameters import ConstraintParameters
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.trajectory_action import TrajectoryAction
 from robotd.ros.services import add_service
@@ -32,6 +33,7 @@ class FollowJointTrajectoryServer(Node):
         parameters.done()
         if settings.gripper:
             add_service(self, host, SetBool, settings.gripper, self._set_gripper)
+        self._constraints = ConstraintParameters(self, robot.groups, settings.constraints)
         self._actions = [
             TrajectoryAction(self, robot, host, robot.groups[group], action)
             for group, action in settings.actions.items()

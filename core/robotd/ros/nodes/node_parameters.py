@@ -1,4 +1,4 @@
-"""Declares a node's parameters; read-only from then on: ROS rejects a change with a reason."""
+"""Declares a node's parameters, read-only from then on unless they are settable."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ class Parameters(ParameterReader):
         return remapped_action(self._node, value) if value else ""
 
     def _take(self, name: str, default: Any, meaning: str) -> Any:
-        descriptor = ParameterDescriptor(description=meaning, read_only=True)
+        read_only = name not in self._settable
+        descriptor = ParameterDescriptor(description=meaning, read_only=read_only)
         try:
             return self._node.declare_parameter(name, default, descriptor).value
         except ParameterException as error:

@@ -11,10 +11,12 @@ from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Trigger
 
 from robotd.errors import InvalidArgument, RobotdError
+from robotd.node_settings.device_settings import read_frame_prefix
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.nodes.named_io import NamedIo
+from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.owner_topic import OwnerTopic
 from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
 from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
@@ -31,7 +33,9 @@ class OperatorNode(Node):
         self._speed = _SpeedServices(self, robot, host)
         self._owners = OwnerTopic(self, robot)
         self._io = NamedIo(self, robot, host)
-        self._tool = ToolPoseTopic(self, robot)
+        parameters = Parameters(self, robot.descriptor)
+        self._tool = ToolPoseTopic(self, robot, read_frame_prefix(parameters))
+        parameters.done()
 
 
 class _SpeedServices:

@@ -19,9 +19,15 @@ class ToolPoseTopic:
     """Publishes the pose of the tool at 10 Hz while somebody subscribes. Executor thread.
 
     ``child_frame_id`` is empty while the pose is not known, and for a robot without one.
+
+    Args:
+        node: its owner.
+        robot: with the tool.
+        prefix: put before the names of the frames.
     """
 
-    def __init__(self, node: Node, robot: Robot) -> None:
+    def __init__(self, node: Node, robot: Robot, prefix: str) -> None:
+        self._prefix = prefix
         self._tool, self._connection = robot.tool, robot.connection
         self._clock = node.get_clock()
         self._publisher = node.create_publisher(TransformStamped, TOPIC, 1)
@@ -38,7 +44,8 @@ class ToolPoseTopic:
         tool = self._tool if self._connection.ready else None
         if tool is None or (frame := tool.frame()) is None:
             return message
-        message.header.frame_id, message.child_frame_id = tool.base, tool.link
+        message.header.frame_id = self._prefix + tool.base
+        message.child_frame_id = self._prefix + tool.link
         x, y, z, qx, qy, qz, qw = map(float, transform_numbers(frame))
         place, turn = message.transform.translation, message.transform.rotation
         place.x, place.y, place.z = x, y, z

@@ -21,7 +21,7 @@ from robotd.ros.services import add_service
 
 
 class WmxEthercatNode(Node):
-    """Services of diagnostics, and of objects; all may wait for the bus and run in workers."""
+    """Services of diagnostics and of objects; they run in workers."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_ethercat_node", context=host.context)
