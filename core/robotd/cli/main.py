@@ -13,7 +13,7 @@ COMMANDS = {
     "robots": "List the robots that can be run.",
     "backends": "List the installed backends, and why one cannot load.",
     "nodes": "List the ROS nodes that a robot can name.",
-    "status": "Show connection and axes of the running robot.",
+    "status": "Show connection, axes and tool pose of the running robot.",
     "move": "Move joints of the running arm.",
     "jog": "Move one joint of the running arm by an increment, or axes by keys.",
     "gripper": "Open or close the gripper of the running robot.",
