@@ -64,7 +64,7 @@ def scan(interface: str, channel: str, bitrate: int, timeout_s: float, *, as_jso
 
 @canopen.group()
 def sdo() -> None:
-    """Read and write objects of a node on a bus without a robot; see 'robotd sdo' otherwise."""
+    """Read and write objects of a node, without a running robot ('robotd sdo')."""
 
 
 @sdo.command("read")
