@@ -36,7 +36,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.state import CommandMode
-from robotd.device.tool_pose import ToolPose
+from robotd.device.tool_pose import ToolPose, tool_poses
 from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported, reason_of
 from robotd.events import EventLog
 from robotd.log import get_logger
@@ -230,9 +230,9 @@ class Robot:
         return injector
 
     @cached_property
-    def tool(self) -> ToolPose | None:
-        """Pose of the tool; None for a robot without joints or a usable URDF."""
-        return ToolPose.of_robot(self.descriptor, self.image)
+    def tools(self) -> tuple[ToolPose, ...]:
+        """Tool of each joint group; empty for a robot without joints or a usable URDF."""
+        return tool_poses(self.descriptor)
 
     def enable_joints(self) -> None:
         """Clear alarm, then servo on, axis by axis, as at start-up.

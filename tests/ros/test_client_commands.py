@@ -64,7 +64,7 @@ def test_status_as_json_has_every_axis(cr3a: RobotProcess, client: Client) -> No
 
 def test_status_has_the_pose_of_the_tool(cr3a: RobotProcess, client: Client) -> None:
     report = json.loads(robotd(cr3a.domain, "status", "--json")[1])
-    tool = report["tool"]
+    (tool,) = report["tools"]
     assert (tool["link"], tool["base"]) == ("link6", "base_link")
     descriptor = load_robot_descriptor("cr3a")
     assert descriptor.urdf is not None

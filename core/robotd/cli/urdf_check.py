@@ -25,10 +25,10 @@ def check_urdf(path: Path, descriptor: RobotDescriptor) -> None:
     urdf = read_urdf(path)
     joints = urdf.joint
     problems: list[DescriptorError] = []
-    tool = descriptor.tool_link
-    if tool is not None and tool not in urdf.links:
-        what = f"has no link {tool!r}, tool_link{did_you_mean(tool, urdf.links)}"
-        problems.append(DescriptorError(what, path=path))
+    for tool in descriptor.tool_links.values():
+        if tool not in urdf.links:
+            what = f"has no link {tool!r}, tool_link{did_you_mean(tool, urdf.links)}"
+            problems.append(DescriptorError(what, path=path))
     for joint in descriptor.joints:
         problems += _differences(path, joint, joints.get(joint.name))
     fingers = descriptor.gripper.joints if descriptor.gripper else ()

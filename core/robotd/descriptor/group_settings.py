@@ -20,6 +20,11 @@ class GroupSettings(Section):
         description="Names of joints, in the order of the group's commands. Every joint of the "
         "robot is in one group.",
     )
+    tool_link: str | None = Field(
+        None,
+        description="Link of the URDF whose pose is that of the group's tool; null: the one that "
+        "its last joint moves.",
+    )
 
 
 def group_problems(groups: Mapping[str, GroupSettings], joints: Sequence[str]) -> Iterator[Problem]:

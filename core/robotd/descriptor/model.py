@@ -177,7 +177,7 @@ class RobotDescriptor(Section):
     tool_link: str | None = Field(
         None,
         description="Link of the URDF whose pose is that of the tool; null: the one that the last "
-        "joint moves.",
+        "joint moves. With `groups` a key of each group.",
     )
     joints: tuple[JointSettings, ...] = Field(
         (), strict=False, description="Joints in the order of JointState; switched on at start."
@@ -255,6 +255,13 @@ class RobotDescriptor(Section):
         return tuple(joint.name for joint in self.joints)
 
     @property
+    def tool_links(self) -> dict[str, str]:
+        """Links that are named as tools, by group; without ``groups`` by ``ALL_JOINTS``."""
+        links = {name: group.tool_link for name, group in self.groups.items()}
+        links = links or {ALL_JOINTS: self.tool_link}
+        return {name: link for name, link in links.items() if link is not None}
+
+    @property
     def joint_groups(self) -> dict[str, tuple[JointSettings, ...]]:
         """Joints of each group; without ``groups`` the only one is ``ALL_JOINTS``."""
         joints = {joint.name: joint for joint in self.joints}
@@ -277,6 +284,9 @@ class RobotDescriptor(Section):
         yield from twice("joints", self.joint_names, "name")
         yield from twice("joints", (joint.axis for joint in self.joints), "axis")
         yield from group_problems(self.groups, self.joint_names)
+        if self.groups and self.tool_link is not None:
+            what = f"belongs into a group ({', '.join(self.groups)})"
+            yield ("tool_link",), what, self.tool_link
         yield from twice("nodes", self.nodes)
         for node in self.ros_parameters:
             if node not in self.nodes:

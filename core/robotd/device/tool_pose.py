@@ -1,10 +1,9 @@
-"""Pose of the robot's tool: forward kinematics of the measured joint positions."""
+"""Poses of the robot's tools: forward kinematics of the measured joint positions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -25,53 +24,53 @@ class ToolPose:
         urdf: of the robot.
         link: name of the link.
         axes: axis of each joint, by name; other joints are at 0.
-        image: live process image.
 
     Attributes:
         base: root link of the URDF.
         link: name of the link.
     """
 
-    def __init__(
-        self, urdf: UrdfRobot, link: str, axes: Mapping[str, int], image: ProcessImage
-    ) -> None:
+    def __init__(self, urdf: UrdfRobot, link: str, axes: Mapping[str, int]) -> None:
         self.base, self.link = urdf.root, link
-        self._urdf, self._image = urdf, image
-        self._axes = dict(axes)
+        self._urdf, self._axes = urdf, dict(axes)
 
-    @classmethod
-    def of_robot(cls, descriptor: RobotDescriptor, image: ProcessImage) -> Self | None:
-        """Return the pose of ``tool_link``, by default of the link that the last joint moves.
-
-        None without joints or a URDF; also where it cannot be used, which is logged.
-        """
-        if descriptor.urdf is None or not descriptor.joints:
-            return None
-        try:
-            urdf = read_urdf(descriptor.urdf)
-            link = _link(urdf, descriptor, descriptor.urdf)
-        except DescriptorError as error:
-            log.warning("no pose of the tool", reason=str(error))
-            return None
-        return cls(urdf, link, {each.name: each.axis for each in descriptor.joints}, image)
-
-    def frame(self) -> FloatArray | None:
+    def frame(self, image: ProcessImage) -> FloatArray | None:
         """Return the frame of the link in ``base``; shape (4, 4), m.
 
         None while a position is unknown.
+
+        Args:
+            image: a copy, which does not change meanwhile.
         """
-        position = self._image.copy().position
-        frame = self._urdf.pose(
-            self.link, {name: float(position[axis]) for name, axis in self._axes.items()}
-        )
+        positions = {name: float(image.position[axis]) for name, axis in self._axes.items()}
+        frame = self._urdf.pose(self.link, positions)
         return frame if np.isfinite(frame).all() else None
 
 
-def _link(urdf: UrdfRobot, descriptor: RobotDescriptor, path: Path) -> str:
-    last = descriptor.joints[-1].name
+def tool_poses(descriptor: RobotDescriptor) -> tuple[ToolPose, ...]:
+    """Return the tool of each joint group.
+
+    It is the ``tool_link`` of the group, or the link that its last joint moves.
+    Empty without joints or a URDF; also where it cannot be used, which is logged.
+    """
+    path = descriptor.urdf
+    if path is None or not descriptor.joints:
+        return ()
+    axes = {joint.name: joint.axis for joint in descriptor.joints}
+    try:
+        urdf = read_urdf(path)
+        links = [_link(urdf, descriptor, group, path) for group in descriptor.joint_groups]
+    except DescriptorError as error:
+        log.warning("no pose of the tool", reason=str(error))
+        return ()
+    return tuple(ToolPose(urdf, link, axes) for link in links)
+
+
+def _link(urdf: UrdfRobot, descriptor: RobotDescriptor, group: str, path: Path) -> str:
+    last = descriptor.joint_groups[group][-1].name
     if last not in urdf.joint:
         raise DescriptorError(f"has no joint {last!r}", path=path)
-    link = descriptor.tool_link or urdf.joint[last].child
+    link = descriptor.tool_links.get(group, urdf.joint[last].child)
     if link not in urdf.links:
         raise DescriptorError(f"has no link {link!r}", path=path)
     return link

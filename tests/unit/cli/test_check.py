@@ -7,9 +7,11 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import robotd_robots
+import yaml
 from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
@@ -181,6 +183,29 @@ def test_the_urdf_is_compared(robotd: Robotd, edit: Edit, old: str, new: str, te
     assert result.exit_code == ExitCode.CONFIGURATION
     assert text in result.stdout
     assert result.stdout.splitlines()[-1] == "1 problem"
+
+
+@pytest.mark.parametrize(
+    ("robot", "key", "text"),
+    [
+        ("cr3a", "tool_link=link7", "has no link 'link7', tool_link; did you mean 'link"),
+        ("dual_cr3a", "groups.left.tool_link=hand", "has no link 'hand', tool_link"),
+        ("dual_cr3a", "tool_link=left_link6", "tool_link: belongs into a group (left, right)"),
+        ("baymax", "drive.wheel_joints=[left_wheel_joint, right]", "has no joint 'right'"),
+    ],
+)
+def test_links_and_joints_of_the_urdf_exist(
+    robotd: Robotd, tmp_path: Path, robot: str, key: str, text: str
+) -> None:
+    path, _, value = key.partition("=")
+    content: Any = yaml.safe_load(value)
+    for name in reversed(path.split(".")):
+        content = {name: content}
+    file = tmp_path / "robot.yaml"
+    file.write_text(yaml.safe_dump({"schema": 1, "name": "mine", "extends": robot} | content))
+    result = robotd("check", "--robot", str(file))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert text in result.stdout
 
 
 def test_a_robot_may_stay_within_the_urdfs_limits(robotd: Robotd, edit: Edit) -> None:

@@ -61,8 +61,8 @@ def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> Exit
         for label, levels in (("inputs", report.inputs), ("outputs", report.outputs)):
             if levels:
                 click.echo(field(label, [f"{name}: {_level(on)}" for name, on in levels.items()]))
-        if report.tool:
-            click.echo(field("tool", _pose(report.tool)))
+        for tool in report.tools:
+            click.echo(field("tool", _pose(tool)))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
     return ExitCode.OK if report.ready and not report.stopped else ExitCode.FAILED

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import SetBool, Trigger
+from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
@@ -80,7 +81,8 @@ class RobotReport:
             without ``wmx_core_motion_node``.
         owners: client that moves it, by name of the joint; without those that nobody owns.
         inputs, outputs: levels by name in the descriptor; None while they are unknown.
-        tool: None for a robot without a URDF, and while positions are not known.
+        tools: of each joint group; empty for a robot without a URDF, and while positions are not
+            known.
     """
 
     state: str
@@ -93,7 +95,7 @@ class RobotReport:
     owners: dict[str, str]
     inputs: Levels
     outputs: Levels
-    tool: ToolReport | None
+    tools: tuple[ToolReport, ...]
 
 
 def _owners(text: str) -> dict[str, str]:
@@ -101,9 +103,7 @@ def _owners(text: str) -> dict[str, str]:
     return {name: owner for name, _, owner in pairs}
 
 
-def _tool(message: TransformStamped) -> ToolReport | None:
-    if not message.child_frame_id:
-        return None
+def _tool(message: TransformStamped) -> ToolReport:
     place, turn = message.transform.translation, message.transform.rotation
     x, y, z, w = turn.x, turn.y, turn.z, turn.w
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
@@ -127,7 +127,7 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Float64, SPEED, LATCHED) as speed,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
         client.listen(String, IO, LATCHED) as io,
-        client.listen(TransformStamped, f"{OPERATOR_NODE}/tool_pose") as tool,
+        client.listen(TFMessage, f"{OPERATOR_NODE}/tool_pose") as tools,
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
@@ -147,7 +147,7 @@ def read_report(client: RosClient) -> RobotReport:
             reports,
             _owners(owners.wait().data),
             *read_levels(io.wait().data),
-            _tool(tool.wait()),
+            tuple(map(_tool, tools.wait().transforms)),
         )
 
 

@@ -25,6 +25,7 @@ from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.odometry_topics import TF_DEPTH
 from robotd.ros.nodes.ready_topic import LATCHED
 from robotd.ros.nodes.robot_description import publish_description
+from robotd.ros.nodes.tool_pose_topic import fill_transform
 
 NAME = "robot_state_publisher"
 STATIC_TOPIC = "tf_static"
@@ -67,10 +68,7 @@ class RobotStatePublisher(Node):
         stamp = self.get_clock().now().to_msg()
         for each, numbers in zip(message.transforms, frames.still_transforms(), strict=True):
             each.header.stamp = stamp
-            x, y, z, qx, qy, qz, qw = map(float, numbers)
-            place, turn = each.transform.translation, each.transform.rotation
-            place.x, place.y, place.z = x, y, z
-            turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw
+            fill_transform(each, numbers)
         return message
 
 
