@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from robotd.motion.planar import PlanarTwist
@@ -26,7 +27,7 @@ class WheelPair:
     left_multiplier: float = 1.0
     right_multiplier: float = 1.0
 
-    @property
+    @cached_property
     def radii(self) -> tuple[float, float]:
         """Calibrated radii (left, right) in m."""
         return self.wheel_radius * self.left_multiplier, self.wheel_radius * self.right_multiplier
@@ -43,11 +44,12 @@ class WheelPair:
 
     def speeds(self, twist: PlanarTwist) -> tuple[float, ...]:
         """Angular velocities (left, right) in rad/s that move the base by ``twist``."""
-        turning = twist.angular * self.lever
+        turning = twist.angular * self.separation / 2
         left, right = self.radii
         return (twist.linear - turning) / left, (twist.linear + turning) / right
 
     def twist(self, *turns: float) -> PlanarTwist:
         """Invert ``speeds``; for wheel angles in rad the result is a displacement."""
-        left, right = (radius * turn for radius, turn in zip(self.radii, turns, strict=True))
+        left, right = turns
+        left, right = left * self.radii[0], right * self.radii[1]
         return PlanarTwist((right + left) / 2, (right - left) / self.separation)

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
+from operator import mul
 
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 
@@ -48,7 +50,7 @@ class TwistLimits:
     lever: float = 0.0
     lateral: RampLimits | None = None
 
-    @property
+    @cached_property
     def parts(self) -> tuple[RampLimits, ...]:
         """The limits in the order of ``PlanarTwist``, without a ``lateral`` of None."""
         known = (self.linear, self.angular, self.lateral)
@@ -63,7 +65,7 @@ class TwistLimits:
         excess = max(1.0, self.rim_speed(twist) / self.rim)
         for speed, part in zip(twist, self.parts, strict=False):
             excess = max(excess, abs(speed) / part.velocity)
-        return PlanarTwist(*(speed / excess for speed in twist))
+        return twist if excess == 1.0 else PlanarTwist(*(speed / excess for speed in twist))
 
     def smoothing(self) -> float:
         """Length in s of the moving average that keeps the jerk limits; 0.0 without any.
@@ -128,25 +130,30 @@ class TwistLimiter:
         if self._same >= count:  # exact from here on, whatever the sum has gathered in rounding
             self._sum = twist.scaled(count)
             return twist
-        sums = zip(self._sum, twist, oldest, strict=True)
-        self._sum = PlanarTwist(*(total + new - old for total, new, old in sums))
-        return PlanarTwist(*(total / count for total in self._sum))
+        total = self._sum = PlanarTwist(
+            self._sum.linear + twist.linear - oldest.linear,
+            self._sum.angular + twist.angular - oldest.angular,
+            self._sum.lateral + twist.lateral - oldest.lateral,
+        )
+        return PlanarTwist(total.linear / count, total.angular / count, total.lateral / count)
 
 
 def _between(start: PlanarTwist, end: PlanarTwist, part: float) -> PlanarTwist:
     return PlanarTwist(
-        *(have + part * (want - have) for have, want in zip(start, end, strict=True))
+        start.linear + part * (end.linear - start.linear),
+        start.angular + part * (end.angular - start.angular),
+        start.lateral + part * (end.lateral - start.lateral),
     )
 
 
 def _to_first_zero(start: PlanarTwist, end: PlanarTwist) -> PlanarTwist:
     """``end``, or the first twist on the way there in which a part becomes 0."""
+    if min(map(mul, start, end)) >= 0.0:
+        return end
     zeros = [
         have / (have - want) if have * want < 0.0 else math.inf
         for have, want in zip(start, end, strict=True)
     ]
     first = min(zeros)
-    if first == math.inf:
-        return end
     parts = zip(_between(start, end, first), zeros, strict=True)
     return PlanarTwist(*(0.0 if zero <= first + _TOGETHER else part for part, zero in parts))
