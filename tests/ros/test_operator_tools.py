@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
-from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -23,6 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal, pose
+from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
 pytestmark = pytest.mark.ros
@@ -201,7 +201,7 @@ def test_tolerances_are_set_at_run_time_for_the_next_goal(arm_client: Client) ->
 def test_a_frame_prefix_is_put_before_all_frames(arm_client: Client) -> None:
     states = arm_client.listen(AxisState, "/wmx/axis/state")
     assert arm_client.next(states).header.frame_id == "cell/base_link"
-    poses = arm_client.listen(TransformStamped, "/robotd/tool_pose")
-    found = arm_client.next(poses, lambda message: message.child_frame_id)
+    poses = arm_client.listen(TFMessage, "/robotd/tool_pose")
+    (found,) = arm_client.next(poses, lambda message: message.transforms).transforms
     assert found.header.frame_id.startswith("cell/")
     assert found.child_frame_id.startswith("cell/")

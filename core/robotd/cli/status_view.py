@@ -27,6 +27,7 @@ def view(report: LiveReport) -> Group:
         line.add_row(Text("goal", style="bold"), bar, f"{path_s:.1f} s on its path", *name)
         parts.append(line)
     parts.append(_axes(report))
+    parts.append(_tools(report))
     parts.append(_parts(report))
     return Group(*parts)
 
@@ -55,6 +56,13 @@ def _axes(report: LiveReport) -> Table:
             f"{each.position_command - each.position:+.5f}",
         )
     return table
+
+
+def _tools(report: LiveReport) -> Table:
+    grid = Table.grid(padding=(0, 2))
+    for tool in report.tools:
+        grid.add_row(Text("tool", style="dim"), *tool.lines)
+    return grid
 
 
 def _parts(report: LiveReport) -> Table:

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import io
+import math
 
 from rich.console import Console
 
 from robotd.cli.status_view import view
 from robotd.ros.client.live_status import LiveReport, PartReport
-from robotd.ros.client.status_client import AxisReport
+from robotd.ros.client.status_client import AxisReport, ToolReport
 
 
 def shown(report: LiveReport) -> str:
@@ -48,3 +49,18 @@ def test_a_robot_that_is_not_ready_has_no_axes() -> None:
     text = shown(LiveReport(False, None, (), {}))
     assert text.startswith("not ready")
     assert "on its path" not in text
+
+
+def test_the_pose_of_each_tool_is_one_line() -> None:
+    turned = (0.0, 0.0, math.pi / 2)
+    half = math.sqrt(0.5)
+    tools = tuple(
+        ToolReport(link, "base_link", (0.1, -0.2, 0.3), turned, (0.0, 0.0, half, half))
+        for link in ("left_tool", "right_tool")
+    )
+    text = shown(LiveReport(True, (axis(0),), (), {}, tools))
+    left, right = (line for line in text.splitlines() if line.startswith("tool"))
+    words = ["tool", "left_tool", "in", "base_link", "x", "+0.1000", "y", "-0.2000", "z", "+0.3000"]
+    assert left.split()[: len(words)] == words
+    assert "yaw +90.00°" in left
+    assert "right_tool in base_link" in right

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -19,7 +18,7 @@ from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
 if TYPE_CHECKING:  # it needs rclpy
-    from robotd.ros.client.status_client import AxisReport, ToolReport
+    from robotd.ros.client.status_client import AxisReport
 
 REFRESH_HZ = 8
 
@@ -62,7 +61,7 @@ def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> Exit
             if levels:
                 click.echo(field(label, [f"{name}: {_level(on)}" for name, on in levels.items()]))
         for tool in report.tools:
-            click.echo(field("tool", _pose(tool)))
+            click.echo(field("tool", tool.lines))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
     return ExitCode.OK if report.ready and not report.stopped else ExitCode.FAILED
@@ -88,16 +87,6 @@ def _watch(ros_args: Sequence[str], timeout_s: float) -> ExitCode:
                     report = status.report()
                     screen.update(view(report))
     return ExitCode.OK if report.ready else ExitCode.FAILED
-
-
-def _pose(tool: ToolReport) -> list[str]:
-    x, y, z = tool.position_m
-    roll, pitch, yaw = map(math.degrees, tool.rotation_rad)
-    return [
-        f"{tool.link} in {tool.base}",
-        f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m",
-        f"roll {roll:+.2f}  pitch {pitch:+.2f}  yaw {yaw:+.2f}°",
-    ]
 
 
 def _table(axes: Sequence[AxisReport]) -> list[str]:

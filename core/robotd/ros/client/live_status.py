@@ -11,12 +11,20 @@ from typing import Any
 from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
+from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
 from robotd.clock import NANOSECONDS
 from robotd.ros.client.motion_client import action_servers
 from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
-from robotd.ros.client.status_client import AXIS_STATE, AxisReport, axis_reports
+from robotd.ros.client.status_client import (
+    AXIS_STATE,
+    TOOL_POSE,
+    AxisReport,
+    ToolReport,
+    axis_reports,
+    tool_reports,
+)
 
 GOAL_SILENCE_S = 0.5  # after the last feedback of a goal it has ended
 ENGINE = "engine"
@@ -40,12 +48,14 @@ class LiveReport:
         axes: None while they are not published.
         parts: engine, axes, fieldbus, control loop.
         goals_s: time that each running goal has got to on its path, seconds, by its action.
+        tools: of each joint group; empty while their poses are not known.
     """
 
     ready: bool | None
     axes: tuple[AxisReport, ...] | None
     parts: tuple[PartReport, ...]
     goals_s: Mapping[str, float]
+    tools: tuple[ToolReport, ...] = ()
 
 
 class GoalProgress:
@@ -77,9 +87,10 @@ class LiveStatus:
         axes: Listener,
         diagnostics: Listener,
         goals: Mapping[str, GoalProgress],
+        tools: Listener,
     ) -> None:
         self._ready, self._axes, self._diagnostics = ready, axes, diagnostics
-        self._goals = goals
+        self._goals, self._tools = goals, tools
 
     def report(self) -> LiveReport:
         """Return the newest state; never waits."""
@@ -93,7 +104,8 @@ class LiveStatus:
         reports = axis_reports(axes) if is_ready and axes is not None else None
         running = {action: goal.path_s for action, goal in self._goals.items()}
         goals_s = {action: path_s for action, path_s in running.items() if path_s is not None}
-        return LiveReport(is_ready, reports, parts, goals_s)
+        tools = tool_reports(self._tools.newest) if is_ready and self._tools.newest else ()
+        return LiveReport(is_ready, reports, parts, goals_s, tools)
 
 
 @contextmanager
@@ -103,6 +115,7 @@ def live_status(client: RosClient) -> Iterator[LiveStatus]:
         ready = stack.enter_context(client.listen(Bool, "wmx/engine/ready", LATCHED))
         axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
         diagnostics = stack.enter_context(client.listen(DiagnosticArray, "/diagnostics", 10))
+        tools = stack.enter_context(client.listen(TFMessage, TOOL_POSE))
         ready.wait()
         kind = FollowJointTrajectory.Impl.FeedbackMessage
         goals = {
@@ -111,4 +124,4 @@ def live_status(client: RosClient) -> Iterator[LiveStatus]:
             )
             for action, _ in action_servers(client.node)
         }
-        yield LiveStatus(ready, axes, diagnostics, goals)
+        yield LiveStatus(ready, axes, diagnostics, goals, tools)

@@ -23,6 +23,7 @@ from robotd.ros.node_registry import OPERATOR_NODE
 
 GRIPPER = "wmx/set_gripper"
 AXIS_STATE = "wmx/axis/state"
+TOOL_POSE = f"{OPERATOR_NODE}/tool_pose"
 FAULT = "wmx/engine/get_fault"
 DESCRIPTION = "robot_description"
 
@@ -66,6 +67,17 @@ class ToolReport:
     rotation_rad: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
 
+    @property
+    def lines(self) -> list[str]:
+        """The pose for people, in m and degrees."""
+        x, y, z = self.position_m
+        roll, pitch, yaw = map(math.degrees, self.rotation_rad)
+        return [
+            f"{self.link} in {self.base}",
+            f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m",
+            f"roll {roll:+.2f}  pitch {pitch:+.2f}  yaw {yaw:+.2f}°",
+        ]
+
 
 @dataclass(frozen=True)
 class RobotReport:
@@ -103,6 +115,11 @@ def _owners(text: str) -> dict[str, str]:
     return {name: owner for name, _, owner in pairs}
 
 
+def tool_reports(message: TFMessage) -> tuple[ToolReport, ...]:
+    """Return the tools of ``TOOL_POSE``."""
+    return tuple(map(_tool, message.transforms))
+
+
 def _tool(message: TransformStamped) -> ToolReport:
     place, turn = message.transform.translation, message.transform.rotation
     x, y, z, w = turn.x, turn.y, turn.z, turn.w
@@ -127,7 +144,7 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Float64, SPEED, LATCHED) as speed,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
         client.listen(String, IO, LATCHED) as io,
-        client.listen(TFMessage, f"{OPERATOR_NODE}/tool_pose") as tools,
+        client.listen(TFMessage, TOOL_POSE) as tools,
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
@@ -147,7 +164,7 @@ def read_report(client: RosClient) -> RobotReport:
             reports,
             _owners(owners.wait().data),
             *read_levels(io.wait().data),
-            tuple(map(_tool, tools.wait().transforms)),
+            tool_reports(tools.wait()),
         )
 
 
