@@ -15,7 +15,6 @@ from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
 from robotd.control.axis_limits import axis_limits, axis_names
 from robotd.control.control_loop import ControlLoop
 from robotd.control.joint_group import make_groups
-from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import QUICK_STOP_S, MotionStop
@@ -65,8 +64,7 @@ class Robot:
         fieldbus: fieldbus diagnostics.
         gripper: None if the robot has none.
         control_loop: reads the device and sends setpoints, once a period.
-        groups: joint groups by name; ``follower``, ``stream`` and ``joint_motion`` are those of
-            the only one.
+        groups: joint groups by name; ``follower`` and ``stream`` are those of the only one.
         base: moves the wheels; None if the robot has none.
         wheel_axes: axes of the wheels; empty if the robot has none.
     """
@@ -171,11 +169,6 @@ class Robot:
     def stream(self) -> JointStreams:
         """Opens streams of the joints. Raises InvalidArgument with several groups."""
         return self.groups.only.stream
-
-    @property
-    def joint_motion(self) -> JointMotion:
-        """Moves all joints. Raises InvalidArgument with several groups."""
-        return self.groups.only.motion
 
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: control loop, device, communication, parameters, then the servos.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, names_of, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from wmx_ros2_message.msg import AxisVelocity
 
 from robotd.clock import NANOSECONDS
 
@@ -133,6 +133,19 @@ def test_move_finds_the_group_by_its_joints(arms: RobotProcess, client: Client) 
     status, output = robotd(arms.domain, "move", "left_joint1=0.1", "right_joint1=0.1")
     assert status == 1
     assert "one joint group moves at a time" in output
-    status, output = robotd(arms.domain, "status", "--json")
-    assert status == 0, output
-    assert len(json.loads(output)["axes"]) == 12
+
+
+def test_one_jog_moves_axes_of_both_arms(client: Client) -> None:
+    states = client.listen(JointState, "/joint_states")
+    publisher = client.publisher(AxisVelocity, "/wmx/axis/jog")
+    message = AxisVelocity(index=[5, 11], velocity=[0.3, -0.3], acc=[5.0] * 2, dec=[5.0] * 2)
+    wait_until(lambda: states, "joint states")
+    begin = states[-1].position
+
+    def is_moved() -> bool:
+        publisher.publish(message)
+        ends = states[-1].position
+        return bool(ends[5] > begin[5] + 0.1 and ends[11] < begin[11] - 0.1)
+
+    wait_until(is_moved, "motion of both axes")
+    wait_until(lambda: max(map(abs, states[-1].velocity)) < 1e-3, "standstill")

@@ -110,7 +110,7 @@ class Harness:
 
     @property
     def slot(self) -> SourceSlot:
-        return self.robot.joint_motion._slot
+        return self.robot.groups.only.motion._slot
 
     def up(self) -> Harness:
         self.robot.start()

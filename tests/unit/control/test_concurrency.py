@@ -98,7 +98,7 @@ def test_every_goal_of_every_client_ends_with_an_outcome(robot: Robot) -> None:
         assert execution.message
     outcomes = {execution.outcome for execution in executions}
     assert {Outcome.CANCELED, Outcome.PREEMPTED} <= outcomes
-    assert robot.joint_motion._active == 0
+    assert robot.groups.only.motion._active == 0
     # A loop that missed deadlines makes one step of several: that of the longest pause.
     missed = 1 + robot.control_loop.stats.missed
     assert np.max(steps) < 3.0 * 1.1 * robot.control_loop.period_ns * 1e-9 * missed

@@ -194,7 +194,7 @@ def test_the_end_of_the_control_loop_ends_the_running_goal(harness: Harness) -> 
 
 def test_a_request_that_is_planned_late_does_not_preempt_a_newer_one(harness: Harness) -> None:
     """Workers take up goals in any order."""
-    motion, names = harness.robot.joint_motion, harness.robot.joint_names
+    motion, names = harness.robot.groups.only.motion, harness.robot.joint_names
     older, newer = motion.ticket(), motion.ticket()
     request = TrajectoryRequest.from_rows(names, [1.0], [[0.3] * len(names)])
     with harness.follower.follow(request, ticket=newer) as execution:

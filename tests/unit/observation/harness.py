@@ -16,13 +16,13 @@ PERIODS = 500
 
 
 class Observed:
-    """The robot cr3a on the simulation, its tap and its flight recorder."""
+    """A robot on the simulation, its tap and its flight recorder."""
 
-    def __init__(self, folder: Path, after_s: float = 0.5) -> None:
-        self.robot: Robot = build_robot("cr3a", "sim", clock=SteppedClock())
+    def __init__(self, folder: Path, after_s: float = 0.5, robot: str = "cr3a") -> None:
+        self.robot: Robot = build_robot(robot, "sim", clock=SteppedClock())
         self.tap = Tap(self.robot, 5.0)
         self.folder = folder
-        kept = RecordingFolder(folder, "cr3a", 3, 100e6)
+        kept = RecordingFolder(folder, robot, 3, 100e6)
         self.flight = FlightRecorder(self.tap, kept, after_s)
         self.tap.add_reader(self.flight.check)
         self.robot.start()

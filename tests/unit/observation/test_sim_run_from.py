@@ -11,6 +11,7 @@ from tests.unit.observation.harness import Observed
 
 from robotd.cli import main
 from robotd.device.axes import Move
+from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
 
 
@@ -35,6 +36,24 @@ def test_goals_and_moves_lead_to_the_same_motion(arm: Observed) -> None:
     assert "the simulation moved as recorded" in result.output
     assert " commands over" in result.output
     assert "joint6" in result.output
+
+
+def test_goals_of_joint_groups_are_repeated_beside_each_other(tmp_path: Path) -> None:
+    arms = Observed(tmp_path, robot="dual_cr3a")
+    goals = [
+        group.follower.follow(TrajectoryRequest.from_rows(group.joint_names, [time_s], [[0.3] * 6]))
+        for group, time_s in zip(arms.robot.groups.values(), (1.0, 1.5), strict=True)
+    ]
+    with goals[0]:
+        arms.step(0.3)
+        with goals[1]:
+            arms.step(1.8)
+    recording = arms.flight.snapshot("test")
+    arms.close()
+    result = run("--from", recording)
+    assert result.exit_code == 0, result.output
+    assert "the simulation moved as recorded" in result.output
+    assert "right_joint6" in result.output
 
 
 def test_the_first_difference_is_named(arm: Observed) -> None:

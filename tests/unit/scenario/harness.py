@@ -25,11 +25,15 @@ def robot(**options: Any) -> RobotDescriptor:
 
 
 def run(
-    *program: dict[str, Any], faults: list[dict[str, Any]] | None = None, **keys: Any
+    *program: dict[str, Any],
+    faults: list[dict[str, Any]] | None = None,
+    descriptor: RobotDescriptor | None = None,
+    **keys: Any,
 ) -> Result:
-    """Return the result of a program with these faults."""
+    """Return the result of a program with these faults; ``descriptor`` None: of ``robot``."""
     values = {"schema": 1, "program": program, "faults": faults or [], **keys}
-    scenario = ScenarioRun(Scenario.model_validate(values), robot(), load_backend("sim"))
+    model = Scenario.model_validate(values)
+    scenario = ScenarioRun(model, descriptor or robot(), load_backend("sim"))
     for _ in scenario.steps():
         pass
     return scenario.result

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from tests.unit.scenario.harness import MOVE, robot, run
 
+from robotd.descriptor.group_settings import GroupSettings
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import load_backend
 from robotd.scenario import Result, Scenario, ScenarioRun, load_scenario
@@ -38,6 +39,19 @@ def test_a_program_that_goes_as_expected_passes() -> None:
     )
     assert result.failures == []
     assert 3.0 < result.simulated_s < 3.6
+
+
+def test_a_step_moves_the_joint_group_that_its_joints_are_in() -> None:
+    groups = {"left": GroupSettings(joints=("joint1",)), "right": GroupSettings(joints=("joint2",))}
+    both = {"joint1": 0.0, "joint2": 0.0}
+    result = run(
+        MOVE,
+        {"move": {"to_rad": {"joint2": 0.4}, "time_s": 1.0}},
+        {"check": {"joints_rad": {"joint1": 1.0, "joint2": 0.4}}},
+        {"move": {"to_rad": both, "time_s": 1.0}, "expect": "rejected", "reason": "of one group"},
+        descriptor=robot().model_copy(update={"groups": groups}),
+    )
+    assert result.failures == []
 
 
 @pytest.mark.parametrize(

@@ -81,8 +81,9 @@ def find_arm(client: RosClient, joints: Collection[str], action: str | None = No
         positions = dict(zip(names, joint_states.newest.position, strict=False))
         unit_of = dict(zip(names, units, strict=False))
         if groups:
-            name = name if action else _action_of(joints, groups)
-            positions = {joint: positions[joint] for joint in groups.get(name, positions)}
+            group = _action_of(joints, groups)
+            name = name if action else group
+            positions = {joint: positions[joint] for joint in groups[group]}
         return Arm(name, positions, unit_of)
 
 
