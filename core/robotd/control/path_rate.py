@@ -6,13 +6,15 @@ q''(s)·r² + q'(s)·dr/dt. No joint leaves its path.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.device.speed_scale import SpeedScale
 from robotd.motion import JointLimits
 
-MAX_SLOPE = 2.0  # 1/s: from 100 % to standstill in half a second, limits permitting
+MAX_SLOPE = 2.0  # 1/s, for the operator: 100 % to standstill in half a second, limits permitting
 MIN_SHARE = 0.2  # of an acceleration limit, for a path that uses all of it by itself
 MIN_SPEED = 1e-9  # rad/s; slower joints count as standing
 
@@ -32,11 +34,16 @@ class PathRate:
     def __init__(self, speed: SpeedScale, limits: JointLimits) -> None:
         self.value, self.slope = speed.scale, 0.0
         self._speed, self._limit = speed, limits.acceleration
+        self._max_slope = MAX_SLOPE
 
     @property
     def is_full(self) -> bool:
         """Trajectory time passes as real time does, and is to go on so."""
         return self.value == 1.0 and self.slope == 0.0 and self._speed.scale == 1.0
+
+    def stand(self) -> None:
+        """Begin anew from standstill: the device held its position during a stall."""
+        self.value, self._max_slope = 0.0, math.inf
 
     def step(self, elapsed_s: float, velocity: FloatArray, acceleration: FloatArray) -> float:
         """Ramp for ``elapsed_s``; return the mean rate.
@@ -50,7 +57,10 @@ class PathRate:
         if target != before:
             largest = elapsed_s * self._largest_slope(velocity, acceleration)
         change = min(max(target - before, -largest), largest)
-        self.value = target if change == target - before else before + change
+        if change == target - before:
+            self.value, self._max_slope = target, MAX_SLOPE
+        else:
+            self.value = before + change
         self.slope = (self.value - before) / elapsed_s
         return 0.5 * (before + self.value)
 
@@ -65,4 +75,4 @@ class PathRate:
         spare = self._limit - np.abs(acceleration) * self.value**2
         allowed = np.maximum(spare, MIN_SHARE * self._limit)
         speed = np.maximum(np.abs(velocity), MIN_SPEED)
-        return min(float((allowed / speed).min()), MAX_SLOPE)
+        return min(float((allowed / speed).min()), self._max_slope)

@@ -30,7 +30,8 @@ class StallRecovery:
     """Deviation from the path after an underrun, and its blend back to zero.
 
     While setpoints are missing an axis extrapolates the last one or holds it, see ``Underrun``.
-    The next setpoint continues from there, in position and velocity. The deviation e from the path
+    The next setpoint continues from there, in position and velocity. An axis that holds stays on
+    its path, which waits for it (``stands``). In all other cases the deviation e from the path
     and its rate w then go to zero: w changes by at most the joint's acceleration limit, stays
     within a tenth of its velocity limit once it is there, and does not reverse a moving path.
 
@@ -114,6 +115,22 @@ class StallRecovery:
             self._fade(path[1], elapsed_s)
         path += self._next
         return underrun
+
+    def stands(self, due_ns: int, period_ns: int) -> bool:
+        """Return True after an underrun in which the device held the last setpoint.
+
+        A path then waits for the device, and ``stood`` notes that, unless it was left before.
+        """
+        elapsed_s = (due_ns - self._sent_ns) / NANOSECONDS
+        period_s = period_ns / NANOSECONDS
+        if self._extrapolates or self.active or not self._is_underrun(elapsed_s, period_s):
+            return False
+        self.pause_s = elapsed_s - period_s
+        return True
+
+    def stood(self, time_ns: int) -> None:
+        """Note that the device has held the last setpoint until ``time_ns``."""
+        self._sent[1], self._sent_ns = 0.0, time_ns
 
     def resume(self, time_ns: int, period_s: float) -> FloatArray | None:
         """Return (2, m) position and velocity of the device at ``time_ns`` after an underrun.

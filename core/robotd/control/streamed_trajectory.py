@@ -124,6 +124,8 @@ class StreamedTrajectory:
 
     def _follow_path(self, due_ns: int, period_ns: int) -> None:
         """Sample the path at the time that the rate of the operator leads to."""
+        if self._due_ns > self.start_ns and self.stall_recovery.stands(due_ns, period_ns):
+            self._continue_from_standstill(due_ns - period_ns)
         scaled = due_ns > self.start_ns and not self._rate.is_full
         if scaled:
             elapsed_ns = due_ns - self._due_ns if self._due_ns > self.start_ns else period_ns
@@ -135,6 +137,13 @@ class StreamedTrajectory:
         self._path[:] = self.setpoint[1:]
         if scaled:
             self._rate.scale(self.setpoint)
+
+    def _continue_from_standstill(self, time_ns: int) -> None:
+        """Let trajectory time go on at ``time_ns``: the device has held the last setpoint."""
+        self.start_ns += time_ns - self._due_ns
+        self._due_ns = time_ns
+        self._rate.stand()
+        self.stall_recovery.stood(time_ns)
 
     def hold(self, due_ns: int, period_ns: int) -> None:
         """Stay at the end of the path, or return to it."""

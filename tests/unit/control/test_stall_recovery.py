@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tests.unit.control.harness import PERIOD_S, Harness
 
 from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.state import Underrun
 
@@ -116,11 +117,27 @@ def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> Non
         harness.end(execution)
     rows = harness.setpoints.rows
     begun = 1 + next(i for i, (one, two) in enumerate(pairwise(rows)) if two[0] - one[0] > 0.01)
-    assert rows[begun][1] == pytest.approx(rows[begun - 1][1])
-    assert rows[begun][2] == pytest.approx(0.0)
+    assert rows[begun][1] == pytest.approx(rows[begun - 1][1], abs=1e-4)  # half of a·T²
+    assert rows[begun][2] == pytest.approx(0.0, abs=0.05)
     steps = np.abs(np.diff([row[1] for row in rows[begun:]], axis=0)).max() / PERIOD_S
     assert steps <= peak_of(execution) + BACK
     assert_ended_well(harness, execution)
+
+
+def test_the_path_waits_for_a_drive_that_holds(harness: Harness) -> None:
+    harness.follower._execution = partial(TrajectoryExecution.streamed, underrun=Underrun.HOLD)
+    target = np.array([0.8, -0.6, 0.45])
+    began_ns = harness.clock.now_ns()
+    with harness.goal(target.tolist(), seconds=1.0) as execution:
+        for _ in range(20):
+            harness.run(0.03)
+            harness.stall(0.02)
+        harness.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    assert harness.clock.now_ns() - began_ns > (1.0 + 20 * 0.02) * NANOSECONDS
+    positions = np.array([row[1] for row in harness.setpoints.rows])
+    straight = positions[:, :1] * target / target[0]
+    assert positions == pytest.approx(straight, abs=1e-9)
 
 
 def test_a_goal_that_takes_over_recovers_like_the_one_before(harness: Harness) -> None:
