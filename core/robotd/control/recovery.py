@@ -10,11 +10,11 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
+from robotd.control.problem import Problem, find_problems
 from robotd.device.axes import Axes
 from robotd.device.connection import Connection
 from robotd.device.each_axis import each
 from robotd.device.fieldbus import Fieldbus
-from robotd.device.process_image import ProcessImage
 from robotd.errors import ConnectError, NotReady, RobotdError, reason_of
 from robotd.log import get_logger
 
@@ -24,27 +24,6 @@ READY_S = 1.0  # for values to be fresh after communication has started
 NOTHING_WRONG = "nothing is wrong: the robot takes commands"
 
 Report = Callable[[str], None]
-
-
-def problems(connection: Connection, image: ProcessImage, names: Sequence[str],
-             used: Sequence[int]) -> list[str]:  # fmt: skip
-    """Return the reasons why axes cannot move, root cause first; empty without one.
-
-    Args:
-        connection: of the device; while it is not ready, nothing is known of the axes.
-        image: consistent copy.
-        names: of all axes.
-        used: axes that are switched on at start; others count with an alarm only.
-    """
-    if not connection.commandable:
-        return ["; ".join(line.strip() for line in connection.rejection.splitlines())]
-    if image.controller_fault:
-        return [image.controller_fault]
-    faulty = [axis for axis in range(len(names)) if image.amp_alarm[axis]]
-    faulty += [axis for axis in used if image.offline[axis] and axis not in faulty]
-    found = [f"{names[axis]}: {image.fault(axis)}" for axis in faulty]
-    off = [names[axis] for axis in used if not image.servo_on[axis] and axis not in faulty]
-    return [*found, f"servo off: {', '.join(off)}"] if off else found
 
 
 class Recovery:
@@ -73,10 +52,10 @@ class Recovery:
         self._used, self._enable, self._clock = list(used), enable, clock
         self._running = threading.Lock()
 
-    def problems(self) -> list[str]:
+    def problems(self) -> list[Problem]:
         """Return the reasons why axes cannot move, root cause first. Any thread."""
         image = self._axes.image.copy()
-        return problems(self._connection, image, self._axes.names, self._used)
+        return find_problems(self._connection, image, self._axes.names, self._used)
 
     def run(self, report: Report = lambda line: None) -> None:
         """Recover; a worker, seconds where the device needs them.
@@ -99,8 +78,8 @@ class Recovery:
 
     def _recover(self, report: Report) -> None:
         found = self.problems()
-        for problem in found or [NOTHING_WRONG]:
-            report(f"found: {problem}" if found else problem)
+        for line in [f"found: {problem}" for problem in found] or [NOTHING_WRONG]:
+            report(line)
         if not found:
             return
         if not self._connection.ready:
@@ -212,7 +191,7 @@ class Recovery:
     def _verify(self, before: FloatArray, report: Report) -> None:
         left = self.problems()
         if left:
-            raise NotReady(f"not recovered: {'; '.join(left)}")
+            raise NotReady(f"not recovered: {'; '.join(map(str, left))}")
         moved = np.abs(self._axes.image.copy().position - before)[self._used]
         known = moved[np.isfinite(moved)]
         most = f"; largest change of position {known.max():.4f} rad or m" if len(known) else ""

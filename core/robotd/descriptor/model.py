@@ -210,6 +210,12 @@ class RobotDescriptor(Section):
     )
     stream: StreamSettings = Field(StreamSettings(), description="Streams and jogs.")
     recorder: RecorderSettings = Field(RecorderSettings(), description="Flight recorder of faults.")
+    page: int | None = Field(
+        None,
+        ge=1,
+        le=65535,
+        description="Port of the live page on the loopback interface; null: not served.",
+    )
     nodes: tuple[str, ...] = Field(
         (), strict=False, description="ROS nodes that are started, by name."
     )

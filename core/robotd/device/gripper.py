@@ -124,11 +124,15 @@ class Gripper:
 
         They travel at constant speed, ``travel_time_s`` from one end to the other.
         """
-        target = 1.0 if self._commanded() else 0.0
-        step = (time_ns - self._last_ns) / self._travel_ns if self._travel_ns else 1.0
-        self._closed += min(max(target - self._closed, -step), step)
+        self._closed = self.travelled(self._closed, time_ns - self._last_ns)
         self._last_ns = time_ns
         return self._closed
+
+    def travelled(self, closed: float, time_ns: int) -> float:
+        """Return how far fingers at ``closed`` are closed after ``time_ns``. Any thread."""
+        target = 1.0 if self._commanded() else 0.0
+        step = time_ns / self._travel_ns if self._travel_ns else 1.0
+        return closed + min(max(target - closed, -step), step)
 
     def _share(self, began_ns: int) -> float:
         """Return the part of the way that has passed since ``began_ns``."""

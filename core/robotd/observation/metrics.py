@@ -6,7 +6,12 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from prometheus_client import CollectorRegistry, ProcessCollector, start_http_server
+from prometheus_client import (
+    CollectorRegistry,
+    ProcessCollector,
+    generate_latest,
+    start_http_server,
+)
 from prometheus_client.core import (
     CounterMetricFamily,
     GaugeMetricFamily,
@@ -150,20 +155,25 @@ class Metrics:
         )
 
 
-def serve_metrics(tap: Tap, flight: FlightRecorder, port: int) -> int:
+def serve_metrics(made: CollectorRegistry, port: int) -> int:
     """Serve ``/metrics`` on the loopback interface until the process ends; return the port.
 
-    Before the tap starts. Raises OperationError: the port is in use.
+    Raises OperationError: the port is in use.
     """
     try:
-        server, _ = start_http_server(port, ADDRESS, registry(tap, flight))
+        server, _ = start_http_server(port, ADDRESS, made)
     except OSError as error:
         raise OperationError(f"--metrics {port}: {error.strerror or error}") from error
     return int(server.server_port)
 
 
+def metrics_text(made: CollectorRegistry) -> bytes:
+    """Return the metrics in the text format of Prometheus. Any thread."""
+    return generate_latest(made)
+
+
 def registry(tap: Tap, flight: FlightRecorder) -> CollectorRegistry:
-    """Return a registry of the robot's metrics and those of the process."""
+    """Return a registry of the robot's and the process's metrics; before the tap starts."""
     made = CollectorRegistry()
     ProcessCollector(registry=made)
     made.register(Metrics(tap, flight))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from robotd.errors import OperationError
@@ -30,11 +31,14 @@ class Recorder:
         tap: source of everything.
         flight: saves the last seconds.
         continuous: records from a start to a stop.
+        metrics: returns the text of the metrics; None without prometheus_client, and where
+            nobody asks for them.
     """
 
     tap: Tap
     flight: FlightRecorder
     continuous: ContinuousRecorder
+    metrics: Callable[[], bytes] | None = None
 
 
 @contextmanager
@@ -46,6 +50,7 @@ def observed(
     split_mib: float = SPLIT_MIB,
     split_s: float = SPLIT_S,
     metrics_port: int | None = None,
+    count_metrics: bool = False,
 ) -> Iterator[Recorder]:
     """Observe a robot that is not started until the block ends. Main thread.
 
@@ -56,6 +61,7 @@ def observed(
             the folder of the flight recorder.
         split_mib, split_s: size and time after which a continuous recording begins a new file.
         metrics_port: serve metrics there, on the loopback interface; 0: any port; None: none.
+        count_metrics: for ``Recorder.metrics``, where prometheus_client is installed.
 
     Raises OperationError: the continuous recording or the metrics do not start.
     """
@@ -68,23 +74,29 @@ def observed(
     flight = FlightRecorder(tap, kept, settings.after_s)
     continuous = ContinuousRecorder(tap, recorded, split_mib * MIB, split_s)
     tap.add_reader(flight.check)
-    if metrics_port is not None:
-        _serve_metrics(tap, flight, metrics_port)
+    metrics = None
+    if metrics_port is not None or count_metrics:
+        metrics = _metrics(tap, flight, metrics_port)
     with tap:
         try:
             if record_folder is not None:
                 continuous.start()
-            yield Recorder(tap, flight, continuous)
+            yield Recorder(tap, flight, continuous, metrics)
         finally:
             continuous.close()
             flight.close()
 
 
-def _serve_metrics(tap: Tap, flight: FlightRecorder, port: int) -> None:
+def _metrics(tap: Tap, flight: FlightRecorder, port: int | None) -> Callable[[], bytes] | None:
+    """Count metrics, and serve them at ``port``; None: prometheus_client is not needed there."""
     try:
-        from robotd.observation.metrics import serve_metrics
+        from robotd.observation.metrics import metrics_text, registry, serve_metrics
     except ImportError as error:
+        if port is None:
+            return None
         text = "--metrics needs prometheus_client: pip install 'robotd[metrics]'"
         raise OperationError(text) from error
-    port = serve_metrics(tap, flight, port)
-    log.info("metrics", url=f"http://127.0.0.1:{port}/metrics")
+    made = registry(tap, flight)
+    if port is not None:
+        log.info("metrics", url=f"http://127.0.0.1:{serve_metrics(made, port)}/metrics")
+    return partial(metrics_text, made)

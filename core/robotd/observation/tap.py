@@ -58,6 +58,7 @@ class Tap:
         events: the robot's event log.
         samples: I/O where it changes, and the fieldbus once a second.
         fieldbus: newest state and counters of each bus and node; empty without one.
+        buses: newest status of each bus; without those that could not be read.
         info: for the metadata of a recording.
         urdf: text of the robot's URDF; "" without one.
     """
@@ -69,6 +70,7 @@ class Tap:
         self.frames = FrameRing(robot.image, rate_hz, seconds)
         self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
         self.fieldbus: NamedValues = {}
+        self.buses: dict[int, BusStatus] = {}
         self.info = recording_info(robot)
         self.urdf = _text(robot.descriptor.urdf)
         self._detector = ChangeDetector(robot.image, robot.axes.names)
@@ -156,7 +158,12 @@ class Tap:
                 self._io_shown[topic] = data
                 self._add_sample(now_ns, topic, octets_message(data))
         if self._observed % BUS_PERIOD_SAMPLES == 0:
-            self.fieldbus = self._read_fieldbus()
+            self.buses = self._read_buses()
+            self.fieldbus = {
+                name: values
+                for bus, status in self.buses.items()
+                for name, values in bus_values(bus, status).items()
+            }
             message = named_values(now_ns + self.info.offset_ns, self.fieldbus)
             self._add_sample(now_ns, FIELDBUS, message)
         self._observed += 1
@@ -173,13 +180,13 @@ class Tap:
             if sizes[1]:
                 yield OUTPUTS, io.output_bytes(0, sizes[1])
 
-    def _read_fieldbus(self) -> NamedValues:
-        groups: dict[str, Mapping[str, float]] = {}
+    def _read_buses(self) -> dict[int, BusStatus]:
+        buses: dict[int, BusStatus] = {}
         fieldbus = self.robot.fieldbus
         for bus in range(fieldbus.buses):
             with suppress(RobotdError):
-                groups |= bus_values(bus, fieldbus.status(bus))
-        return groups
+                buses[bus] = fieldbus.status(bus)
+        return buses
 
     def _stop_line(self, reason: str) -> None:
         """Note a stop of all motion, or its end. Any thread, the control loop too."""

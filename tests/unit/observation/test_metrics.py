@@ -85,11 +85,12 @@ def test_every_metric_is_on_its_page(arm: Observed) -> None:
 
 
 def test_metrics_are_served_on_the_loopback_interface_only(arm: Observed) -> None:
-    port = serve_metrics(arm.tap, arm.flight, 0)
+    made = registry(arm.tap, arm.flight)
+    port = serve_metrics(made, 0)
     with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
         assert b"robotd_ready 1.0" in answer.read()
     with pytest.raises(OperationError, match=f"--metrics {port}: Address already in use"):
-        serve_metrics(arm.tap, arm.flight, port)
+        serve_metrics(made, port)
     own = socket.gethostbyname(socket.gethostname())
     if not own.startswith("127."):
         with pytest.raises(OSError, match=f"Errno {errno.ECONNREFUSED}"):

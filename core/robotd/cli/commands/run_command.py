@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,6 +64,7 @@ class RunOptions:
         record_dir: folder of the flight recorder; None leaves the descriptor's own.
         record: folder of a continuous recording; None: none.
         metrics: port of the metrics on the loopback interface; None: not served.
+        page: port of the live page there; None leaves the descriptor's own.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -79,6 +80,7 @@ class RunOptions:
     record_dir: Path | None
     record: Path | None
     metrics: int | None
+    page: int | None
     ros_args: Sequence[str]
 
 
@@ -124,6 +126,12 @@ class RunOptions:
     type=click.IntRange(0, 65535),
     help="Serve metrics for Prometheus at http://127.0.0.1:PORT/metrics.",
 )
+@click.option(
+    "--page",
+    metavar="PORT",
+    type=click.IntRange(0, 65535),
+    help="Serve the live page at http://127.0.0.1:PORT; 0: any free port, which the log names.",
+)
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:
@@ -143,23 +151,41 @@ def run_robot(options: RunOptions) -> int:
     robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
-    with _observed(robot, options) as recorder:
+    with _observed(robot, nodes, options) as recorder:
         return _serve(robot, backend.origin, nodes, installed.nodes, options, faults, recorder)
 
 
-def _observed(robot: Robot, options: RunOptions) -> AbstractContextManager[Recorder | None]:
-    """Return the recorder as a context; of None where it is switched off."""
-    wanted = options.record is not None or options.metrics is not None
+@contextmanager
+def _observed(robot: Robot, nodes: Sequence[str], options: RunOptions) -> Iterator[Recorder | None]:
+    """Observe the robot and serve its page, as far as that is wanted."""
+    page = robot.descriptor.page if options.page is None else options.page
+    wanted = any(each is not None for each in (options.record, options.metrics, page))
     if not (robot.descriptor.recorder.enabled or wanted):
-        return nullcontext()
+        yield None
+        return
     from robotd.observation.recorder import observed
 
-    return observed(
-        robot,
-        flight_folder=options.record_dir,
-        record_folder=options.record,
-        metrics_port=options.metrics,
-    )
+    with ExitStack() as stack:
+        recorder = stack.enter_context(
+            observed(
+                robot,
+                flight_folder=options.record_dir,
+                record_folder=options.record,
+                metrics_port=options.metrics,
+                count_metrics=page is not None,
+            )
+        )
+        if page is not None:
+            stack.enter_context(_page(recorder, nodes, page))
+        yield recorder
+
+
+def _page(recorder: Recorder, nodes: Sequence[str], port: int) -> AbstractContextManager[object]:
+    try:
+        from robotd.page.page_server import PageServer
+    except ImportError as error:
+        raise OperationError("the page needs aiohttp: pip install 'robotd[page]'") from error
+    return PageServer(recorder.tap, nodes, port, recorder.metrics)
 
 
 def _serve(

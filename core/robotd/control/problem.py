@@ -1,0 +1,79 @@
+"""Reasons why axes cannot move, with their kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from robotd.device.connection import Connection
+from robotd.device.process_image import ProcessImage
+
+
+class ProblemKind(StrEnum):
+    """Kinds of reasons."""
+
+    STARTING = "starting"  # a start-up step is running
+    ENDING = "ending"  # the robot is being shut down
+    DEVICE = "device"  # no communication, or no fresh values
+    CONTROLLER = "controller"  # alarm of the whole controller
+    ALARM = "alarm"  # of one drive
+    OFFLINE = "offline"  # a drive does not answer
+    SERVO_OFF = "servo off"
+    STOPPED = "stopped"  # all motion, until a reset
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One reason.
+
+    Attributes:
+        kind: see ``ProblemKind``.
+        text: one line for people, with the names of the axes.
+    """
+
+    kind: ProblemKind
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def find_problems(
+    connection: Connection, image: ProcessImage, names: Sequence[str], used: Sequence[int]
+) -> list[Problem]:
+    """Return the reasons why axes cannot move, root cause first; empty without one.
+
+    Args:
+        connection: of the device; while it is not ready, nothing is known of the axes.
+        image: consistent copy.
+        names: of all axes.
+        used: axes that are switched on at start; others count with an alarm only.
+    """
+    if not connection.commandable:
+        return [_device_problem(connection)]
+    if image.controller_fault:
+        return [Problem(ProblemKind.CONTROLLER, image.controller_fault)]
+    return [*_axis_problems(image, names, used)]
+
+
+def _device_problem(connection: Connection) -> Problem:
+    text = "; ".join(line.strip() for line in connection.rejection.splitlines())
+    if connection.ending:
+        return Problem(ProblemKind.ENDING, text)
+    if connection.step.text and not connection.established:
+        return Problem(ProblemKind.STARTING, text)
+    return Problem(ProblemKind.DEVICE, text)
+
+
+def _axis_problems(
+    image: ProcessImage, names: Sequence[str], used: Sequence[int]
+) -> Iterator[Problem]:
+    faulty = [axis for axis in range(len(names)) if image.amp_alarm[axis]]
+    faulty += [axis for axis in used if image.offline[axis] and axis not in faulty]
+    for axis in faulty:
+        kind = ProblemKind.OFFLINE if image.offline[axis] else ProblemKind.ALARM
+        yield Problem(kind, f"{names[axis]}: {image.fault(axis)}")
+    off = [names[axis] for axis in used if not image.servo_on[axis] and axis not in faulty]
+    if off:
+        yield Problem(ProblemKind.SERVO_OFF, f"servo off: {', '.join(off)}")

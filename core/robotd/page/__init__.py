@@ -1,0 +1,1 @@
+"""Live page of a robot, served from inside its process; needs aiohttp."""

@@ -1,0 +1,104 @@
+"""Live values of the page, sampled from the frames of the control loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.control.joint_group import JointGroup
+from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.device.process_image import VALUES
+from robotd.observation.tap import Tap
+from robotd.recording.frame_ring import Frames
+
+RATE_HZ = 30.0
+HISTORY_S = 60.0
+HEADER = ("time_s", "late_s", "closed", "x", "y", "heading")
+PIECE_FRAMES = 512  # copied at once
+
+
+class LiveSamples:
+    """Samples of a robot for its viewers. One thread.
+
+    A sample is a row of float64, little-endian: ``HEADER``, the time of the running goal of each
+    joint group on its path, then the rows of ``ProcessImage.values``, each with one number for each
+    axis. ``late_s`` is the largest lateness of the control loop since the sample before; unknown
+    values are NaN.
+
+    Args:
+        tap: source of the frames.
+    """
+
+    def __init__(self, tap: Tap) -> None:
+        self._tap, self._robot = tap, tap.robot
+        self._cursor = 0
+        self._closed, self._closed_ns = 0.0, 0
+        self._values = len(HEADER) + len(tap.robot.groups)  # column of the first value
+        self.width = self._values + len(VALUES) * tap.frames.axes
+        self._row = np.empty(self.width, "<f8")
+
+    def restart(self) -> None:
+        """Skip the frames up to now."""
+        self._cursor = self._tap.frames.written
+
+    def sample(self) -> bytes | None:
+        """Return the newest sample; None without a new frame."""
+        frames, self._cursor, _ = self._tap.frames.since(self._cursor)
+        if not len(frames):
+            return None
+        row, end = self._row, self._values
+        row[:end] = (
+            frames["start_ns"][-1] / NANOSECONDS,
+            frames["late_ns"].max() / NANOSECONDS,
+            self._finger_position(),
+            *self._pose(),
+            *map(_goal_s, self._robot.groups.values()),
+        )
+        row[end:] = frames["values"][-1].ravel()
+        return row.tobytes()
+
+    def history(self) -> bytes:
+        """Return samples of the last seconds at about ``RATE_HZ``, one behind the other."""
+        rate_hz = self._robot.descriptor.cycle.rate_hz
+        step = max(1, round(rate_hz / RATE_HZ))
+        first = max(0, self._tap.frames.written - round(HISTORY_S * rate_hz))
+        return b"".join(self._rows(piece, step) for piece in self._pieces(first))
+
+    def _pieces(self, cursor: int) -> Iterator[Frames]:
+        last = self._tap.frames.written
+        while cursor < last:
+            frames, cursor, _ = self._tap.frames.since(cursor, PIECE_FRAMES)
+            if not len(frames):
+                return
+            yield frames
+
+    def _rows(self, frames: Frames, step: int) -> bytes:
+        starts = np.arange(0, len(frames), step)
+        rows: FloatArray = np.full((len(starts), self.width), np.nan)
+        rows[:, 0] = frames["start_ns"][starts] / NANOSECONDS
+        rows[:, 1] = np.maximum.reduceat(frames["late_ns"], starts) / NANOSECONDS
+        rows[:, self._values :] = frames["values"][starts].reshape(len(starts), -1)
+        return rows.astype("<f8", copy=False).tobytes()
+
+    def _finger_position(self) -> float:
+        """Return how far the fingers are closed, 0 to 1; NaN without a gripper."""
+        if (gripper := self._robot.gripper) is None:
+            return math.nan
+        now_ns = self._robot.clock.now_ns()
+        self._closed = gripper.travelled(self._closed, now_ns - self._closed_ns)
+        self._closed_ns = now_ns
+        return self._closed
+
+    def _pose(self) -> tuple[float, float, float]:
+        base = self._robot.base
+        return (math.nan,) * 3 if base is None else base.pose
+
+
+def _goal_s(group: JointGroup) -> float:
+    """Return the time of the group's goal on its path; NaN without one."""
+    source = group.motion.running
+    return source.progress().time_s if isinstance(source, TrajectoryExecution) else math.nan

@@ -1,0 +1,83 @@
+"""Messages to the viewers of a page, made from the tap of a robot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from robotd.observation.tap import Tap
+from robotd.page.live_samples import LiveSamples
+from robotd.page.page_description import describe
+from robotd.page.page_state import Goals, event_of, state_of
+
+FIRST_EVENTS = 300  # of the log that a new viewer gets
+
+Message = str | bytes
+"""JSON text, or samples as ``LiveSamples`` makes them."""
+
+
+class PageFeed:
+    """Makes each message once for all viewers. One thread; nothing runs between the calls.
+
+    Args:
+        tap: of the robot.
+        nodes: names of the ROS nodes that are served.
+        meshes: URL of each mesh, by its name in the URDF.
+        max_viewers: number of viewers that are served.
+    """
+
+    def __init__(
+        self, tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str], max_viewers: int
+    ) -> None:
+        self._tap = tap
+        self._nodes, self._meshes, self._max_viewers = nodes, meshes, max_viewers
+        self._live = LiveSamples(tap)
+        self._goals = Goals(tap.robot)
+        self._cursor = 0
+        self._state: dict[str, Any] = {}
+
+    def first(self, viewers: int) -> list[Message]:
+        """Return the messages to a new viewer: description, past, state, events.
+
+        Args:
+            viewers: number of viewers, with the new one.
+        """
+        if viewers == 1:
+            self._live.restart()
+            self._note(*self._tap.events.since(self._cursor))
+        description = describe(self._tap, self._nodes, self._meshes, self._max_viewers)
+        events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
+        return [
+            _text(description),
+            self._live.history(),
+            _text(self._read_state(viewers)),
+            _text({"type": "events", "events": [*map(event_of, events)]}),
+        ]
+
+    def live(self) -> bytes | None:
+        """Return the newest sample; None without a new one."""
+        return self._live.sample()
+
+    def changes(self, viewers: int) -> Iterator[Message]:
+        """Yield the events and the state, as far as they are new."""
+        events, cursor = self._tap.events.since(self._cursor)
+        self._note(events, cursor)
+        if events:
+            yield _text({"type": "events", "events": [*map(event_of, events[-FIRST_EVENTS:])]})
+        state = self._read_state(viewers)
+        if state != self._state:
+            self._state = state
+            yield _text(state)
+
+    def _note(self, events: Sequence[Any], cursor: int) -> None:
+        self._cursor = cursor
+        for event in events:
+            self._goals.note(event)
+
+    def _read_state(self, viewers: int) -> dict[str, Any]:
+        return state_of(self._tap, self._goals.running(), viewers)
+
+
+def _text(message: Mapping[str, Any]) -> str:
+    return json.dumps(message, separators=(",", ":"))

@@ -1,0 +1,236 @@
+"""HTTP server of the page: bundle, WebSocket, meshes and metrics, on the loopback interface."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Self
+
+from aiohttp import WSCloseCode, web
+
+from robotd.errors import OperationError
+from robotd.log import get_logger
+from robotd.observation.tap import Tap
+from robotd.page.connection_guard import ConnectionGuard
+from robotd.page.live_samples import RATE_HZ
+from robotd.page.mesh_files import mesh_files
+from robotd.page.page_feed import PageFeed
+from robotd.page.request_checks import add_headers, check_request
+from robotd.page.viewers import SEND_BUFFER_BYTES, Viewer
+
+log = get_logger("page")
+
+ADDRESS = "127.0.0.1"
+MAX_VIEWERS = 8
+MAX_CONNECTIONS = 64
+HEARTBEAT_S = 5.0  # a viewer that does not answer within 1.5 of it is dropped
+REQUEST_TIMEOUT_S = 10.0
+START_TIMEOUT_S = 5.0
+END_TIMEOUT_S = 2.0
+CHANGES_TICKS = 3  # of ``RATE_HZ``: state and events
+BUNDLE_FOLDER = Path(__file__).parent / "bundle"  # built by `make page`
+BUNDLE = {
+    "/": ("index.html", "text/html"),
+    "/page.js": ("page.js", "text/javascript"),
+    "/page.css": ("page.css", "text/css"),
+    "/favicon.svg": ("favicon.svg", "image/svg+xml"),
+}
+NOT_BUILT = (
+    "robotd: the page is not built. In a checkout: make page (it needs Node.js, or installs it"
+    " into .venv). The robot is served as ever, and so are /metrics and /ws.\n"
+)
+
+
+class PageServer:
+    """Server of one robot's page: ``with PageServer(...):``. Its thread is ``robotd-page``.
+
+    Nothing is computed while nobody watches. Viewers share each message; one that does not read
+    is dropped. Every request only reads.
+
+    Args:
+        tap: of the robot; the server starts before or after it.
+        nodes: names of the ROS nodes that are served.
+        port: on the loopback interface; 0: any free one.
+        metrics: text of the metrics; None: not served.
+        max_viewers: number of viewers at a time.
+        heartbeat_s: interval of the pings to viewers.
+        bundle: folder of the built page.
+
+    Attributes:
+        url: of the page.
+
+    Raises OperationError: the port cannot be used.
+    """
+
+    def __init__(
+        self,
+        tap: Tap,
+        nodes: Sequence[str],
+        port: int,
+        metrics: Callable[[], bytes] | None = None,
+        *,
+        max_viewers: int = MAX_VIEWERS,
+        heartbeat_s: float = HEARTBEAT_S,
+        bundle: Path = BUNDLE_FOLDER,
+    ) -> None:
+        self._meshes = [*mesh_files(tap.urdf, tap.robot.descriptor.urdf).items()]
+        urls = {
+            name: f"/mesh/{number}{file.suffix.lower()}"
+            for number, (name, file) in enumerate(self._meshes)
+        }
+        self._feed = PageFeed(tap, nodes, urls, max_viewers)
+        self._yield_to_control_loop = tap.robot.control_loop.yield_to_control_loop
+        self._metrics, self._bundle = metrics, bundle
+        self._max_viewers, self._heartbeat_s = max_viewers, heartbeat_s
+        self._viewers: set[Viewer] = set()
+        self._watched = asyncio.Event()
+        self._ended = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._socket = _bound(port)
+        self.url = f"http://{ADDRESS}:{self._socket.getsockname()[1]}/"
+        self._listening = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robotd-page", daemon=True)
+
+    @property
+    def is_built(self) -> bool:
+        """The bundle of the page is there."""
+        return (self._bundle / "page.js").is_file()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._listening.wait(START_TIMEOUT_S)
+        log.info("page", url=self.url)
+        if not self.is_built:
+            log.warning("the page is not built", advice="make page")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._loop is not None:
+            with suppress(RuntimeError):  # it has ended by an error
+                self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join(END_TIMEOUT_S)
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._serve())
+        except Exception:
+            log.exception("the page has ended")
+        finally:
+            self._socket.close()
+            self._listening.set()
+
+    async def _serve(self) -> None:
+        self._loop = loop = asyncio.get_running_loop()
+        guard = ConnectionGuard(MAX_CONNECTIONS, REQUEST_TIMEOUT_S)
+        application = web.Application(
+            middlewares=[guard.note_request, check_request], client_max_size=1024
+        )
+        application.on_response_prepare.append(add_headers)
+        for path in BUNDLE:
+            application.router.add_get(path, self._answer_bundle)
+        application.router.add_get("/ws", self._answer_viewer)
+        application.router.add_get("/metrics", self._answer_metrics)
+        application.router.add_get(r"/mesh/{number:\d+}{suffix:\.\w+}", self._answer_mesh)
+        runner = web.AppRunner(
+            application,
+            access_log=None,
+            keepalive_timeout=REQUEST_TIMEOUT_S,
+            shutdown_timeout=END_TIMEOUT_S / 2,
+        )
+        await runner.setup()
+        guard.server = runner.server
+        server = await loop.create_server(guard.connection, sock=self._socket)
+        publishing = asyncio.create_task(self._publish())
+        self._listening.set()
+        ended = asyncio.create_task(self._ended.wait())
+        await asyncio.wait((publishing, ended), return_when=asyncio.FIRST_COMPLETED)
+        publishing.cancel()
+        server.close()
+        await asyncio.gather(*(viewer.close() for viewer in self._viewers), return_exceptions=True)
+        await runner.cleanup()
+        with suppress(asyncio.CancelledError):
+            await publishing  # raises what has ended it
+
+    async def _publish(self) -> None:
+        """Send samples at ``RATE_HZ``, and changes, while there are viewers."""
+        clock = asyncio.get_running_loop().time
+        due_s, tick = 0.0, 0
+        while True:
+            if not self._viewers:
+                self._watched.clear()
+                await self._watched.wait()
+            self._yield_to_control_loop()
+            if sample := self._feed.live():
+                self._put([sample])
+            if tick % CHANGES_TICKS == 0:
+                self._put([*self._feed.changes(len(self._viewers))])
+            tick += 1
+            now_s = clock()
+            due_s = max(due_s + 1.0 / RATE_HZ, now_s)
+            await asyncio.sleep(due_s - now_s)
+
+    def _put(self, messages: list[str | bytes]) -> None:
+        for viewer in self._viewers:
+            viewer.put(messages)
+
+    async def _answer_viewer(self, request: web.Request) -> web.StreamResponse:
+        response = web.WebSocketResponse(
+            heartbeat=self._heartbeat_s, compress=False, max_msg_size=1024, timeout=1.0
+        )
+        if not response.can_prepare(request):
+            return web.Response(status=426, text="robotd: a WebSocket is served here\n")
+        await response.prepare(request)
+        transport = request.transport
+        if transport is None:
+            return response
+        if len(self._viewers) >= self._max_viewers:
+            text = f"{self._max_viewers} viewers are connected already"
+            await response.close(code=WSCloseCode.TRY_AGAIN_LATER, message=text.encode())
+            return response
+        raw = transport.get_extra_info("socket")
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        first = self._feed.first(len(self._viewers) + 1)
+        viewer = Viewer(response, transport, first, self._yield_to_control_loop)
+        self._viewers.add(viewer)
+        self._watched.set()
+        try:
+            await viewer.run()
+        finally:
+            self._viewers.discard(viewer)
+        return response
+
+    async def _answer_bundle(self, request: web.Request) -> web.StreamResponse:
+        name, content_type = BUNDLE[request.path]
+        file = self._bundle / name
+        if not file.is_file():
+            return web.Response(status=503, text=NOT_BUILT)
+        return web.Response(body=file.read_bytes(), content_type=content_type, charset="utf-8")
+
+    async def _answer_metrics(self, request: web.Request) -> web.StreamResponse:
+        if self._metrics is None:
+            text = "robotd: metrics need prometheus_client: pip install 'robotd[metrics]'\n"
+            return web.Response(status=503, text=text)
+        content_type = "text/plain; version=0.0.4; charset=utf-8"
+        return web.Response(body=self._metrics(), headers={"Content-Type": content_type})
+
+    async def _answer_mesh(self, request: web.Request) -> web.StreamResponse:
+        number = int(request.match_info["number"])
+        if number >= len(self._meshes):
+            return web.Response(status=404, text=f"robotd: no mesh {number}\n")
+        return web.FileResponse(self._meshes[number][1])
+
+
+def _bound(port: int) -> socket.socket:
+    made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind((ADDRESS, port))
+    except OSError as error:
+        made.close()
+        text = f"page {port}: {error.strerror or error}; choose another with --page PORT"
+        raise OperationError(text) from error
+    return made

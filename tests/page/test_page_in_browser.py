@@ -1,0 +1,267 @@
+"""The page in a real browser: the arm is drawn where its joints are, faults are shown."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
+from tests.page.viewer import served_page
+from tests.unit.observation.harness import Observed
+
+from robotd.descriptor import load_robot_descriptor
+from robotd.descriptor.urdf import read_urdf
+from robotd.page.page_server import BUNDLE_FOLDER, PageServer
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM = next(filter(None, map(shutil.which, PROGRAMS)), None)
+FLAGS = (
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--no-first-run",
+)
+TIMEOUT_MS = 40_000
+DESKTOP = ViewportSize(width=1280, height=800)
+NODES = load_robot_descriptor("cr3a").nodes
+POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]
+BENT = 25  # least difference of a pixel in front of the background, of 255
+SCREENSHOT = Path(__file__).parents[3] / "build" / "page"
+REASON = (
+    "no Chromium (apt install chromium)"
+    if CHROMIUM is None
+    else "the page is not built (make page)"
+)
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None or not (BUNDLE_FOLDER / "page.js").is_file(),
+    reason=f"the page is not tested in a browser: {REASON}",
+)
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Observed, PageServer]]:
+    with served_page(tmp_path_factory.mktemp("page"), nodes=NODES) as pair:
+        yield pair
+
+
+@pytest.fixture(scope="module")
+def opened(served: tuple[Observed, PageServer]) -> Iterator[Page]:
+    """One page for all tests: to load it takes seconds where the processor draws."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=FLAGS, timeout=TIMEOUT_MS
+        )
+        page = browser.new_page(viewport=DESKTOP)
+        page.set_default_timeout(TIMEOUT_MS)
+        expect.set_options(timeout=TIMEOUT_MS)
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+        page.goto(served[1].url)
+        page.locator("body[data-connected=yes]").wait_for()
+        yield page
+        browser.close()
+    assert not errors  # of scripts, and violations of the policy
+
+
+@pytest.fixture
+def arm(served: tuple[Observed, PageServer]) -> Observed:
+    return served[0]
+
+
+@pytest.fixture
+def page(opened: Page) -> Page:
+    opened.set_viewport_size(DESKTOP)
+    opened.locator("#view-reset").click()
+    return opened
+
+
+def move(arm: Observed, positions: list[float]) -> None:
+    with arm.goal(positions, 2.0):
+        arm.step(2.4)
+
+
+def shows(page: Page, joint: int, text: str) -> None:
+    """Wait until the table shows the position of a joint."""
+    row = page.locator(f"tbody[data-axis=joint{joint}]")
+    expect(row).to_contain_text(text)
+
+
+def picture(page: Page) -> np.ndarray:
+    """The drawn robot: shape (height, width, 3), 0 to 255."""
+    button = page.locator("#view-reset")
+    button.evaluate("each => each.hidden = true")
+    data = page.locator("#canvas").screenshot()
+    button.evaluate("each => each.hidden = false")
+    return imread(io.BytesIO(data), format="png")[:, :, :3] * 255
+
+
+def pixels(page: Page, points: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Column and row of points (n, 3) of the robot, by the projection of the page."""
+    text = page.locator("#canvas").get_attribute("data-projection")
+    assert text is not None
+    matrix = np.array([*map(float, text.split())]).reshape(4, 4)
+    seen = np.c_[points, np.ones(len(points))] @ matrix.T
+    seen = seen[:, :2] / seen[:, 3:]
+    return np.c_[(seen[:, 0] + 1) / 2 * shape[1], (1 - seen[:, 1]) / 2 * shape[0]]
+
+
+def link_points(arm: Observed) -> np.ndarray:
+    """Points inside the upper arm, the forearm and the wrist, where the joints are now."""
+    urdf = arm.robot.descriptor.urdf
+    assert urdf is not None
+    robot, names = read_urdf(urdf), arm.robot.joint_names
+    positions = dict(zip(names, arm.robot.image.position.tolist(), strict=True))
+    upper, fore = (robot.pose(link, positions) for link in ("link2", "link3"))
+    on_upper = (upper @ [-0.137, 0.0, 0.06, 1.0])[:3]
+    on_fore = (fore @ [-0.115, 0.0, 0.06, 1.0])[:3]
+    return np.array([on_upper, on_fore, robot.pose("link5", positions)[:3, 3]])
+
+
+def differences(first: np.ndarray, second: np.ndarray, points: np.ndarray) -> list[float]:
+    """Difference of two pictures around each point."""
+    found = []
+    for column, row in points.round().astype(int):
+        patch = np.s_[row - 1 : row + 2, column - 1 : column + 2]
+        found.append(float(np.abs(first[patch] - second[patch]).max(axis=2).mean()))
+    return found
+
+
+def test_the_arm_is_drawn_where_its_joints_are(arm: Observed, page: Page) -> None:
+    shows(page, 1, "+0.0000 rad")
+    upright, points = picture(page), link_points(arm)
+    move(arm, POSE)
+    shows(page, 1, "+0.9000 rad")
+    shows(page, 3, "+1.2000 rad")
+    bent, bent_points = picture(page), link_points(arm)
+    at_upright, at_bent = (pixels(page, each, bent.shape) for each in (points, bent_points))
+    assert np.abs(at_upright - at_bent)[1:].max() > 30  # pixels: the poses differ clearly
+    # Where the arm was there is background now, and the other way round.
+    assert min(differences(upright, bent, at_upright[1:])) > BENT
+    assert min(differences(upright, bent, at_bent[1:])) > BENT
+    move(arm, [0.0] * 6)
+    shows(page, 1, "+0.0000 rad")
+    again = picture(page)
+    assert np.abs(again - upright).mean() < 1.0
+
+
+def test_a_fault_turns_its_joint_red_and_names_cause_and_remedy(arm: Observed, page: Page) -> None:
+    shows(page, 3, "on")
+    before, points = picture(page), link_points(arm)
+    arm.robot.fault_injector.trip(2, 0x8611)
+    arm.step(0.2)
+    banner = page.locator("#faults")
+    expect(banner).to_be_visible()
+    expect(banner).to_contain_text("joint3: amplifier alarm 34321 (following error)")
+    expect(banner).to_contain_text("robotd recover")
+    expect(page.locator("tbody.faulty")).to_have_count(1)
+    shows(page, 3, "amplifier alarm 34321 (following error)")
+    after = picture(page)
+    column, row = pixels(page, points[1:2], after.shape)[0].round().astype(int)
+    red, green, blue = after[row, column]
+    assert red > 2 * max(green, blue), after[row, column]
+    assert before[row, column].min() > 100  # it was grey
+    assert page.title().startswith("FAULT joint3")
+    keep_screenshot(page, "page-fault")
+    arm.robot.recover()
+    arm.step(0.2)
+    expect(banner).to_be_hidden()
+    expect(page.locator("tbody.faulty")).to_have_count(0)
+    assert np.abs(picture(page) - before).mean() < 2.0
+
+
+def test_the_page_shows_everything_else(arm: Observed, page: Page) -> None:
+    expect(page.locator("#simulated")).to_be_visible()
+    expect(page.locator("#ready")).to_have_text("ready")
+    expect(page.locator("#nodes li")).to_have_text([*NODES])
+    expect(page.locator("#buses")).to_contain_text("operational")
+    gripper = page.locator("#io-named li", has_text="close gripper").locator(".bit")
+    expect(gripper).to_have_attribute("aria-label", "output 0.0 off")
+    arm.robot.io.set_output_bit(0, 0, True)
+    arm.step(0.1)
+    expect(gripper).to_have_attribute("aria-label", "output 0.0 on")
+    arm.robot.io.set_output_bit(0, 0, False)
+    expect(page.locator("#plot-list figure")).to_have_count(4)
+    for sign in (1, -1, 1, -1):
+        move(arm, [sign * 0.4, -0.3, 0.7 + 0.3 * sign, 0.2 * sign, 0.6, 0.5 * sign])
+    with arm.goal([0.1, -0.5, 0.8, 0.2, 0.6, 0.0], 3.0):
+        arm.step(1.5)
+        expect(page.locator("#goals")).to_contain_text("over 3.0 s")
+        keep_screenshot(page, "page")
+        arm.step(2.0)
+    expect(page.locator("#events")).to_contain_text("goal succeeded")
+    move(arm, [0.0] * 6)
+
+
+def test_the_page_works_by_keyboard(arm: Observed, page: Page) -> None:
+    page.locator("#robot").click()
+    page.keyboard.press("Tab")
+    expect(page.locator("#view-reset, #canvas").first).to_be_focused()
+    canvas = page.locator("#canvas")
+    before = canvas.get_attribute("data-projection")
+    canvas.press("ArrowLeft")
+    expect(canvas).not_to_have_attribute("data-projection", before or "")
+    freeze = page.locator("#freeze")
+    freeze.focus()
+    page.keyboard.press("Enter")
+    expect(freeze).to_have_attribute("aria-pressed", "true")
+    page.locator("#degrees").press("Space")
+    arm.step(0.1)
+    shows(page, 1, "0.00 °")
+    page.locator("#degrees").press("Space")
+    freeze.press("Enter")
+    expect(freeze).to_have_attribute("aria-pressed", "false")
+
+
+def test_a_phone_needs_no_sideways_scrolling(page: Page) -> None:
+    page.set_viewport_size({"width": 360, "height": 740})
+    widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+    assert widths[0] <= widths[1]
+    keep_screenshot(page, "page-phone")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_has_enough_contrast(page: Page, scheme: Any) -> None:
+    page.emulate_media(color_scheme=scheme)
+    pairs = page.evaluate(
+        """() => {
+          const style = getComputedStyle(document.documentElement);
+          const color = name => {
+            const element = document.createElement("i");
+            element.style.color = style.getPropertyValue(name);
+            document.body.append(element);
+            const numbers = getComputedStyle(element).color.match(/\\d+/g).map(Number);
+            element.remove();
+            return numbers;
+          };
+          return [["--text", "--back"], ["--text", "--panel"], ["--muted", "--panel"],
+            ["--muted", "--back"], ["--good", "--good-back"], ["--warn", "--warn-back"],
+            ["--bad", "--bad-back"], ["--bad", "--panel"], ["--accent", "--panel"]]
+            .map(([front, back]) => [front, back, color(front), color(back)]);
+        }"""
+    )
+    page.emulate_media(color_scheme="light")
+    for front, back, front_color, back_color in pairs:
+        lighter, darker = sorted(map(luminance, (front_color, back_color)), reverse=True)
+        assert (lighter + 0.05) / (darker + 0.05) >= 4.5, (scheme, front, back)
+
+
+def luminance(color: list[float]) -> float:
+    """Relative luminance of WCAG 2.2."""
+    share = np.array(color) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def keep_screenshot(page: Page, name: str) -> None:
+    """Keep a picture for the documentation in build/page."""
+    SCREENSHOT.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=SCREENSHOT / f"{name}.png", full_page=True)

@@ -1,0 +1,84 @@
+"""A page's server for a simulated arm in stepped time, and viewers of it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+from tests.unit.observation.harness import Observed
+
+from robotd.page.live_samples import HEADER
+from robotd.page.page_server import PageServer
+
+TIMEOUT_S = 30.0  # far longer than on an idle computer
+
+
+def wait_until(condition: Callable[[], Any]) -> None:
+    """Poll ``condition`` until it holds."""
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline_s, "timeout"
+        time.sleep(0.01)
+
+
+@contextmanager
+def served_page(folder: Path, **options: Any) -> Iterator[tuple[Observed, PageServer]]:
+    """An arm whose page is served at any free port."""
+    arm = Observed(folder)
+    nodes = options.pop("nodes", ["first_node", "second_node"])
+    try:
+        with PageServer(arm.tap, nodes, 0, **options) as server:
+            yield arm, server
+    finally:
+        arm.close()
+
+
+class Viewer:
+    """WebSocket client that keeps what it has received."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self.socket = socket
+        self.description: dict[str, Any] = {}
+        self.state: dict[str, Any] = {}
+        self.events: list[dict[str, Any]] = []
+        self.samples: list[np.ndarray] = []
+
+    async def receive(self) -> aiohttp.WSMessage:
+        message = await self.socket.receive(TIMEOUT_S)
+        if message.type is aiohttp.WSMsgType.TEXT:
+            data = json.loads(message.data)
+            match data["type"]:
+                case "description":
+                    self.description = data
+                case "state":
+                    self.state = data
+                case "events":
+                    self.events += data["events"]
+        elif message.type is aiohttp.WSMsgType.BINARY:
+            described = self.description
+            width = len(HEADER) + len(described["groups"]) + 5 * len(described["axes"])
+            self.samples += [*np.frombuffer(message.data).reshape(-1, width)]
+        return message
+
+    async def until(self, condition: Callable[[], Any]) -> None:
+        """Receive until ``condition`` holds."""
+        async with asyncio.timeout(TIMEOUT_S):
+            while not condition():
+                message = await self.receive()
+                assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
+
+
+@asynccontextmanager
+async def connected(url: str) -> AsyncIterator[Viewer]:
+    """A viewer that has received the first messages."""
+    async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}ws") as socket:
+        viewer = Viewer(socket)
+        await viewer.until(lambda: viewer.events)
+        yield viewer

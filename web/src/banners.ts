@@ -1,0 +1,54 @@
+// Banners: faults with their remedies, simulation, lost connection.
+
+import { find, make, setText } from "./dom";
+import type { Description, Problem, State } from "./messages";
+
+export class Banners {
+  private readonly faults = find("faults");
+  private readonly notices = find("notices");
+  private readonly lost = find("lost");
+  private readonly simulated = find("simulated");
+  private name = "robotd";
+  private shown = "";
+
+  describe(description: Description): void {
+    this.name = description.robot;
+    this.lost.hidden = true;
+    this.simulated.hidden = !description.simulated;
+  }
+
+  update({ problems, paused, speed }: State): void {
+    const shown = JSON.stringify([problems, paused, speed === 0]);
+    if (shown === this.shown) return;
+    this.shown = shown;
+    const faults = problems.filter((each) => each.is_fault);
+    const notices = problems.filter((each) => !each.is_fault);
+    if (paused || speed === 0) {
+      const [text, remedy] = paused ? ["motion is paused", "robotd resume"] : ["the speed is 0 %", "robotd speed 100"];
+      notices.push({ kind: "paused", is_fault: false, text, remedy: `To go on: ${remedy}` });
+    }
+    this.faults.hidden = !faults.length;
+    this.faults.replaceChildren(...faults.map((each, index) => block(each, index === 0)));
+    this.notices.hidden = !notices.length;
+    this.notices.replaceChildren(...notices.map((each) => block(each, false)));
+    const root = faults[0];
+    document.title = root ? `FAULT ${root.text} – ${this.name}` : this.name;
+  }
+
+  showLost(reason: string): void {
+    setText(this.lost, `${reason}. What is shown is old. Trying again …`);
+    this.lost.hidden = false;
+    document.title = `connection lost – ${this.name}`;
+    this.shown = "";
+  }
+
+  showOtherVersion(): void {
+    setText(this.lost, "robotd has another version than this page: load the page again.");
+    this.lost.hidden = false;
+  }
+}
+
+function block(problem: Problem, isRoot: boolean): HTMLElement {
+  const text = make("p", isRoot ? "root" : "", problem.text);
+  return problem.remedy ? make("div", "", text, make("p", "remedy", problem.remedy)) : make("div", "", text);
+}
