@@ -30,7 +30,7 @@ class DriveSettings(Section):
     wheel_joints: tuple[Name, ...] = Field(
         (),
         strict=False,
-        description="Joints of the wheels in the URDF, in the order of the axes above, for the "
+        description="Joints of the wheels in the URDF, in the order of their axes, for the "
         "transforms of `robot_state_publisher`; empty: the wheels stand still there.",
     )
     velocity_m_s: Positive = Field(description="Highest speed, ahead and back.")

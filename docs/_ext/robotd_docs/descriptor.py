@@ -83,8 +83,7 @@ class Tables:
         """Return the kind of value in words, and the names of the models that it holds."""
         words, references = [], []
         for item in _alternatives(field):
-            inside = item.get("items", item.get("additionalProperties", {}))
-            of = _alternatives(inside)[0] if isinstance(inside, dict) and inside else {}
+            of = _inside(item)
             names = (self._reference(item), self._reference(of))
             references += [name for name in names if name and self._is_section(name)]
             words.append(self._words(item, of))
@@ -113,6 +112,14 @@ class Tables:
 
 def _alternatives(field: Schema) -> list[Schema]:
     return [item for item in _choices(field) if item.get("type") != "null"] or [{}]
+
+
+def _inside(item: Schema) -> Schema:
+    """Return the schema of the items of a list, or of the values of a mapping; {} without one."""
+    inside = item.get("items", item.get("additionalProperties", {}))
+    if not isinstance(inside, dict) or not inside:  # of a mapping whose keys have a pattern
+        inside = next(iter(item.get("patternProperties", {}).values()), {})
+    return _alternatives(inside)[0] if inside else {}
 
 
 def _choices(field: Schema) -> list[Schema]:
