@@ -17,6 +17,7 @@ from lifecycle_msgs.srv import (
 from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import SetBool
 from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal, pose
 from wmx_ros2_message.srv import SetAxis
 
@@ -96,8 +97,12 @@ def test_a_client_walks_through_the_states_twice(managed: RobotProcess, manager:
     assert events[1].goal_state.label == "inactive"
 
 
-def test_only_the_lifecycle_starts_and_stops_a_managed_robot(manager: Client) -> None:
+def test_only_the_lifecycle_starts_and_stops_a_managed_robot(
+    managed: RobotProcess, manager: Client
+) -> None:
     assert change(manager, "configure")
+    status, output, _ = robotd(managed.domain, "status")
+    assert (status, INACTIVE in output) == (1, True), output
     response = manager.call(SetAxis, "/wmx/axis/set_on", index=[0], data=[1])
     assert (response.success, INACTIVE in response.message) == (False, True), response.message
     response = manager.call(SetBool, "/wmx/engine/set_comm", data=False)

@@ -139,14 +139,17 @@ def cycle_status(
     return Status("cycle", Level.OK, f"{rate_hz:g} Hz", values)
 
 
-def motion_status(stopped: str, speed: str) -> Status:
+def motion_status(stopped: str, speed: str, inactive: str = "") -> Status:
     """Status of the motion of all axes.
 
     Args:
         stopped: reason of a stop, or "".
         speed: in words.
+        inactive: state of a managed robot that is not active, or "".
     """
     values = {"speed": speed}
+    if inactive:
+        return Status("motion", Level.WARN, f"not allowed: the robot is {inactive}", values)
     if stopped:
         return Status("motion", Level.WARN, f"stopped: {stopped}", values)
     return Status("motion", Level.OK, f"allowed, {speed}", values)

@@ -39,7 +39,8 @@ class Health:
                  image.negative_limit, image.positive_limit, image.mode)  # fmt: skip
         gripper = robot.gripper is not None and robot.gripper.is_commanded_closed
         states = (robot.connection.state, robot.connection.ready, gripper)
-        motion = robot.axes.stop_latch.reason, robot.axes.speed.text
+        latch = robot.axes.stop_latch
+        motion = latch.reason, latch.inactive, robot.axes.speed.text
         return (*states, *motion, *(array.tobytes() for array in flags))
 
     def statuses(self) -> list[Status]:
@@ -62,7 +63,8 @@ class Health:
 
     def _motion(self) -> Status:
         axes = self._robot.axes
-        return motion_status(axes.stop_latch.reason, axes.speed.text)
+        latch = axes.stop_latch
+        return motion_status(latch.reason, axes.speed.text, latch.inactive)
 
     def _fieldbus(self, master: int, state: ConnectionState, now_ns: int) -> Status:
         part = "fieldbus" if len(self._lost) == 1 else f"fieldbus {master}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.api import BusNode, BusState, BusStatus, FieldbusDriver
+from robotd.api import BusNode, BusState, BusStatus, FieldbusDriver, OperationError
 from robotd_wmx._native import Master, Slave
 from robotd_wmx.al_status import text_of_al
 from robotd_wmx.connection import Connection
@@ -64,6 +64,19 @@ class WmxFieldbus(FieldbusDriver):
         with translated(f"master {bus} slave {node} register {address:#06x}"):
             return self._connection.diagnostics.register_read(bus, node, address, length)
 
+    def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+        what = f"master {bus} slave {node}: reading {index:#06x}:{subindex:02X}"
+        with translated(what):
+            data, abort = self._connection.diagnostics.sdo_upload(bus, node, index, subindex)
+        _check_abort(what, abort)
+        return data
+
+    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
+        what = f"master {bus} slave {node}: writing {index:#06x}:{subindex:02X}"
+        with translated(what):
+            abort = self._connection.diagnostics.sdo_download(bus, node, index, subindex, data)
+        _check_abort(what, abort)
+
     def reset_statistics(self, bus: int) -> None:
         with translated(f"master {bus}: statistics"):
             self._connection.diagnostics.reset_transmit_statistics(bus)
@@ -73,6 +86,14 @@ class WmxFieldbus(FieldbusDriver):
         """Returns when it has begun; ``details`` of the network state tell how it goes on."""
         with translated(f"master {bus}: hot connect"):
             self._connection.diagnostics.start_hot_connect(bus)
+
+
+def _check_abort(what: str, abort: int) -> None:
+    """Raise OperationError for an abort code of CiA 301; 0 is none."""
+    if abort:
+        error = OperationError(f"{what}: the slave aborts with 0x{abort:08X}")
+        error.code = abort
+        raise error
 
 
 def _details(info: Master) -> dict[str, str]:

@@ -28,6 +28,7 @@ CAPABILITIES = frozenset(
         Capability.REGISTER_READ,
         Capability.STATISTICS,
         Capability.HOT_CONNECT,
+        Capability.OBJECTS,
         Capability.TRAJECTORIES_ON_DEVICE,
         Capability.DEVICE_WATCHDOG,
     }

@@ -2,6 +2,8 @@
 // from those on the wire and in the SDK (there Boot is 3, Safeop 4, Op 8).
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <cstring>
 #include <vector>
 
 #include "native.hpp"
@@ -10,6 +12,8 @@ namespace robotd {
 
 namespace {
 using namespace wmx3Api::ecApi;
+
+constexpr size_t MAX_OBJECT_BYTES = 4096;
 
 // None 0, Init 1, Preop 2, Boot 4, Safeop 8, Op 16.
 int service_state(EcStateMachine::T state) {
@@ -112,6 +116,38 @@ nb::bytes register_read(Device &device, int master, int slave, int address, int 
     }
     return nb::bytes(reinterpret_cast<char *>(data.data()), data.size());
 }
+// The value, and the abort code of the slave: 0 without one.
+nb::tuple sdo_upload(Device &device, int master, int slave, int index, int subindex) {
+    std::vector<unsigned char> data(MAX_OBJECT_BYTES);
+    unsigned int size = 0, abort = 0;
+    int error = 0;
+    {
+        nb::gil_scoped_release unlocked;
+        error = device.ecat.SdoUpload(master, slave, index, subindex, EcSdoType::Normal,
+                                      static_cast<int>(data.size()), data.data(), &size, &abort);
+    }
+    if (abort == 0) check("SdoUpload", Api::Ecat, error);
+    const size_t length = error ? 0 : std::min<size_t>(size, data.size());
+    return nb::make_tuple(nb::bytes(reinterpret_cast<char *>(data.data()), length), abort);
+}
+
+// The abort code of the slave; 0 without one.
+unsigned int sdo_download(Device &device, int master, int slave, int index, int subindex,
+                          nb::bytes data) {
+    std::vector<unsigned char> copy(data.size());
+    std::memcpy(copy.data(), data.c_str(), data.size());
+    const bool expedited = copy.size() == 1 || copy.size() == 2 || copy.size() == 4;
+    unsigned int abort = 0;
+    int error = 0;
+    {
+        nb::gil_scoped_release unlocked;
+        error = device.ecat.SdoDownload(master, slave, index, subindex,
+                                        expedited ? EcSdoType::Expedited : EcSdoType::Normal,
+                                        static_cast<int>(copy.size()), copy.data(), &abort);
+    }
+    if (abort == 0) check("SdoDownload", Api::Ecat, error);
+    return abort;
+}
 }  // namespace
 
 void bind_ecat(nb::class_<Device> &device, nb::module_ &module) {
@@ -154,6 +190,8 @@ void bind_ecat(nb::class_<Device> &device, nb::module_ &module) {
             check("ScanNetwork", Api::Ecat, self.ecat.ScanNetwork(master));
         }, Unlocked())
         .def("register_read", &register_read)
+        .def("sdo_upload", &sdo_upload)
+        .def("sdo_download", &sdo_download)
         .def("reset_reference_clock", [](Device &self, int master) {
             check("ResetRefClockInfo", Api::Ecat, self.ecat.ResetRefClockInfo(master));
         }, Unlocked())

@@ -201,6 +201,28 @@ def test_registers_statistics_and_network(tmp_path: Path) -> None:
         assert "no answer from 1" in robot.connection.scan_network()
 
 
+def test_objects_of_a_slave(tmp_path: Path) -> None:
+    window = (0, 2, 0x6065, 0)
+    with running(tmp_path) as robot:
+        fieldbus = robot.fieldbus
+        assert fieldbus.read_object(0, 2, 0x1000) == b"\x92\x01\x02\x00"
+        fieldbus.write_object(*window, b"\x40\x1f\x00\x00")
+        assert fieldbus.read_object(*window) == b"\x40\x1f\x00\x00"
+        assert fieldbus.read_object(0, 3, 0x6065) != b"\x40\x1f\x00\x00"
+        for code, write in (
+            (0x06020000, lambda: fieldbus.write_object(0, 2, 0x5FFF, 0, b"\x01")),
+            (0x06010002, lambda: fieldbus.write_object(0, 2, 0x1000, 0, bytes(4))),
+            (0x06070010, lambda: fieldbus.write_object(*window, b"\x01")),
+        ):
+            text = rf"master 0 slave 2: writing .* aborts with 0x{code:08X}"
+            with pytest.raises(OperationError, match=text) as caught:
+                write()
+            assert caught.value.code == code
+        port("slave_lost", 1)
+        with pytest.raises(OperationError, match=r"slave 1: reading 0x1000:00: wmx 8197"):
+            fieldbus.read_object(0, 1, 0x1000)
+
+
 def test_inputs_and_outputs(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         port("input", 4, 0xA5)

@@ -263,3 +263,12 @@ def test_an_alarm_of_the_controller_is_an_error_of_the_engine_told_once() -> Non
     image.set_controller_alarm(0)
     assert image.controller_fault == ""
     assert not image.amp_alarm.any()
+
+
+def test_a_managed_robot_that_is_not_active_is_a_warning(robot: Robot) -> None:
+    health = Health(robot)
+    before = health.fingerprint()
+    robot.axes.stop_latch.inactive = "inactive"
+    assert health.fingerprint() != before
+    [motion] = [status for status in health.statuses() if status.part == "motion"]
+    assert (motion.level, motion.message) == (Level.WARN, "not allowed: the robot is inactive")

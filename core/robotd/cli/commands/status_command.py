@@ -64,7 +64,8 @@ def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> Exit
             click.echo(field("tool", tool.lines))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
-    return ExitCode.OK if report.ready and not report.stopped else ExitCode.FAILED
+    takes_motion = report.ready and not (report.reason or report.stopped)
+    return ExitCode.OK if takes_motion else ExitCode.FAILED
 
 
 def _level(on: bool | None) -> str:

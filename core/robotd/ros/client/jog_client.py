@@ -54,6 +54,7 @@ class JogClient:
         self.names = names
         self._client, self._publisher = client, publisher
         self._axes, self._stopped, self._speed = axes, stopped, speed
+        self._jogged: set[int] = set()
 
     def jog(self, axis: int, velocity: float, fastest: float) -> None:
         """Move ``axis``; the robot stops it 0.2 s after the last call.
@@ -63,6 +64,7 @@ class JogClient:
             velocity: rad/s or m/s, signed; 0 slows to rest.
             fastest: velocity that an axis in velocity mode reaches in ``RAMP_S``.
         """
+        self._jogged.add(axis)
         ramp = fastest / RAMP_S
         message = AxisVelocity(index=[axis], velocity=[velocity], acc=[ramp], dec=[ramp])
         self._publisher.publish(message)
@@ -76,11 +78,11 @@ class JogClient:
         return JogState(reports, motion_hindrance(stopped, speed))
 
     def wait_at_rest(self) -> None:
-        """Return when no axis moves. Raises DeviceTimeout."""
+        """Return when no axis that was jogged moves. Raises DeviceTimeout."""
 
         def at_rest() -> bool:
             axes = self.state().axes or ()
-            return all(abs(axis.velocity) < AT_REST for axis in axes)
+            return all(abs(axes[axis].velocity) < AT_REST for axis in self._jogged)
 
         self._axes.newest = None
         self._axes.wait()

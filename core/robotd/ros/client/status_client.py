@@ -148,7 +148,7 @@ def read_report(client: RosClient) -> RobotReport:
     ):
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
-        reason, remedy = ("", "") if is_ready else _fault(client)
+        reason, remedy = _fault(client)
         # One node of a robot may be heard of before the other.
         published = is_ready and wait_until(
             lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()

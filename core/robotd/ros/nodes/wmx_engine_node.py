@@ -33,6 +33,7 @@ class WmxEngineNode(Node):
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_engine_node", context=host.context)
         self._connection = robot.connection
+        self._latch = robot.axes.stop_latch
         parameters = Parameters(self, robot.descriptor)
         managed = read_engine(parameters, robot.descriptor)
         parameters.done()
@@ -72,9 +73,12 @@ class WmxEngineNode(Node):
     def _get_fault(self, request: Any, response: Any) -> Any:
         """Answer why axes cannot be commanded and what helps, a line each; empty when ready."""
         connection = self._connection
+        response.success = True
+        if self._latch.inactive:
+            response.message = self._latch.rejection
+            return response
         reason = "; ".join(line.strip() for line in connection.rejection.splitlines())
         lines = [] if connection.commandable else [reason, self._remedy()]
-        response.success = True
         response.message = "\n".join(filter(None, lines))
         return response
 

@@ -97,6 +97,7 @@ struct Slave {
     int axis;  // -1: an I/O module
     bool lost;
     unsigned char registers[REGISTERS];
+    unsigned int window;  // object 0x6065:00 of a drive
 };
 
 struct Faults {  // survive a restart of the engine, so that they can be set before it starts

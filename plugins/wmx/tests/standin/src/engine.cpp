@@ -55,6 +55,7 @@ void start_communication(Block &block) {
     for (int index = 0; index < block.slave_count; index++) {
         Slave &slave = block.slaves[index];
         slave.axis = index < block.faults.drives ? index : -1;
+        slave.window = 10000;
         std::memset(slave.registers, 0, sizeof slave.registers);
         slave.registers[0] = 0x11;               // ESC type
         slave.registers[0x04] = 8;               // FMMUs

@@ -20,6 +20,23 @@ int with_bytes(const WMX3Api *api, int master, int slave, int byte, int size, Co
         return ErrorCode::None;
     });
 }
+// Abort codes of CiA 301.
+constexpr unsigned int UNKNOWN = 0x06020000, READ_ONLY = 0x06010002, WRONG_LENGTH = 0x06070010;
+
+struct Object {
+    unsigned int value;
+    int size;               // bytes; 0: there is no such object
+    unsigned int *written;  // by a download; null: read only
+};
+
+Object object_of(Slave &slave, int index, int subindex) {
+    const bool drive = slave.axis >= 0;
+    if (index == 0x1000 && subindex == 0) return {drive ? 0x00020192u : 0x00030191u, 4, nullptr};
+    if (index == 0x1018 && subindex == 0) return {1, 1, nullptr};
+    if (index == 0x1018 && subindex == 1) return {drive ? 0x57A4Du : 0x57A4Eu, 4, nullptr};
+    if (index == 0x6065 && subindex == 0 && drive) return {slave.window, 4, &slave.window};
+    return {0, 0, nullptr};
+}
 }  // namespace
 
 namespace wmx3Api {
@@ -51,20 +68,25 @@ ECAPIFUNC Ecat::SdoUpload(int masterId, int slaveId, int index, int subindex, in
                           unsigned char *buffer, unsigned int *actual, unsigned int *errCode,
                           unsigned int) {
     return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
-        const bool known = index == 0x1000 && subindex == 0 && size >= 4;
-        *errCode = known ? 0 : 0x06020000;  // CiA 301: object does not exist
-        if (!known) return EcErrorCode::SlaveSdoUploadError;
-        const unsigned int type = slave.axis >= 0 ? 0x00020192 : 0x00030191;  // CiA 402, CiA 401
-        std::memcpy(buffer, &type, 4);
-        *actual = 4;
+        const Object object = object_of(slave, index, subindex);
+        *errCode = !object.size ? UNKNOWN : size < object.size ? WRONG_LENGTH : 0;
+        if (*errCode) return EcErrorCode::SlaveSdoUploadError;
+        std::memcpy(buffer, &object.value, object.size);
+        *actual = object.size;
         return ErrorCode::None;
     });
 }
-ECAPIFUNC Ecat::SdoDownload(int masterId, int slaveId, int, int, int, unsigned char *,
-                            unsigned int *errCode, unsigned int) {
-    return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &) -> int {
-        *errCode = 0x06020000;
-        return EcErrorCode::SlaveSdoDownloadError;
+ECAPIFUNC Ecat::SdoDownload(int masterId, int slaveId, int index, int subindex, int size,
+                            unsigned char *data, unsigned int *errCode, unsigned int) {
+    return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
+        const Object object = object_of(slave, index, subindex);
+        *errCode = !object.size             ? UNKNOWN
+                   : !object.written        ? READ_ONLY
+                   : size != object.size    ? WRONG_LENGTH
+                                            : 0;
+        if (*errCode) return EcErrorCode::SlaveSdoDownloadError;
+        std::memcpy(object.written, data, size);
+        return ErrorCode::None;
     });
 }
 
