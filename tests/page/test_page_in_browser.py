@@ -254,6 +254,66 @@ def test_text_has_enough_contrast(page: Page, scheme: Any) -> None:
         assert (lighter + 0.05) / (darker + 0.05) >= 4.5, (scheme, front, back)
 
 
+ROBOT = """
+schema: 1
+name: acme
+urdf: acme.urdf
+joints:
+  - {name: joint1, axis: 0, lower_rad: -2.0, upper_rad: 2.0, velocity_rad_s: 2.0,
+     acceleration_rad_s2: 8.0}
+"""
+URDF = """<robot name="acme">
+  <link name="base"/>
+  <joint name="joint1" type="revolute">
+    <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="2" effort="1"/>
+  </joint>
+  <link name="arm">{visual}</link>
+  <joint name="flange" type="fixed">
+    <parent link="arm"/><child link="tool"/><origin xyz="0 0 0.6"/>
+  </joint>
+  <link name="tool"/>
+</robot>
+"""
+MESH = """<visual>
+  <geometry><mesh filename="package://acme/meshes/arm.stl" scale="0.001 0.001 0.001"/></geometry>
+</visual>"""
+
+
+def write_stl(path: Path, size: tuple[float, float, float]) -> None:
+    """Write a box that stands on the origin, as a binary STL."""
+    corners = np.array([[x, y, z] for z in (0, 1) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
+    faces = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4)]
+    faces += [(2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)]
+    triangles = np.zeros(len(faces), [("corners", "<f4", (4, 3)), ("attribute", "<u2")])
+    triangles["corners"][:, 1:] = (corners * size)[np.array(faces)]
+    path.write_bytes(bytes(80) + np.uint32(len(faces)).tobytes() + triangles.tobytes())
+
+
+@pytest.mark.parametrize(("visual", "meshes"), [(MESH, "loaded"), ("", "none")])
+def test_links_are_drawn_as_their_mesh_or_as_capsules(
+    opened: Page, tmp_path: Path, visual: str, meshes: str
+) -> None:
+    page = opened
+    folder = tmp_path / "acme"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "robot.yaml").write_text(ROBOT)
+    (folder / "acme.urdf").write_text(URDF.format(visual=visual))
+    write_stl(folder / "meshes" / "arm.stl", (100.0, 100.0, 600.0))
+    with served_page(tmp_path, robot=str(folder / "robot.yaml")) as (arm, server):
+        page.goto(server.url)
+        canvas = page.locator("#canvas")
+        expect(canvas).to_have_attribute("data-meshes", meshes)
+        shows(page, 1, "+0.0000 rad")
+        upright = picture(page)
+        points = np.array([[0.0, 0.0, 0.5], [0.5 * np.sin(1.2), 0.0, 0.5 * np.cos(1.2)]])
+        both = pixels(page, points, upright.shape)
+        move(arm, [1.2])
+        shows(page, 1, "+1.2000 rad")
+        assert min(differences(upright, picture(page), both)) > BENT
+        page.goto("about:blank")
+
+
 def luminance(color: list[float]) -> float:
     """Relative luminance of WCAG 2.2."""
     share = np.array(color) / 255

@@ -31,7 +31,7 @@ def wait_until(condition: Callable[[], Any]) -> None:
 @contextmanager
 def served_page(folder: Path, **options: Any) -> Iterator[tuple[Observed, PageServer]]:
     """An arm whose page is served at any free port."""
-    arm = Observed(folder)
+    arm = Observed(folder, robot=options.pop("robot", "cr3a"))
     nodes = options.pop("nodes", ["first_node", "second_node"])
     try:
         with PageServer(arm.tap, nodes, 0, **options) as server:

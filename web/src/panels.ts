@@ -34,16 +34,16 @@ export class HeadPanel {
 export class GoalPanel {
   private rows: { text: HTMLElement; bar: HTMLProgressElement; duration_s: number }[] = [];
 
-  describe({ groups }: Description): void {
+  describe({ groups, axes }: Description): void {
     this.rows = groups.map((name) => {
       const bar = make("progress");
       bar.setAttribute("aria-label", `Progress of the goal ${groups.length > 1 ? name : ""}`);
       return { text: make("p"), bar, duration_s: 0 };
     });
     const titles = groups.map((name) => (groups.length > 1 ? name : "Goal"));
-    find("goals").hidden = !groups.length;
+    find("goals").hidden = !axes.some((axis) => axis.kind === "joint");
     find("goals").replaceChildren(
-      ...this.rows.map(({ text, bar }, group) => make("div", "goal", make("h2", "", titles[group]!), text, bar)),
+      ...this.rows.map(({ text, bar }, group) => make("div", "goal-row", make("h2", "", titles[group]!), text, bar)),
     );
   }
 
@@ -146,22 +146,38 @@ export class EventPanel {
   }
 
   add(events: RobotEvent[]): void {
-    const rows = events.map((event) => this.row(event)).reverse();
-    this.list.prepend(...rows);
+    for (const event of events) {
+      const key = `${event.kind} ${event.sender} ${event.text}`;
+      const last = this.list.rows[0];
+      if (last && last.dataset["key"] === key) {
+        // A stream of equal commands takes one line.
+        const count = Number(last.dataset["count"] ?? 1) + 1;
+        last.dataset["count"] = String(count);
+        setText(last.cells[0]!, this.timeOf(event));
+        setText(last.cells[3]!, `× ${count}`);
+      } else {
+        this.list.prepend(this.row(event, key));
+      }
+    }
     while (this.list.rows.length > MAX_EVENTS) this.list.deleteRow(-1);
   }
 
-  private row(event: RobotEvent): HTMLElement {
+  private timeOf(event: RobotEvent): string {
     const date = new Date((event.time_s + this.offset_s) * 1000);
-    const time = `${date.toLocaleTimeString([], { hour12: false })}.${String(date.getMilliseconds()).padStart(3, "0")}`;
+    return `${date.toLocaleTimeString([], { hour12: false })}.${String(date.getMilliseconds()).padStart(3, "0")}`;
+  }
+
+  private row(event: RobotEvent, key: string): HTMLElement {
     const sender = event.sender && event.sender !== "robotd" ? ` [${event.sender}]` : "";
     const made = make(
       "tr",
       `${event.level} ${event.kind}`,
-      make("td", "time", time),
+      make("td", "time", this.timeOf(event)),
       make("td", "kind", event.kind),
       make("td", "", `${event.text}${sender}`),
+      make("td", "count"),
     );
+    made.dataset["key"] = key;
     return made;
   }
 

@@ -15,18 +15,23 @@ export class RobotModel {
 
   constructor(
     private readonly description: Description,
-    onMesh: () => void,
+    onMeshes: () => void, // called when the files of all meshes are loaded
   ) {
-    const loader = new URDFLoader(new THREE.LoadingManager(onMesh));
+    const loader = new URDFLoader(new THREE.LoadingManager(onMeshes));
     this.robot = loader.parse(withMeshUrls(description));
     for (const joint of Object.values(this.robot.joints)) joint.ignoreLimits = true;
     this.joints = description.axes.map((axis) => this.jointOf(axis));
     if (!description.urdf.includes("<visual")) drawCapsules(this.robot);
-    // A fault colours one link: no material is shared.
-    this.robot.traverse((each) => {
-      if (each instanceof THREE.Mesh) each.material = standardMaterial(each.material);
-    });
     this.object.add(this.robot);
+  }
+
+  // Give each solid a material of its own: a fault colours one link.
+  ownMaterials(): void {
+    this.robot.traverse((each) => {
+      if (!(each instanceof THREE.Mesh) || each.userData["isOwn"]) return;
+      each.material = standardMaterial(each.material);
+      each.userData["isOwn"] = true;
+    });
   }
 
   show(sample: Sample): void {

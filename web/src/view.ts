@@ -7,7 +7,8 @@ import { cssColor, find, setText } from "./dom";
 import type { Description, Sample } from "./messages";
 import { RobotModel } from "./robot_model";
 
-const MARGIN = 1.15; // around the robot with its arm stretched
+const X_AXIS = new THREE.Vector3(1, 0, 0);
+const MARGIN = 1.15; // around the robot as it stands
 
 export class View {
   private readonly canvas = find<HTMLCanvasElement>("canvas");
@@ -19,7 +20,10 @@ export class View {
   private model: RobotModel | undefined;
   private ground: THREE.Object3D | undefined;
   private dirty = true;
-  private reach = 1;
+  private reach = 1; // diagonal of the robot
+  private height = 0.5; // of its middle
+  private step = 1; // of the grid
+  private readonly followed = new THREE.Vector3(); // position of the base
 
   constructor() {
     try {
@@ -51,18 +55,42 @@ export class View {
       setText(this.note, "This robot has no URDF: there is nothing to draw.");
       return;
     }
-    this.model = new RobotModel(description, () => {
-      this.fit();
-      this.dirty = true;
-    });
-    this.scene.add(this.model.object);
+    const model = new RobotModel(description, () => this.complete(model));
+    this.model = model;
+    this.scene.add(model.object);
+    this.complete(model);
+    this.canvas.dataset["meshes"] = Object.keys(description.meshes).length ? "loading" : "none";
+  }
+
+  // All solids are there, also those of files.
+  private complete(model: RobotModel): void {
+    model.ownMaterials();
     this.fit();
     this.resetCamera();
+    this.canvas.dataset["meshes"] = "loaded";
   }
 
   show(sample: Sample): void {
-    this.model?.show(sample);
+    if (!this.model) return;
+    this.model.show(sample);
+    this.follow(this.model.object.position);
     this.dirty = true;
+  }
+
+  // Keep a base that drives in the picture.
+  private follow(position: THREE.Vector3): void {
+    const moved = position.clone().sub(this.followed).applyAxisAngle(X_AXIS, -Math.PI / 2);
+    if (moved.lengthSq() === 0) return;
+    this.followed.copy(position);
+    this.controls!.target.add(moved);
+    this.camera.position.add(moved);
+    this.placeGround();
+    this.cameraMoved();
+  }
+
+  private placeGround(): void {
+    const { x, y } = this.followed;
+    this.ground?.position.set(Math.round(x / this.step) * this.step, Math.round(y / this.step) * this.step, 0);
   }
 
   setFaults(faulty: boolean[]): void {
@@ -77,32 +105,38 @@ export class View {
     this.renderer.render(this.scene, this.camera);
   }
 
-  // Size of the robot: the sphere around its base that it can reach, as it is now.
+  // Size of the robot as it is now, and the height of its middle.
   private fit(): void {
     if (!this.model) return;
     this.scene.updateMatrixWorld(true);
     const box = new THREE.Box3().setFromObject(this.model.object);
     const size = box.getSize(new THREE.Vector3()).length();
-    if (Number.isFinite(size) && size > 0) this.reach = size;
+    if (Number.isFinite(size) && size > 0) {
+      this.reach = size;
+      this.height = box.getCenter(new THREE.Vector3()).y;
+    }
     this.drawGround();
   }
 
   private drawGround(): void {
     if (this.ground) this.scene.remove(this.ground);
     const step = 10 ** Math.round(Math.log10(this.reach / 6));
+    this.step = step;
     const color = new THREE.Color(cssColor("--grid"));
     const grid = new THREE.GridHelper(step * 40, 40, color, color);
     grid.rotation.x = Math.PI / 2;
     this.ground = grid;
     this.scene.add(grid);
+    this.placeGround();
     this.dirty = true;
   }
 
   private resetCamera(): void {
-    const distance = (this.reach * MARGIN) / (2 * Math.tan((this.camera.fov * Math.PI) / 360));
-    const height = this.reach * 0.36;
-    this.controls!.target.set(0, height, 0);
-    this.camera.position.set(0.62 * distance, height + 0.3 * distance, 0.73 * distance);
+    const { height } = this;
+    const distance = (this.reach * MARGIN) / (2 * Math.sin((this.camera.fov * Math.PI) / 360));
+    const base = this.followed.clone().applyAxisAngle(X_AXIS, -Math.PI / 2);
+    this.controls!.target.set(0, height, 0).add(base);
+    this.camera.position.set(0.62 * distance, height + 0.3 * distance, 0.73 * distance).add(base);
     this.controls!.update();
     this.cameraMoved();
   }

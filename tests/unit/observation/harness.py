@@ -22,7 +22,7 @@ class Observed:
         self.robot: Robot = build_robot(robot, "sim", clock=SteppedClock())
         self.tap = Tap(self.robot, 5.0)
         self.folder = folder
-        kept = RecordingFolder(folder, robot, 3, 100e6)
+        kept = RecordingFolder(folder, self.robot.descriptor.name, 3, 100e6)
         self.flight = FlightRecorder(self.tap, kept, after_s)
         self.tap.add_reader(self.flight.check)
         self.robot.start()
