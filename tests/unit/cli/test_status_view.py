@@ -45,6 +45,16 @@ def test_axes_and_parts_are_shown_with_their_state() -> None:
     assert "amplifier alarm 34321" in text
 
 
+def test_goals_of_several_groups_are_shown_with_their_actions() -> None:
+    lines = shown(
+        LiveReport(True, (), (), {"/left/follow": 1.25, "/right/follow": 0.5})
+    ).splitlines()
+    assert "1.2 s on its path" in lines[1]
+    assert lines[1].rstrip().endswith("/left/follow")
+    assert "0.5 s on its path" in lines[2]
+    assert lines[2].rstrip().endswith("/right/follow")
+
+
 def test_a_robot_that_is_not_ready_has_no_axes() -> None:
     text = shown(LiveReport(False, None, (), {}))
     assert text.startswith("not ready")
