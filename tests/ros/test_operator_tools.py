@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import signal
 import subprocess
 import sys
 import time
@@ -165,13 +166,18 @@ def test_a_joint_moves_while_a_key_is_held(
         assert is_at_rest(joints)
 
 
-def test_a_lost_terminal_ends_the_motion(
-    arm: RobotProcess, arm_client: Client, joints: list[Any]
+@pytest.mark.parametrize("end", ["lost terminal", "Ctrl-C"])
+def test_a_lost_terminal_and_an_interrupt_end_the_motion(
+    arm: RobotProcess, arm_client: Client, joints: list[Any], end: str
 ) -> None:
     with keyboard_jog(arm.domain) as (process, master):
         screen_until(master, b"hold to move")
         hold(master, RIGHT, lambda: joints[-1].velocity[0] > 0.05)
-        os.close(master)
+        if end == "Ctrl-C":
+            process.send_signal(signal.SIGINT)
+            wait_until(lambda: has_ended(process, master), "it ends")
+        else:
+            os.close(master)
         assert process.wait(WAIT_S) == 130
         arm_client.next(joints)
         assert is_at_rest(joints)
