@@ -34,7 +34,7 @@ DESKTOP = ViewportSize(width=1280, height=800)
 NODES = load_robot_descriptor("cr3a").nodes
 POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]
 BENT = 25  # least difference of a pixel in front of the background, of 255
-SCREENSHOT = Path(__file__).parents[3] / "build" / "page"
+SCREENSHOT = Path(__file__).parents[2] / "build" / "page"
 REASON = (
     "no Chromium (apt install chromium)"
     if CHROMIUM is None

@@ -38,6 +38,7 @@ BUNDLE = {
     "/page.js": ("page.js", "text/javascript"),
     "/page.css": ("page.css", "text/css"),
     "/favicon.svg": ("favicon.svg", "image/svg+xml"),
+    "/licenses.txt": ("LICENSES.txt", "text/plain"),
 }
 NOT_BUILT = (
     "robotd: the page is not built. In a checkout: make page (it needs Node.js, or installs it"
