@@ -26,6 +26,7 @@ from robotd_sim.device import SimDevice
 SWING_RAD = 0.8
 SWING_S = 2.142  # a cubic from rest to rest: at most 0.56 rad/s and 1.05 rad/s²
 REST_S = 0.05
+WAIT_S = 30.0  # for a path that waits for its device
 
 
 class MotorRecorder:
@@ -64,21 +65,35 @@ class MotorRecorder:
 
 
 class PathRecorder:
-    """Planned motion of the first joint, at 1 ms, and times of goals that failed."""
+    """Path of the first joint, at 1 ms, and times of goals that failed.
+
+    Called with the image of each control period, it notes the trajectory time of ``execution``,
+    which stands while a device holds its position in a stall.
+    """
 
     def __init__(self) -> None:
+        self.execution: TrajectoryExecution | None = None
+        self._starts_ns: list[tuple[int, int]] = []  # now, and time of trajectory time 0
         self.times_ns: list[np.ndarray] = []
         self.velocities: list[FloatArray] = []
         self.failures: list[str] = []
         self.failed_ns: list[tuple[int, int]] = []
 
+    def __call__(self, image: ProcessImage) -> None:
+        if self.execution is not None:
+            self._starts_ns.append((MonotonicClock.now_ns(), self.execution.start_ns))
+
     def add(self, execution: TrajectoryExecution) -> None:
-        trajectory = execution.trajectory
-        ended_s = (MonotonicClock.now_ns() - execution.start_ns) * 1e-9
-        times_s = np.arange(0.0, min(trajectory.duration_s, ended_s), 1e-3)
-        velocity = trajectory.evaluate(times_s)[1][:, 0]
-        self.times_ns.append(execution.start_ns + np.rint(times_s * 1e9).astype(np.int64))
-        self.velocities.append(velocity)
+        """Keep the path of ``execution``, which has ended."""
+        self.execution = None
+        noted_ns, starts_ns = np.array(self._starts_ns).T
+        self._starts_ns.clear()
+        times_ns = np.arange(noted_ns[0], noted_ns[-1], 1_000_000)
+        start_ns = starts_ns[np.searchsorted(noted_ns, times_ns, "right") - 1]
+        times_s = (times_ns - start_ns) * 1e-9
+        inside = (times_s >= 0.0) & (times_s <= execution.trajectory.duration_s)
+        self.times_ns.append(times_ns[inside])
+        self.velocities.append(execution.trajectory.evaluate(times_s[inside])[1][:, 0])
         if execution.outcome is None or execution.outcome.name != "SUCCEEDED":
             self.failures.append(f"{execution.outcome}: {execution.message}")
             self.failed_ns.append((execution.start_ns, MonotonicClock.now_ns()))
@@ -109,13 +124,15 @@ class PeriodRecorder:
 def swing(robot: Robot, ending: threading.Event) -> PathRecorder:
     """Move all joints to and fro until ``ending``."""
     paths, target = PathRecorder(), SWING_RAD
+    robot.control_loop.every(robot.descriptor.cycle.rate_hz, "path", paths)
     while not ending.is_set():
         request = TrajectoryRequest.from_rows(
             robot.joint_names, [SWING_S], [[target] * len(robot.joint_names)]
         )
         with suppress(RobotdError), robot.follower.follow(request) as execution:
-            execution.wait(SWING_S + 10.0)
-        paths.add(execution)
+            paths.execution = execution
+            execution.wait(SWING_S + WAIT_S)
+            paths.add(execution)
         ending.wait(REST_S)
         target = SWING_RAD - target
     return paths

@@ -119,17 +119,17 @@ class StallRecovery:
     def stands(self, due_ns: int, period_ns: int) -> bool:
         """Return True after an underrun in which the device held the last setpoint.
 
-        A path then waits for the device, and ``stood`` notes that, unless it was left before.
+        A path that has led there waits for the device, and ``stood`` notes that.
         """
-        elapsed_s = (due_ns - self._sent_ns) / NANOSECONDS
-        period_s = period_ns / NANOSECONDS
-        if self._extrapolates or self.active or not self._is_underrun(elapsed_s, period_s):
+        elapsed_s, period_s = (due_ns - self._sent_ns) / NANOSECONDS, period_ns / NANOSECONDS
+        if self._extrapolates or not self._is_underrun(elapsed_s, period_s):
             return False
         self.pause_s = elapsed_s - period_s
         return True
 
     def stood(self, time_ns: int) -> None:
-        """Note that the device has held the last setpoint until ``time_ns``."""
+        """Note that the device has held the last setpoint, on the path, until ``time_ns``."""
+        self.accept()
         self._sent[1], self._sent_ns = 0.0, time_ns
 
     def resume(self, time_ns: int, period_s: float) -> FloatArray | None:

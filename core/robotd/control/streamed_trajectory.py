@@ -59,6 +59,7 @@ class StreamedTrajectory:
         self._rate = PathRate(speed or SpeedScale(), limits)
         self._path: FloatArray = np.zeros_like(self.setpoint[1:])  # its derivatives at rate 1
         self._due_ns = start_ns
+        self._sent_time_s: float | None = 0.0  # of the last setpoint; None: it was off the path
         self._stop_plan: StopPlan | None = None
         self._stop_ns = start_ns
         self._held: FloatArray = np.zeros_like(self.setpoint)  # last position, at rest
@@ -90,11 +91,13 @@ class StreamedTrajectory:
         """Continue from the setpoint, the rate and the deviation of ``running``."""
         self.setpoint[:] = running.setpoint
         self._rate.value = running.rate
+        self._sent_time_s = None
         if running.stall_recovery is not None:
             self.stall_recovery = running.stall_recovery
 
     def sent(self, due_ns: int) -> None:
         """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
+        self._sent_time_s = self.time_s if self.on_path else None
         self.stall_recovery.sent(self._motion, due_ns)
 
     def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> None:
@@ -124,8 +127,8 @@ class StreamedTrajectory:
 
     def _follow_path(self, due_ns: int, period_ns: int) -> None:
         """Sample the path at the time that the rate of the operator leads to."""
-        if self._due_ns > self.start_ns and self.stall_recovery.stands(due_ns, period_ns):
-            self._continue_from_standstill(due_ns - period_ns)
+        if self._sent_time_s is not None and self.stall_recovery.stands(due_ns, period_ns):
+            self._continue_from_standstill(due_ns - period_ns, self._sent_time_s)
         scaled = due_ns > self.start_ns and not self._rate.is_full
         if scaled:
             elapsed_ns = due_ns - self._due_ns if self._due_ns > self.start_ns else period_ns
@@ -138,9 +141,9 @@ class StreamedTrajectory:
         if scaled:
             self._rate.scale(self.setpoint)
 
-    def _continue_from_standstill(self, time_ns: int) -> None:
-        """Let trajectory time go on at ``time_ns``: the device has held the last setpoint."""
-        self.start_ns += time_ns - self._due_ns
+    def _continue_from_standstill(self, time_ns: int, time_s: float) -> None:
+        """Go on from trajectory time ``time_s``, where the device has stood until ``time_ns``."""
+        self.start_ns = time_ns - round(time_s * NANOSECONDS)
         self._due_ns = time_ns
         self._rate.stand()
         self.stall_recovery.stood(time_ns)
