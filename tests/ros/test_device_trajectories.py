@@ -21,8 +21,8 @@ pytestmark = [
 ]
 
 NAMES = [f"joint{number}" for number in range(1, 7)]
-DEVICE_POINTS = 1000
-TREMOR_RAD, TREMOR_S = 2e-4, 0.03  # finer than the device's points can follow
+DEVICE_POINTS = 3001  # as many as a goal may have, and its start
+STEP_S, SPEED_RAD_S = 0.03, 0.06  # of a path that shakes between its points by 0.45 mrad
 
 
 class Arm:
@@ -38,13 +38,26 @@ class Arm:
     def wait_velocity(self, rad_s: float) -> None:
         self.client.next(self._states, lambda each: abs(each.velocity[0]) > rad_s)
 
-    def send(self, target: float, seconds: float, points: int, tremor: float = 0.0) -> Any:
+    def send(self, target: float, seconds: float, points: int) -> Any:
         """Send a smooth path to ``target`` with its first point at time 0."""
         start, _ = self.state()
         times_s = np.linspace(0.0, seconds, points)
         u = times_s / seconds
         share = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        shake = tremor * np.sin(2.0 * np.pi * times_s / TREMOR_S) * np.sin(np.pi * u) ** 2
+        positions = start + (target - start) * share
+        return self._send(times_s.tolist(), positions.tolist())
+
+    def shake(self, points: int) -> Any:
+        """Send a path to and fro: all points are where the joint is, with velocities of ±."""
+        start, _ = self.state()
+        times_s = [STEP_S * number for number in range(points)]
+        velocities = [(-1) ** number * SPEED_RAD_S for number in range(points)]
+        velocities[0] = velocities[-1] = 0.0
+        return self._send(times_s, [start] * points, velocities)
+
+    def _send(
+        self, times_s: list[float], positions: list[float], velocities: list[float] | None = None
+    ) -> Any:
         goal = FollowJointTrajectory.Goal()
         goal.trajectory.joint_names = NAMES
         goal.trajectory.points = [
@@ -52,10 +65,10 @@ class Arm:
                 positions=[position] + [0.0] * 5,
                 time_from_start=Duration(sec=int(time_s), nanosec=int(time_s % 1 * 1e9)),
             )
-            for time_s, position in zip(
-                times_s.tolist(), (start + (target - start) * share + shake).tolist(), strict=True
-            )
+            for time_s, position in zip(times_s, positions, strict=True)
         ]
+        for point, velocity in zip(goal.trajectory.points, velocities or [], strict=False):
+            point.velocities = [velocity] + [0.0] * 5
         return self.client.send_goal(goal)
 
 
@@ -69,7 +82,7 @@ def arm() -> Iterator[Arm]:
         client.close()
 
 
-def test_more_points_than_the_device_takes_are_replaced_by_a_spline(arm: Arm) -> None:
+def test_a_path_of_many_points_is_followed(arm: Arm) -> None:
     status, result = arm.send(0.5, 3.0, points=2500).result()
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
     assert arm.state()[0] == pytest.approx(0.5, abs=5e-3)
@@ -77,8 +90,8 @@ def test_more_points_than_the_device_takes_are_replaced_by_a_spline(arm: Arm) ->
 
 def test_a_path_that_needs_more_points_than_the_device_takes_is_rejected(arm: Arm) -> None:
     before, _ = arm.state()
-    status, result = arm.send(before, 18.0, points=2990, tremor=TREMOR_RAD).result()
-    assert status == GoalStatus.STATUS_ABORTED
+    status, result = arm.shake(2990).result()
+    assert status == GoalStatus.STATUS_ABORTED, result.error_string
     assert f"the device takes {DEVICE_POINTS} points" in result.error_string
     assert "or more; split the trajectory" in result.error_string
     assert arm.state()[0] == pytest.approx(before, abs=1e-4)
