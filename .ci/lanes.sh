@@ -2,12 +2,22 @@
 #
 # A shared machine can stall a process for longer than a drive waits. A failed test is therefore
 # repeated once, when the lanes have ended, and has to pass then. More than MAX_REPEATED of them fail
-# the check.
+# the check; more than MAX_REPEATED_STOLEN where the host took a noticeable part of the processor time.
 MAX_REPEATED=3
+MAX_REPEATED_STOLEN=12
+STOLEN_PERCENT=5
 RECORDS=$(mktemp -d)
 REPEATED=$RECORDS/repeated  # one line for each failed test
 SECOND=$RECORDS/second      # one line for each second run: a function and its arguments
 touch "$REPEATED" "$SECOND"
+
+# Ticks of all processors since the start of the machine: stolen by its host, and all of them.
+ticks() { awk '/^cpu /{for (i = 2; i <= 9; i++) all += $i; print $9, all}' /proc/stat; }
+FIRST_TICKS=$(ticks)
+
+# Share of the processor time that the host took since this file was sourced.
+stolen_percent() { echo "$FIRST_TICKS $(ticks)" | awk '{d = $4 - $2; print d ? int(100 * ($3 - $1) / d) : 0}'; }
+takes_time() { [ "$(stolen_percent)" -ge "$STOLEN_PERCENT" ]; }
 
 section() { printf '\n== %s (%s s)\n' "$1" "$SECONDS"; }
 
@@ -37,20 +47,23 @@ attempt() {
   echo "$*" >>"$SECOND"
 }
 
-# Run the noted functions again, each with its arguments; fail at the first that fails.
+# Run the noted functions again, each with its arguments; fail at the first that fails. Where the host
+# took processor time it is run once more.
 repeat_failed() {
   local words
   while read -r -a words; do
     printf '\n== %s: repeating what failed\n' "${words[0]}"
-    "${words[@]}" </dev/null
+    "${words[@]}" </dev/null || { takes_time && "${words[@]}" </dev/null; }
   done <"$SECOND"
 }
 
 # Print the repeated tests; fail if there are too many.
 report_repeated() {
-  local count
+  local count most=$MAX_REPEATED
   count=$(wc -l <"$REPEATED")
-  printf '%s tests needed a second run (at most %s)\n' "$count" "$MAX_REPEATED"
+  if takes_time; then most=$MAX_REPEATED_STOLEN; fi
+  printf '%s tests needed a second run (at most %s; the host took %s %% of the processor time)\n' \
+    "$count" "$most" "$(stolen_percent)"
   cat "$REPEATED"
-  [ "$count" -le "$MAX_REPEATED" ]
+  [ "$count" -le "$most" ]
 }
