@@ -31,7 +31,7 @@ class StallRecovery:
 
     While setpoints are missing an axis extrapolates the last one or holds it, see ``Underrun``.
     The next setpoint continues from there, in position and velocity. An axis that holds stays on
-    its path, which waits for it (``stands``). In all other cases the deviation e from the path
+    its path, which waits for it (``stood``). In all other cases the deviation e from the path
     and its rate w then go to zero: w changes by at most the joint's acceleration limit, stays
     within a tenth of its velocity limit once it is there, and does not reverse a moving path.
 
@@ -116,21 +116,19 @@ class StallRecovery:
         path += self._next
         return underrun
 
-    def stands(self, due_ns: int, period_ns: int) -> bool:
-        """Return True after an underrun in which the device held the last setpoint.
+    def stood(self, due_ns: int, period_ns: int) -> bool:
+        """Note that the device has held the last setpoint, on the path, in an underrun.
 
-        A path that has led there waits for the device, and ``stood`` notes that.
+        Returns False, without effect, when there was none or the device extrapolates. Otherwise
+        the path waits: its next setpoint is that of a period later, due at ``due_ns``.
         """
         elapsed_s, period_s = (due_ns - self._sent_ns) / NANOSECONDS, period_ns / NANOSECONDS
         if self._extrapolates or not self._is_underrun(elapsed_s, period_s):
             return False
         self.pause_s = elapsed_s - period_s
-        return True
-
-    def stood(self, time_ns: int) -> None:
-        """Note that the device has held the last setpoint, on the path, until ``time_ns``."""
         self.accept()
-        self._sent[1], self._sent_ns = 0.0, time_ns
+        self._sent[1], self._sent_ns = 0.0, due_ns - period_ns
+        return True
 
     def resume(self, time_ns: int, period_s: float) -> FloatArray | None:
         """Return (2, m) position and velocity of the device at ``time_ns`` after an underrun.

@@ -127,7 +127,7 @@ class StreamedTrajectory:
 
     def _follow_path(self, due_ns: int, period_ns: int) -> None:
         """Sample the path at the time that the rate of the operator leads to."""
-        if self._sent_time_s is not None and self.stall_recovery.stands(due_ns, period_ns):
+        if self._sent_time_s is not None and self.stall_recovery.stood(due_ns, period_ns):
             self._continue_from_standstill(due_ns - period_ns, self._sent_time_s)
         scaled = due_ns > self.start_ns and not self._rate.is_full
         if scaled:
@@ -146,7 +146,6 @@ class StreamedTrajectory:
         self.start_ns = time_ns - round(time_s * NANOSECONDS)
         self._due_ns = time_ns
         self._rate.stand()
-        self.stall_recovery.stood(time_ns)
 
     def hold(self, due_ns: int, period_ns: int) -> None:
         """Stay at the end of the path, or return to it."""
