@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from control_msgs.action import GripperCommand, ParallelGripperCommand
-from rclpy._rclpy_pybind11 import GoalEvent
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 
@@ -15,15 +14,13 @@ from robotd.errors import DescriptorError, InvalidArgument, RobotdError
 from robotd.log import get_logger
 from robotd.node_settings.command_settings import read_gripper_controller
 from robotd.robot import Robot
+from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import RealTimeResultServer
 from robotd.ros.nodes.node_parameters import Parameters
-from robotd.ros.services import SERVICE_QOS
 
 log = get_logger("gripper")
 
 NAME = "gripper_controller"
-RESULT_TIMEOUT_S = 10  # of real time for which a result can be asked for
 MAX_ACTIVE_GOALS = 8
 
 
@@ -86,18 +83,13 @@ class GripperAction:
         self._host, self._gripper, self._type = host, gripper, action_type
         self._wanted, self._fill = wanted, fill
         self._live = 0  # goals that have not ended; executor thread
-        self._server = RealTimeResultServer(
+        self._server = WorkerActionServer(
             node,
             action_type,
             name,
-            _unused,
-            goal_callback=self._admit,
-            handle_accepted_callback=self._accepted,
-            cancel_callback=lambda goal: CancelResponse.ACCEPT,
-            goal_service_qos_profile=SERVICE_QOS,
-            cancel_service_qos_profile=SERVICE_QOS,
-            result_service_qos_profile=SERVICE_QOS,
-            result_timeout=RESULT_TIMEOUT_S,
+            admit=self._admit,
+            accepted=self._accepted,
+            cancel=lambda goal: CancelResponse.ACCEPT,
         )
 
     def _admit(self, goal: Any) -> GoalResponse:
@@ -114,7 +106,7 @@ class GripperAction:
 
     def _accepted(self, goal: Any) -> None:
         """Executor thread: hand the goal to a worker."""
-        goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
+        begin(goal)
         try:
             self._host.submit(self._run, goal)
         except RobotdError as error:
@@ -178,8 +170,3 @@ def _result_in_parallel(message: Any, gripper: Gripper, state: GripperState) -> 
     message.state.velocity = [0.0] * len(gripper.joints)
     message.stalled, message.reached_goal = state.stalled, state.reached
     return message
-
-
-def _unused(goal: Any) -> Any:
-    """The execute callback that rclpy asks for; ``_accepted`` does without."""
-    raise AssertionError("goals are executed by a worker")

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from control_msgs.action import FollowJointTrajectory
-from rclpy._rclpy_pybind11 import GoalEvent
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 
@@ -17,8 +16,8 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_delay
 from robotd.robot import Robot
+from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import RealTimeResultServer
 from robotd.ros.nodes.trajectory_conversions import (
     clock_time_ns,
     duration_s,
@@ -27,15 +26,10 @@ from robotd.ros.nodes.trajectory_conversions import (
     stamp_ns,
     trajectory_request,
 )
-from robotd.ros.services import SERVICE_QOS
 
 log = get_logger("trajectory")
 
 FEEDBACK_PERIOD_NS = 40_000_000  # of the robot's clock
-# Real time for which a result can be asked for, with its goal in memory: the default of rcl.
-# rclpy's own, 15 min, is 150 MB when goals of 1000 points come one a second.
-RESULT_TIMEOUT_S = 10
-
 # Beyond it a goal is rejected. The status that every client gets lists all goals, so that a
 # thousand at once, each of which changes it three times, would keep all clients busy for minutes.
 MAX_ACTIVE_GOALS = 32
@@ -84,18 +78,13 @@ class TrajectoryAction:
         self._log = log.bind(group=group.name) if robot.descriptor.groups else log
         self._executions: dict[bytes, TrajectoryExecution] = {}
         self._live = 0  # goals that have not ended; executor thread
-        self._server = RealTimeResultServer(
+        self._server = WorkerActionServer(
             node,
             FollowJointTrajectory,
             action,
-            _unused,
-            goal_callback=self._admit,
-            handle_accepted_callback=self._accepted,
-            cancel_callback=self._cancel,
-            goal_service_qos_profile=SERVICE_QOS,
-            cancel_service_qos_profile=SERVICE_QOS,
-            result_service_qos_profile=SERVICE_QOS,
-            result_timeout=RESULT_TIMEOUT_S,
+            admit=self._admit,
+            accepted=self._accepted,
+            cancel=self._cancel,
         )
 
     def _admit(self, goal: Any) -> GoalResponse:
@@ -113,12 +102,8 @@ class TrajectoryAction:
         return CancelResponse.ACCEPT
 
     def _accepted(self, goal: Any) -> None:
-        """Executor thread: hand the goal to a worker.
-
-        A coroutine that awaits the worker would be the ordinary way, but the EventsExecutor
-        spins for as long as one waits: half a core while the robot moves.
-        """
-        goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
+        """Executor thread: hand the goal to a worker."""
+        begin(goal)
         try:
             ticket = self._group.motion.ticket()
             self._host.submit(self._run, goal, self._server.requester, ticket)
@@ -200,11 +185,6 @@ class TrajectoryAction:
     def _publish_feedback(self, goal: Any, execution: TrajectoryExecution) -> None:
         now_ns = self._clock.now().nanoseconds
         goal.publish_feedback(feedback(execution.trajectory.names, execution.progress(), now_ns))
-
-
-def _unused(goal: Any) -> Any:
-    """The execute callback that rclpy asks for; ``_accepted`` does without."""
-    raise AssertionError("goals are executed by a worker")
 
 
 def _word(ending: Ending) -> str:
