@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from geometry_msgs.msg import TransformStamped, TwistStamped
 from nav_msgs.msg import Odometry
@@ -10,6 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
+from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
 from robotd.node_settings.base_settings import BaseSettings
 from robotd.robot import Robot
@@ -40,30 +43,31 @@ class OdometryTopics:
         self._clock = node.get_clock()
         self._axes = list(robot.wheel_axes)
         omega = node.create_publisher(Float64MultiArray, settings.wheel_speeds, DEPTH)
-        odometry = node.create_publisher(Odometry, settings.odometry, DEPTH)
-        self.topics = [omega.topic_name, odometry.topic_name]
+        self.topics = [omega.topic_name]
         self._omega = HotPublisher(omega, Float64MultiArray(data=[0.0] * len(self._axes)), ["data"])
-        pose = [f"pose.pose.{name}" for name in _POSE]
-        twist = [f"twist.twist.{name}" for name in _TWIST]
-        self._odometry = HotPublisher(odometry, _odometry(settings), [*pose, *twist])
-        self._stamped = [self._odometry]
-        self._poses = [[self._odometry.view(path) for path in pose]]
-        self._twists = [[self._odometry.view(path) for path in twist]]
         self._wheels = self._omega.view("data")
+        self._stamped: list[HotPublisher] = []
+        paths = [f"pose.pose.{name}" for name in _POSE] + [f"twist.twist.{name}" for name in _TWIST]
+        views = self._add(node, settings.odometry, DEPTH, _odometry(settings), paths)
+        self._poses, self._twists = [views[: len(_POSE)]], [views[len(_POSE) :]]
         if settings.transform:
-            publisher = node.create_publisher(TFMessage, settings.transform, TF_DEPTH)
-            self.topics.append(publisher.topic_name)
             paths = [f"transforms.0.transform.{name}" for name in _TRANSFORM]
-            message = HotPublisher(publisher, _transform(settings), paths)
-            self._stamped.append(message)
-            self._poses.append([message.view(path) for path in paths])
+            views = self._add(node, settings.transform, TF_DEPTH, _transform(settings), paths)
+            self._poses.append(views)
         if settings.limited:
-            publisher = node.create_publisher(TwistStamped, settings.limited, DEPTH)
-            self.topics.append(publisher.topic_name)
             paths = [f"twist.{name}" for name in _TWIST]
-            message = HotPublisher(publisher, _limited(settings), paths)
-            self._stamped.append(message)
-            self._twists.append([message.view(path) for path in paths])
+            views = self._add(node, settings.limited, DEPTH, _limited(settings), paths)
+            self._twists.append(views)
+
+    def _add(
+        self, node: Node, topic: str, depth: int, message: Any, paths: Sequence[str]
+    ) -> list[FloatArray]:
+        """Add a topic with a stamp; return the views of the message's values at ``paths``."""
+        publisher = node.create_publisher(type(message), topic, depth)
+        self.topics.append(publisher.topic_name)
+        hot = HotPublisher(publisher, message, paths)
+        self._stamped.append(hot)
+        return [hot.view(path) for path in paths]
 
     def publish(self, image: ProcessImage) -> None:
         if not self._connection.ready:
