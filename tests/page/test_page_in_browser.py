@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -275,22 +276,66 @@ URDF = """<robot name="acme">
   <link name="tool"/>
 </robot>
 """
-MESH = """<visual>
+STL = """<visual>
   <geometry><mesh filename="package://acme/meshes/arm.stl" scale="0.001 0.001 0.001"/></geometry>
+</visual>"""
+GLTF = """<visual>
+  <geometry><mesh filename="package://acme/meshes/arm.gltf"/></geometry>
 </visual>"""
 
 
-def write_stl(path: Path, size: tuple[float, float, float]) -> None:
-    """Write a box that stands on the origin, as a binary STL."""
+def box(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (8, 3) and triangles (12, 3) of a box that stands on the origin."""
     corners = np.array([[x, y, z] for z in (0, 1) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
     faces = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4)]
     faces += [(2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)]
+    return corners * size, np.array(faces)
+
+
+def write_stl(path: Path, size: tuple[float, float, float]) -> None:
+    """Write a box as a binary STL."""
+    corners, faces = box(size)
     triangles = np.zeros(len(faces), [("corners", "<f4", (4, 3)), ("attribute", "<u2")])
-    triangles["corners"][:, 1:] = (corners * size)[np.array(faces)]
+    triangles["corners"][:, 1:] = corners[faces]
     path.write_bytes(bytes(80) + np.uint32(len(faces)).tobytes() + triangles.tobytes())
 
 
-@pytest.mark.parametrize(("visual", "meshes"), [(MESH, "loaded"), ("", "none")])
+def write_gltf(path: Path, size: tuple[float, float, float], color: list[float]) -> None:
+    """Write a box as a glTF with a file of its own for the numbers."""
+    corners, faces = box(size)
+    positions, indices = corners.astype("<f4").tobytes(), faces.astype("<u2").tobytes()
+    path.with_suffix(".bin").write_bytes(positions + indices)
+    material = {"pbrMetallicRoughness": {"baseColorFactor": color, "metallicFactor": 0.0}}
+    content = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+        "materials": [{**material, "doubleSided": True}],
+        "buffers": [{"uri": f"{path.stem}.bin", "byteLength": len(positions + indices)}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": len(positions)},
+            {"buffer": 0, "byteOffset": len(positions), "byteLength": len(indices)},
+        ],
+        "accessors": [
+            {
+                "bufferView": 0,
+                "componentType": 5126,
+                "count": len(corners),
+                "type": "VEC3",
+                "min": corners.min(axis=0).tolist(),
+                "max": corners.max(axis=0).tolist(),
+            },
+            {"bufferView": 1, "componentType": 5123, "count": faces.size, "type": "SCALAR"},
+        ],
+    }
+    path.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize(
+    ("visual", "meshes"), [(STL, "loaded"), (GLTF, "loaded"), ("", "none")], ids=["stl", "gltf", ""]
+)
 def test_links_are_drawn_as_their_mesh_or_as_capsules(
     opened: Page, tmp_path: Path, visual: str, meshes: str
 ) -> None:
@@ -300,6 +345,7 @@ def test_links_are_drawn_as_their_mesh_or_as_capsules(
     (folder / "robot.yaml").write_text(ROBOT)
     (folder / "acme.urdf").write_text(URDF.format(visual=visual))
     write_stl(folder / "meshes" / "arm.stl", (100.0, 100.0, 600.0))
+    write_gltf(folder / "meshes" / "arm.gltf", (0.1, 0.1, 0.6), [0.0, 0.6, 0.0, 1.0])
     with served_page(tmp_path, robot=str(folder / "robot.yaml")) as (arm, server):
         page.goto(server.url)
         canvas = page.locator("#canvas")
@@ -308,6 +354,10 @@ def test_links_are_drawn_as_their_mesh_or_as_capsules(
         upright = picture(page)
         points = np.array([[0.0, 0.0, 0.5], [0.5 * np.sin(1.2), 0.0, 0.5 * np.cos(1.2)]])
         both = pixels(page, points, upright.shape)
+        if visual == GLTF:
+            column, row = both[0].round().astype(int)
+            red, green, blue = upright[row, column]
+            assert green > 1.5 * max(red, blue), upright[row, column]  # its own material
         move(arm, [1.2])
         shows(page, 1, "+1.2000 rad")
         assert min(differences(upright, picture(page), both)) > BENT

@@ -17,6 +17,7 @@ from robotd.errors import OperationError
 from robotd.observation.metrics import metrics_text, registry
 from robotd.page.page_server import PageServer
 from robotd.page.request_checks import rejection
+from robotd.page.robot_source import RobotSource
 from robotd.page.viewers import MAX_QUEUED
 from robotd.page.viewers import Viewer as ServedViewer
 
@@ -104,7 +105,7 @@ def test_metrics_are_on_the_port_of_the_page(tmp_path: Path) -> None:
     with served_page(tmp_path) as (arm, server):
         assert ask(server, "/metrics")[0] == 503
         made = registry(arm.tap, arm.flight)
-        with PageServer(arm.tap, [], 0, lambda: metrics_text(made)) as other:
+        with PageServer(RobotSource(arm.tap, []), 0, lambda: metrics_text(made)) as other:
             status, text, _ = ask(other, "/metrics")
     assert status == 200
     assert "robotd_ready 1.0" in text
@@ -115,7 +116,7 @@ def test_a_port_in_use_is_an_error(tmp_path: Path) -> None:
         port = urlsplit(server.url).port
         assert port is not None
         with pytest.raises(OperationError, match=f"page {port}: Address already in use"):
-            PageServer(arm.tap, [], port)
+            PageServer(RobotSource(arm.tap, []), port)
 
 
 def test_a_viewer_gets_the_description_the_past_and_what_changes(tmp_path: Path) -> None:
@@ -158,10 +159,11 @@ def test_nothing_is_computed_while_nobody_watches(
 
     with served_page(tmp_path) as (_, server):
         calls: list[float] = []
-        live = server._feed.live
-        monkeypatch.setattr(server._feed, "live", lambda: calls.append(time.monotonic()) or live())
+        feed = server._source.feed("")
+        live = feed.live
+        monkeypatch.setattr(feed, "live", lambda: calls.append(time.monotonic()) or live())
         asyncio.run(watch())
-        wait_until(lambda: not server._viewers and not server._watched.is_set())
+        wait_until(lambda: not server._channels and not server._watched.is_set())
         before = len(calls)
         time.sleep(0.3)
         assert len(calls) == before

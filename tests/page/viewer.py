@@ -16,6 +16,7 @@ from tests.unit.observation.harness import Observed
 
 from robotd.page.live_samples import HEADER
 from robotd.page.page_server import PageServer
+from robotd.page.robot_source import RobotSource
 
 TIMEOUT_S = 30.0  # far longer than on an idle computer
 
@@ -34,7 +35,7 @@ def served_page(folder: Path, **options: Any) -> Iterator[tuple[Observed, PageSe
     arm = Observed(folder, robot=options.pop("robot", "cr3a"))
     nodes = options.pop("nodes", ["first_node", "second_node"])
     try:
-        with PageServer(arm.tap, nodes, 0, **options) as server:
+        with PageServer(RobotSource(arm.tap, nodes), 0, **options) as server:
             yield arm, server
     finally:
         arm.close()

@@ -25,6 +25,7 @@ from tools.bench.recorder import move
 from robotd.log import configure_logging
 from robotd.observation.recorder import Recorder, observed
 from robotd.page.page_server import PageServer
+from robotd.page.robot_source import RobotSource
 from robotd.robot import Robot, build_robot
 
 CASES = ("no page", "nobody", "1 viewer", "5 viewers")
@@ -74,7 +75,7 @@ def measure_case(
     if case == "no page":
         return measure(robot, seconds)
     with (
-        PageServer(recorder.tap, robot.descriptor.nodes, 0) as page,
+        PageServer(RobotSource(recorder.tap, robot.descriptor.nodes), 0) as page,
         watched(page.url, VIEWERS.get(case, 0)),
     ):
         return measure(robot, seconds)

@@ -33,7 +33,6 @@ export interface Description {
   nodes: string[];
   urdf: string;
   meshes: Record<string, string>;
-  max_viewers: number;
 }
 
 export interface Problem {

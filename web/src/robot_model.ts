@@ -1,6 +1,7 @@
 // The robot of a URDF as a tree of three.js objects, posed by joint positions.
 
 import * as THREE from "three";
+import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import URDFLoader, { type URDFJoint, type URDFRobot } from "urdf-loader";
 import type { AxisDescription, Description, Sample } from "./messages";
 
@@ -18,6 +19,11 @@ export class RobotModel {
     onMeshes: () => void, // called when the files of all meshes are loaded
   ) {
     const loader = new URDFLoader(new THREE.LoadingManager(onMeshes));
+    const loadOther = loader.loadMeshCb;
+    loader.loadMeshCb = (url, manager, material, done) => {
+      if (!/\.(glb|gltf)$/i.test(url)) loadOther(url, manager, material, done);
+      else new GLTFLoader(manager).load(url, ({ scene }) => done(scene), undefined, (error) => done(undefined!, error as Error));
+    };
     this.robot = loader.parse(withMeshUrls(description));
     for (const joint of Object.values(this.robot.joints)) joint.ignoreLimits = true;
     this.joints = description.axes.map((axis) => this.jointOf(axis));
@@ -87,6 +93,7 @@ function withMeshUrls({ urdf, meshes }: Description): Document {
 
 function standardMaterial(material: THREE.Material | THREE.Material[]): THREE.Material {
   const first = Array.isArray(material) ? material[0] : material;
+  if (first instanceof THREE.MeshStandardMaterial) return first.clone(); // of a glTF, with its textures
   const color = first && "color" in first ? (first.color as THREE.Color) : new THREE.Color(0xcccccc);
   return new THREE.MeshStandardMaterial({
     color,

@@ -21,6 +21,7 @@ from robotd.errors import RobotdError
 from robotd.events import MAX_BYTES, BoundedLog, Event, EventKind, EventLog, Level
 from robotd.log import get_logger
 from robotd.observation.change_detector import ChangeDetector
+from robotd.observation.plot_history import HISTORY_BYTES, PlotHistory
 from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
 from robotd.recording.message_encoders import named_values, octets_message
 from robotd.recording.recording_writer import FIELDBUS, INPUTS, OUTPUTS, RecordingInfo
@@ -34,7 +35,8 @@ MAX_IO_BYTES = 256  # recorded of the inputs and of the outputs
 MAX_SAMPLES = 4096
 SAMPLE_BYTES = 2 * 2**20
 SAMPLE_OVERHEAD_BYTES = 200
-MAX_MEMORY_BYTES = MEMORY_BYTES + MAX_BYTES + SAMPLE_BYTES  # 24 MiB; tests assert it
+# 24 MiB; tests assert it.
+MAX_MEMORY_BYTES = MEMORY_BYTES + HISTORY_BYTES + MAX_BYTES + SAMPLE_BYTES
 _BUS_STATES = {state: number for number, state in enumerate(BusState)}
 
 NamedValues = Mapping[str, Mapping[str, float]]
@@ -55,6 +57,7 @@ class Tap:
 
     Attributes:
         frames: last frames of the control loop.
+        history: last minute of them, at the rate of a plot.
         events: the robot's event log.
         samples: I/O where it changes, and the fieldbus once a second.
         fieldbus: newest state and counters of each bus and node; empty without one.
@@ -68,6 +71,7 @@ class Tap:
         self.events: EventLog = robot.events
         rate_hz = robot.descriptor.cycle.rate_hz
         self.frames = FrameRing(robot.image, rate_hz, seconds)
+        self.history = PlotHistory(robot.image.axes, rate_hz)
         self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
         self.fieldbus: NamedValues = {}
         self.buses: dict[int, BusStatus] = {}
@@ -128,6 +132,7 @@ class Tap:
         """Look for changes, take a sample, call the readers. What fails is logged once."""
         try:
             frames, self._cursor, _ = self.frames.since(self._cursor)
+            self.history.add(frames)
             for event in self._detector.events(frames):
                 self._note(event)
             if self.robot.connection.state is ConnectionState.COMMUNICATING:

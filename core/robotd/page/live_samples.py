@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,13 +11,11 @@ from robotd.clock import NANOSECONDS
 from robotd.control.joint_group import JointGroup
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.device.process_image import VALUES
+from robotd.observation.plot_history import COLUMNS
 from robotd.observation.tap import Tap
-from robotd.recording.frame_ring import Frames
 
 RATE_HZ = 30.0
-HISTORY_S = 60.0
 HEADER = ("time_s", "late_s", "closed", "x", "y", "heading")
-PIECE_FRAMES = 512  # copied at once
 
 
 class LiveSamples:
@@ -62,26 +59,11 @@ class LiveSamples:
         return row.tobytes()
 
     def history(self) -> bytes:
-        """Return samples of the last seconds at about ``RATE_HZ``, one behind the other."""
-        rate_hz = self._robot.descriptor.cycle.rate_hz
-        step = max(1, round(rate_hz / RATE_HZ))
-        first = max(0, self._tap.frames.written - round(HISTORY_S * rate_hz))
-        return b"".join(self._rows(piece, step) for piece in self._pieces(first))
-
-    def _pieces(self, cursor: int) -> Iterator[Frames]:
-        last = self._tap.frames.written
-        while cursor < last:
-            frames, cursor, _ = self._tap.frames.since(cursor, PIECE_FRAMES)
-            if not len(frames):
-                return
-            yield frames
-
-    def _rows(self, frames: Frames, step: int) -> bytes:
-        starts = np.arange(0, len(frames), step)
-        rows: FloatArray = np.full((len(starts), self.width), np.nan)
-        rows[:, 0] = frames["start_ns"][starts] / NANOSECONDS
-        rows[:, 1] = np.maximum.reduceat(frames["late_ns"], starts) / NANOSECONDS
-        rows[:, self._values :] = frames["values"][starts].reshape(len(starts), -1)
+        """Return samples of the last minute, one behind the other."""
+        past = self._tap.history.rows()
+        rows: FloatArray = np.full((len(past), self.width), np.nan)
+        rows[:, :COLUMNS] = past[:, :COLUMNS]  # the first two of ``HEADER``
+        rows[:, self._values :] = past[:, COLUMNS:]
         return rows.astype("<f8", copy=False).tobytes()
 
     def _finger_position(self) -> float:

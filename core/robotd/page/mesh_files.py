@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import unquote, urlparse
+from typing import Any
+from urllib.parse import quote, unquote, urlparse
 
 from lxml import etree
 
@@ -14,8 +16,39 @@ from robotd.log import get_logger
 
 log = get_logger("page")
 
-SUFFIXES = (".stl", ".dae")
+SUFFIXES = (".stl", ".dae", ".glb", ".gltf")
+PART_SUFFIXES = (".bin", ".png", ".jpg", ".jpeg", ".webp")  # of a glTF in several files
 MAX_BYTES = 64 * 2**20
+FOLDER = "/mesh/"  # of the server
+
+
+class MeshFiles:
+    """Files that the server may read, by their URL. One thread adds, any thread reads."""
+
+    def __init__(self) -> None:
+        self._files: dict[str, Path] = {}
+        self._count = 0
+
+    def add(self, urdf: str, path: Path | None) -> dict[str, str]:
+        """Return the URL of each mesh of a URDF, by its name there.
+
+        Args:
+            urdf: text of the URDF; "" for none.
+            path: file of the URDF, which relative names start from.
+        """
+        urls = {}
+        for name, file in mesh_files(urdf, path).items():
+            folder = f"{FOLDER}{self._count}/"
+            self._count += 1
+            self._files[folder + file.name] = file
+            urls[name] = quote(folder + file.name)
+            if file.suffix.lower() == ".gltf":
+                self._files |= {folder + part: file.parent / part for part in gltf_parts(file)}
+        return urls
+
+    def file(self, url: str) -> Path | None:
+        """Return the file of a decoded URL; None where there is none."""
+        return self._files.get(url)
 
 
 def mesh_files(urdf: str, path: Path | None) -> dict[str, Path]:
@@ -33,10 +66,38 @@ def mesh_files(urdf: str, path: Path | None) -> dict[str, Path]:
         if file is None:
             log.warning("mesh not found: the link is not drawn", mesh=name)
         elif file.suffix.lower() not in SUFFIXES or file.stat().st_size > MAX_BYTES:
-            log.warning("mesh not drawn: STL or DAE up to 64 MiB are", mesh=name)
+            log.warning("mesh not drawn: STL, DAE and glTF up to 64 MiB are", mesh=name)
         else:
             found[name] = file
     return found
+
+
+def gltf_parts(file: Path) -> list[str]:
+    """Return the buffers and images of a glTF, beside it or below.
+
+    Other ones are logged and left out.
+    """
+    try:
+        content = json.loads(file.read_bytes())
+        parts = [unquote(part) for part in _part_names(content)]
+    except (OSError, ValueError, AttributeError, TypeError) as error:
+        log.warning("mesh not drawn: no glTF", mesh=str(file), reason=str(error))
+        return []
+    found = []
+    for part in parts:
+        inside = (file.parent / part).resolve().is_relative_to(file.parent.resolve())
+        if inside and Path(part).suffix.lower() in PART_SUFFIXES and is_file(file.parent / part):
+            found.append(part)
+        else:
+            log.warning("part of a glTF is not served", mesh=str(file), part=part)
+    return found
+
+
+def _part_names(content: Any) -> Iterator[str]:
+    for each in (*content.get("buffers", ()), *content.get("images", ())):
+        name = each.get("uri", "")
+        if name and not name.startswith("data:"):
+            yield name
 
 
 def _names(urdf: str) -> list[str]:

@@ -16,16 +16,13 @@ from robotd.robot import Robot
 PROTOCOL = 1  # of the messages; the page asks to be loaded again when it has another one
 
 
-def describe(
-    tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str], max_viewers: int
-) -> dict[str, Any]:
+def describe(tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str]) -> dict[str, Any]:
     """Return the first message to a viewer.
 
     Args:
         tap: of the robot.
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
-        max_viewers: number of viewers that are served.
     """
     robot = tap.robot
     descriptor, clock = robot.descriptor, robot.clock
@@ -50,7 +47,7 @@ def describe(
         "nodes": [*nodes],
         "urdf": tap.urdf,
         "meshes": dict(meshes),
-        "max_viewers": max_viewers,
+        "urdf_file": str(descriptor.urdf.absolute()) if descriptor.urdf else "",
     }
 
 

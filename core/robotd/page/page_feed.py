@@ -10,11 +10,9 @@ from robotd.observation.tap import Tap
 from robotd.page.live_samples import LiveSamples
 from robotd.page.page_description import describe
 from robotd.page.page_state import Goals, event_of, state_of
+from robotd.page.viewers import Message
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
-
-Message = str | bytes
-"""JSON text, or samples as ``LiveSamples`` makes them."""
 
 
 class PageFeed:
@@ -24,14 +22,11 @@ class PageFeed:
         tap: of the robot.
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
-        max_viewers: number of viewers that are served.
     """
 
-    def __init__(
-        self, tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str], max_viewers: int
-    ) -> None:
+    def __init__(self, tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str]) -> None:
         self._tap = tap
-        self._nodes, self._meshes, self._max_viewers = nodes, meshes, max_viewers
+        self._nodes, self._meshes = nodes, meshes
         self._live = LiveSamples(tap)
         self._goals = Goals(tap.robot)
         self._cursor = 0
@@ -46,7 +41,7 @@ class PageFeed:
         if viewers == 1:
             self._live.restart()
             self._note(*self._tap.events.since(self._cursor))
-        description = describe(self._tap, self._nodes, self._meshes, self._max_viewers)
+        description = describe(self._tap, self._nodes, self._meshes)
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
         return [
             _text(description),
@@ -69,6 +64,9 @@ class PageFeed:
         if state != self._state:
             self._state = state
             yield _text(state)
+
+    def release(self) -> None:
+        """Nothing to do: nothing is computed between the calls."""
 
     def _note(self, events: Sequence[Any], cursor: int) -> None:
         self._cursor = cursor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
@@ -14,11 +14,9 @@ from aiohttp import WSCloseCode, web
 
 from robotd.errors import OperationError
 from robotd.log import get_logger
-from robotd.observation.tap import Tap
+from robotd.page.channel import Channel, PageSource
 from robotd.page.connection_guard import ConnectionGuard
 from robotd.page.live_samples import RATE_HZ
-from robotd.page.mesh_files import mesh_files
-from robotd.page.page_feed import PageFeed
 from robotd.page.request_checks import add_headers, check_request
 from robotd.page.viewers import SEND_BUFFER_BYTES, Viewer
 
@@ -47,14 +45,13 @@ NOT_BUILT = (
 
 
 class PageServer:
-    """Server of one robot's page: ``with PageServer(...):``. Its thread is ``robotd-page``.
+    """Server of a page: ``with PageServer(...):``. Its thread is ``robotd-page``.
 
     Nothing is computed while nobody watches. Viewers share each message; one that does not read
     is dropped. Every request only reads.
 
     Args:
-        tap: of the robot; the server starts before or after it.
-        nodes: names of the ROS nodes that are served.
+        source: robots that are shown.
         port: on the loopback interface; 0: any free one.
         metrics: text of the metrics; None: not served.
         max_viewers: number of viewers at a time.
@@ -69,8 +66,7 @@ class PageServer:
 
     def __init__(
         self,
-        tap: Tap,
-        nodes: Sequence[str],
+        source: PageSource,
         port: int,
         metrics: Callable[[], bytes] | None = None,
         *,
@@ -78,16 +74,10 @@ class PageServer:
         heartbeat_s: float = HEARTBEAT_S,
         bundle: Path = BUNDLE_FOLDER,
     ) -> None:
-        self._meshes = [*mesh_files(tap.urdf, tap.robot.descriptor.urdf).items()]
-        urls = {
-            name: f"/mesh/{number}{file.suffix.lower()}"
-            for number, (name, file) in enumerate(self._meshes)
-        }
-        self._feed = PageFeed(tap, nodes, urls, max_viewers)
-        self._yield_to_control_loop = tap.robot.control_loop.yield_to_control_loop
+        self._source = source
+        self._channels: dict[str, Channel] = {}  # with viewers, by the name of the robot
         self._metrics, self._bundle = metrics, bundle
         self._max_viewers, self._heartbeat_s = max_viewers, heartbeat_s
-        self._viewers: set[Viewer] = set()
         self._watched = asyncio.Event()
         self._ended = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -135,7 +125,7 @@ class PageServer:
             application.router.add_get(path, self._answer_bundle)
         application.router.add_get("/ws", self._answer_viewer)
         application.router.add_get("/metrics", self._answer_metrics)
-        application.router.add_get(r"/mesh/{number:\d+}{suffix:\.\w+}", self._answer_mesh)
+        application.router.add_get("/mesh/{path:.+}", self._answer_mesh)
         runner = web.AppRunner(
             application,
             access_log=None,
@@ -151,7 +141,8 @@ class PageServer:
         await asyncio.wait((publishing, ended), return_when=asyncio.FIRST_COMPLETED)
         publishing.cancel()
         server.close()
-        await asyncio.gather(*(viewer.close() for viewer in self._viewers), return_exceptions=True)
+        viewers = self._viewers()
+        await asyncio.gather(*(viewer.close() for viewer in viewers), return_exceptions=True)
         await runner.cleanup()
         with suppress(asyncio.CancelledError):
             await publishing  # raises what has ended it
@@ -161,22 +152,19 @@ class PageServer:
         clock = asyncio.get_running_loop().time
         due_s, tick = 0.0, 0
         while True:
-            if not self._viewers:
+            if not self._channels:
                 self._watched.clear()
                 await self._watched.wait()
-            self._yield_to_control_loop()
-            if sample := self._feed.live():
-                self._put([sample])
-            if tick % CHANGES_TICKS == 0:
-                self._put([*self._feed.changes(len(self._viewers))])
+            self._source.yield_to_control_loop()
+            for channel in self._channels.values():
+                channel.publish(changes=tick % CHANGES_TICKS == 0)
             tick += 1
             now_s = clock()
             due_s = max(due_s + 1.0 / RATE_HZ, now_s)
             await asyncio.sleep(due_s - now_s)
 
-    def _put(self, messages: list[str | bytes]) -> None:
-        for viewer in self._viewers:
-            viewer.put(messages)
+    def _viewers(self) -> list[Viewer]:
+        return [viewer for channel in self._channels.values() for viewer in channel.viewers]
 
     async def _answer_viewer(self, request: web.Request) -> web.StreamResponse:
         response = web.WebSocketResponse(
@@ -188,20 +176,25 @@ class PageServer:
         transport = request.transport
         if transport is None:
             return response
-        if len(self._viewers) >= self._max_viewers:
+        if len(self._viewers()) >= self._max_viewers:
             text = f"{self._max_viewers} viewers are connected already"
             await response.close(code=WSCloseCode.TRY_AGAIN_LATER, message=text.encode())
             return response
         raw = transport.get_extra_info("socket")
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        first = self._feed.first(len(self._viewers) + 1)
-        viewer = Viewer(response, transport, first, self._yield_to_control_loop)
-        self._viewers.add(viewer)
+        robot = request.query.get("robot", "")
+        channel = self._channels.get(robot) or Channel(self._source.feed(robot))
+        first, wait = channel.first(), self._source.yield_to_control_loop
+        viewer = Viewer(response, transport, first, wait)
+        channel.viewers.add(viewer)
+        self._channels[robot] = channel
         self._watched.set()
         try:
             await viewer.run()
         finally:
-            self._viewers.discard(viewer)
+            channel.discard(viewer)
+            if not channel.viewers:
+                self._channels.pop(robot, None)
         return response
 
     async def _answer_bundle(self, request: web.Request) -> web.StreamResponse:
@@ -219,10 +212,10 @@ class PageServer:
         return web.Response(body=self._metrics(), headers={"Content-Type": content_type})
 
     async def _answer_mesh(self, request: web.Request) -> web.StreamResponse:
-        number = int(request.match_info["number"])
-        if number >= len(self._meshes):
-            return web.Response(status=404, text=f"robotd: no mesh {number}\n")
-        return web.FileResponse(self._meshes[number][1])
+        file = self._source.file(request.path)
+        if file is None:
+            return web.Response(status=404, text=f"robotd: no mesh {request.path}\n")
+        return web.FileResponse(file)
 
 
 def _bound(port: int) -> socket.socket:

@@ -8,7 +8,7 @@ from aiohttp.typedefs import Handler
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:;"
-    " connect-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    " connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 HEADERS = {
     "Content-Security-Policy": CONTENT_SECURITY_POLICY,

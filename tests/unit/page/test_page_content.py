@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,10 +12,12 @@ from tests.unit.observation.harness import Observed
 
 from robotd.control.problem import ProblemKind
 from robotd.events import sent_by
+from robotd.observation.plot_history import COLUMNS, HISTORY_BYTES, PlotHistory
 from robotd.page.live_samples import HEADER, LiveSamples
-from robotd.page.mesh_files import mesh_files
+from robotd.page.mesh_files import MeshFiles, mesh_files
 from robotd.page.page_description import describe
 from robotd.page.page_state import Goals, state_of
+from robotd.recording.frame_ring import frame_type
 
 AXES = 6
 VALUES = len(HEADER) + 1  # one group
@@ -53,6 +56,14 @@ def test_the_history_is_sampled_at_the_rate_of_the_page(arm: Observed) -> None:
     assert 0.03 < np.median(step_s) < 0.04
     assert history[-1, 0] - history[0, 0] > 1.9
     np.testing.assert_array_equal(history[-1, VALUES + 12 : VALUES + 18], [0.0] * AXES)
+
+
+def test_the_history_outlasts_the_frames_of_the_recorder(arm: Observed) -> None:
+    arm.step(62.0)
+    assert arm.tap.frames.capacity == 2500  # 5 s
+    history = rows(LiveSamples(arm.tap).history())
+    assert history[-1, 0] - history[0, 0] == pytest.approx(60.0, abs=0.1)
+    assert np.diff(history[:, 0]).max() < 0.04  # without a gap
 
 
 def test_the_gripper_moves_in_the_samples(arm: Observed) -> None:
@@ -111,9 +122,33 @@ def test_inputs_are_shown_and_named(arm: Observed) -> None:
     arm.robot.fault_injector.set_input_bit(1, 3, True)
     arm.step(0.1)
     assert state_of(arm.tap, [], 1)["inputs"].startswith("0008")
-    described = describe(arm.tap, ["a_node"], {}, 8)
+    described = describe(arm.tap, ["a_node"], {})
     assert described["io_names"] == {"out0.0": "close gripper"}
     assert [each["name"] for each in described["fingers"]] == ["picker_1_joint", "picker_2_joint"]
+
+
+def test_the_latest_period_of_an_interval_is_kept_with_its_largest_lateness() -> None:
+    history = PlotHistory(1, 90.0)
+    assert history.step == 3
+    frames = np.zeros(8, frame_type(1))
+    frames["start_ns"] = np.arange(8) * 1_000_000_000
+    frames["late_ns"] = [1000, 9000, 0, 0, 0, 2000, 4000, 0]
+    frames["values"][:, 2, 0] = np.arange(8)
+    for begin, end in ((0, 1), (1, 2), (2, 7), (7, 8)):  # whatever the pieces
+        history.add(frames[begin:end])
+    past = history.rows()
+    np.testing.assert_array_equal(past[:, 0], [2.0, 5.0])
+    np.testing.assert_allclose(past[:, 1], [9e-6, 2e-6])
+    np.testing.assert_array_equal(past[:, COLUMNS + 2], [2.0, 5.0])
+    history.add(frames[:1])
+    assert history.rows()[2, 1] == pytest.approx(4e-6)
+
+
+@pytest.mark.parametrize(("axes", "rate_hz"), [(6, 500.0), (128, 2000.0), (1, 10.0)])
+def test_the_history_is_bounded_and_holds_a_minute(axes: int, rate_hz: float) -> None:
+    history = PlotHistory(axes, rate_hz)
+    assert history.nbytes <= HISTORY_BYTES
+    assert history.nbytes / (8 * (COLUMNS + 5 * axes)) * history.step / rate_hz >= 59.0
 
 
 def mesh(name: str) -> str:
@@ -142,3 +177,28 @@ def test_only_meshes_of_the_urdf_are_found(tmp_path: Path) -> None:
     }
     assert mesh_files("", None) == {}
     assert mesh_files("no xml", urdf) == {}
+
+
+def test_a_gltf_brings_the_files_beside_it_and_no_others(tmp_path: Path) -> None:
+    (tmp_path / "secret.bin").write_bytes(b"x")
+    folder = tmp_path / "meshes"
+    (folder / "textures").mkdir(parents=True)
+    (folder / "the hand.bin").write_bytes(b"x")
+    (folder / "textures" / "skin.png").write_bytes(b"x")
+    (folder / "notes.txt").write_bytes(b"x")
+    buffers = ["the%20hand.bin", "../secret.bin", "data:application/octet-stream;base64,eA=="]
+    images = ["textures/skin.png", "notes.txt", "missing.png"]
+    parts = {
+        "buffers": [{"uri": uri} for uri in buffers],
+        "images": [{"uri": uri} for uri in images],
+    }
+    (folder / "the hand.gltf").write_text(json.dumps(parts))
+    (folder / "bad.gltf").write_text("[]")
+    files = MeshFiles()
+    text = f"<robot><link>{mesh('meshes/the hand.gltf')}{mesh('meshes/bad.gltf')}</link></robot>"
+    urls = files.add(text, tmp_path / "arm.urdf")
+    assert urls["meshes/the hand.gltf"] == "/mesh/0/the%20hand.gltf"
+    assert files.file("/mesh/0/the hand.bin") == folder / "the hand.bin"
+    assert files.file("/mesh/0/textures/skin.png") == folder / "textures" / "skin.png"
+    for part in ("secret.bin", "../secret.bin", "notes.txt", "missing.png", ""):
+        assert files.file(f"/mesh/0/{part}") is None

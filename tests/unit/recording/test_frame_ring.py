@@ -7,6 +7,7 @@ import pytest
 
 from robotd.device.process_image import ProcessImage
 from robotd.events import MAX_BYTES as EVENT_BYTES
+from robotd.observation.plot_history import PlotHistory
 from robotd.observation.tap import MAX_MEMORY_BYTES, SAMPLE_BYTES
 from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
 
@@ -54,7 +55,8 @@ def test_only_new_frames_are_returned_and_lost_ones_are_counted() -> None:
 def test_frames_and_events_take_at_most_24_mib(axes: int, rate_hz: float) -> None:
     ring = FrameRing(ProcessImage(axes), rate_hz, 30.0)
     assert ring.nbytes <= MEMORY_BYTES
-    assert ring.nbytes + EVENT_BYTES + SAMPLE_BYTES <= MAX_MEMORY_BYTES == 24 * 2**20
+    past = PlotHistory(axes, rate_hz).nbytes
+    assert ring.nbytes + past + EVENT_BYTES + SAMPLE_BYTES <= MAX_MEMORY_BYTES == 24 * 2**20
     if axes == 6:
         assert ring.capacity == 15000  # all 30 s
 

@@ -183,9 +183,10 @@ def _observed(robot: Robot, nodes: Sequence[str], options: RunOptions) -> Iterat
 def _page(recorder: Recorder, nodes: Sequence[str], port: int) -> AbstractContextManager[object]:
     try:
         from robotd.page.page_server import PageServer
+        from robotd.page.robot_source import RobotSource
     except ImportError as error:
         raise OperationError("the page needs aiohttp: pip install 'robotd[page]'") from error
-    return PageServer(recorder.tap, nodes, port, recorder.metrics)
+    return PageServer(RobotSource(recorder.tap, nodes), port, recorder.metrics)
 
 
 def _serve(

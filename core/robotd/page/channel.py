@@ -1,0 +1,90 @@
+"""Feeds that a page can show, and the viewers of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Protocol
+
+from robotd.page.viewers import Message, Viewer
+
+
+class Feed(Protocol):
+    """Messages of one robot for its viewers. Called in the server's thread."""
+
+    def first(self, viewers: int) -> list[Message]:
+        """Return the messages to a new viewer.
+
+        Args:
+            viewers: number of viewers, with the new one.
+        """
+        ...
+
+    def live(self) -> bytes | None:
+        """Return the newest samples; None without a new one."""
+        ...
+
+    def changes(self, viewers: int) -> Iterable[Message]:
+        """Yield what is new besides the samples."""
+        ...
+
+    def release(self) -> None:
+        """Called when the last viewer has gone."""
+        ...
+
+
+class PageSource(Protocol):
+    """Feeds by the name of a robot, and the files that they name."""
+
+    def feed(self, robot: str) -> Feed:
+        """Return the feed of a robot, the same object each time.
+
+        Args:
+            robot: as the page asks for it; "" where it names none.
+        """
+        ...
+
+    def file(self, url: str) -> Path | None:
+        """Return the mesh at a path of the server; None where there is none."""
+        ...
+
+    @property
+    def yield_to_control_loop(self) -> Callable[[], None]:
+        """Called before the server takes the interpreter."""
+        ...
+
+
+class Channel:
+    """Viewers of one feed: each message is made once. Thread of the server.
+
+    Args:
+        feed: source of the messages.
+
+    Attributes:
+        viewers: at present.
+    """
+
+    def __init__(self, feed: Feed) -> None:
+        self._feed = feed
+        self.viewers: set[Viewer] = set()
+
+    def first(self) -> list[Message]:
+        """Return the messages to one more viewer."""
+        return self._feed.first(len(self.viewers) + 1)
+
+    def publish(self, *, changes: bool) -> None:
+        """Send the newest samples, and the changes where they are due."""
+        if samples := self._feed.live():
+            self._put([samples])
+        if changes:
+            self._put([*self._feed.changes(len(self.viewers))])
+
+    def discard(self, viewer: Viewer) -> None:
+        """Remove a viewer that has gone."""
+        self.viewers.discard(viewer)
+        if not self.viewers:
+            self._feed.release()
+
+    def _put(self, messages: list[Message]) -> None:
+        for viewer in self.viewers:
+            viewer.put(messages)

@@ -1,0 +1,35 @@
+"""Source of the page of the robot in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from robotd.observation.tap import Tap
+from robotd.page.mesh_files import MeshFiles
+from robotd.page.page_feed import PageFeed
+
+
+class RobotSource:
+    """The one robot of this process, whatever name the page asks for.
+
+    Args:
+        tap: of the robot.
+        nodes: names of the ROS nodes that are served.
+    """
+
+    def __init__(self, tap: Tap, nodes: Sequence[str]) -> None:
+        self._meshes = MeshFiles()
+        urls = self._meshes.add(tap.urdf, tap.robot.descriptor.urdf)
+        self._feed = PageFeed(tap, nodes, urls)
+        self._loop = tap.robot.control_loop
+
+    def feed(self, robot: str) -> PageFeed:
+        return self._feed
+
+    def file(self, url: str) -> Path | None:
+        return self._meshes.file(url)
+
+    @property
+    def yield_to_control_loop(self) -> Callable[[], None]:
+        return self._loop.yield_to_control_loop
