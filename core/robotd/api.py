@@ -41,6 +41,7 @@ from robotd.errors import (
     did_you_mean,
 )
 from robotd.log import get_logger
+from robotd.motion.limits import AxisLimits
 from robotd.motion.profile import (
     Profile,
     Segment,
@@ -65,6 +66,7 @@ __all__ = [
     "API_VERSION",
     "NANOSECONDS",
     "AxisDriver",
+    "AxisLimits",
     "BackendInfo",
     "BackendOptions",
     "BusNode",

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
-from robotd.control.axis_limits import axis_limits, axis_names
+from robotd.control.axis_limits import axis_names
 from robotd.control.control_loop import ControlLoop
+from robotd.control.device_fit import fit_device
 from robotd.control.joint_group import make_groups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
@@ -80,7 +81,7 @@ class Robot:
         """Compose the robot; ``drivers`` None: ``backend`` makes them.
 
         Raises Unsupported: ``clock`` is simulated and the backend is not, or there are several
-        joint groups and the device interpolates trajectories itself.
+        joint groups and the device interpolates trajectories itself. Raises as ``fit_device``.
         """
         name = backend.name
         if isinstance(clock, SimulatedClock) and Capability.SIMULATED not in backend.capabilities:
@@ -90,6 +91,9 @@ class Robot:
         capabilities = drivers.capabilities(backend.info.capabilities)
         self._make_fault_injector = drivers.make_fault_injector
         driver = drivers.axes
+        fit = fit_device(descriptor, driver, name)
+        for note in fit.notes:
+            log.warning("limit of the device applies", reason=note)
         self.descriptor = descriptor
         self.backend = backend
         self.capabilities = capabilities
@@ -108,7 +112,7 @@ class Robot:
             driver,
             self.image,
             self.connection,
-            axis_limits(descriptor),
+            fit.limits,
             axis_names(descriptor),
             capabilities,
             name,

@@ -78,6 +78,18 @@ class ArmDevice(DeviceDriver):
 
 
 class ArmAxes(ProfiledAxes):
+    """The last three are changed by tests, for faulty controllers.
+
+    Attributes:
+        alarm_text: of any alarm.
+        stamps_each_period: values are called new although the last packet is held.
+        max_velocity: of every joint, which the controller does not tell; rad/s.
+    """
+
+    alarm_text = "protective stop"
+    stamps_each_period = False
+    max_velocity = np.inf
+
     def __init__(self, controller: Controller, context: DeviceContext[object]) -> None:
         super().__init__(context.robot.axes, controller.period_s, context.clock)
         self.controller = controller
@@ -96,14 +108,17 @@ class ArmAxes(ProfiledAxes):
             image.fresh_ns, image.position[:], image.velocity[:] = self.controller.packet
             image.servo_on[:] = self.controller.on
             image.offline[:] = False
-            image.set_controller_alarm(self.controller.alarm, "protective stop")
+            image.set_controller_alarm(self.controller.alarm, self.alarm_text)
+            if self.stamps_each_period:
+                image.fresh_ns = self.clock.now_ns()
 
     def send_targets(self, positions: FloatArray) -> None:
         controller = self.controller
         with controller.lock:
             if controller.on:
-                controller.velocity[:] = (positions - controller.position) / controller.period_s
-                controller.position[:] = positions
+                velocity = (positions - controller.position) / controller.period_s
+                controller.velocity[:] = np.clip(velocity, -self.max_velocity, self.max_velocity)
+                controller.position += controller.velocity * controller.period_s
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         controller = self.controller

@@ -22,7 +22,7 @@ def axis_names(descriptor: RobotDescriptor) -> list[str]:
 
 
 def axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
-    """Return the limits of each axis; those of axes without a part are infinite."""
+    """Return the descriptor's limits of each axis; those of axes without a part are infinite."""
     limits = {
         joint.axis: AxisLimits(
             joint.lower, joint.upper, joint.velocity, joint.acceleration, joint.unit

@@ -10,6 +10,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import ticks
+from robotd.control.command_history import CommandHistory
 from robotd.control.completion import Completion, Outcome
 from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.execution_phase import Phase, PhaseState
@@ -46,6 +47,7 @@ class TrajectoryExecution:
         limits: of the same joints.
         tolerances: of the path and the goal.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
+        feedback_period_s: as of ``AxisDriver``.
 
     Attributes:
         trajectory: as above.
@@ -61,6 +63,7 @@ class TrajectoryExecution:
         limits: JointLimits,
         tolerances: Tolerances,
         stopped_velocity: FloatArray,
+        feedback_period_s: float = 0.0,
     ) -> None:
         self.trajectory = trajectory
         self.columns = columns(axes)
@@ -69,6 +72,7 @@ class TrajectoryExecution:
         self._axes, self._limits, self._tolerances = axes, limits, tolerances
         self._stopped_velocity = stopped_velocity
         self._tracking = JointTracking(source.setpoint[:2])
+        self._history = CommandHistory() if feedback_period_s > 0.0 else None
         self._monitor = FaultMonitor(trajectory.names, axes, streamed=source.streams)
         self._state = PhaseState(source.start_ns)
         self._advanced_ns = source.start_ns
@@ -85,6 +89,7 @@ class TrajectoryExecution:
         *,
         underrun: Underrun = Underrun.EXTRAPOLATE,
         buffer_s: float = 0.0,
+        feedback_period_s: float = 0.0,
         speed: SpeedScale | None = None,
     ) -> TrajectoryExecution:
         """Return an execution whose setpoints the control loop sends."""
@@ -92,7 +97,16 @@ class TrajectoryExecution:
         source = StreamedTrajectory(
             trajectory, limits, start_ns, underrun, completion, buffer_s=buffer_s, speed=speed
         )
-        return cls(source, completion, trajectory, axes, limits, tolerances, stopped_velocity)
+        return cls(
+            source,
+            completion,
+            trajectory,
+            axes,
+            limits,
+            tolerances,
+            stopped_velocity,
+            feedback_period_s,
+        )
 
     @classmethod
     def on_device(
@@ -231,6 +245,10 @@ class TrajectoryExecution:
         time_s = self._source.time_s
         if self._state.phase is Phase.RUNNING:
             time_s = (time_ns - self._source.start_ns) / NANOSECONDS
+        if self._history is not None and self._state.phase in (Phase.RUNNING, Phase.STOPPING):
+            desired = self._tracking.desired
+            self._history.add(time_ns, desired)
+            time_s -= self.rate * self._history.recall(image.fresh_ns, desired)
         self._tracking.update(image.measured[:2, self.columns], time_s)
 
     def _check_drives(self, image: ProcessImage, pause_ns: int) -> None:

@@ -40,8 +40,8 @@ class TrajectoryFollower:
 
     Args:
         motion: of the joints.
-        axes: of the robot.
-        descriptor: joints of the group, their limits and the settings of trajectories.
+        axes: of the robot, with the limits in force.
+        descriptor: joints of the group, and the settings of trajectories.
         clock: of the control loop.
         on_device: driver that interpolates trajectories itself, where
             ``axes.trajectories_on_device``; None: they are streamed.
@@ -56,15 +56,19 @@ class TrajectoryFollower:
         on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
+        limits = [axes.limits[joint.axis] for joint in joints]
+        device = [axes.device_limits[joint.axis] for joint in joints if axes.device_limits]
         self.settings = descriptor.trajectory
         self.limits = JointLimits(
             tuple(joint.name for joint in joints),
-            np.array([joint.lower for joint in joints]),
-            np.array([joint.upper for joint in joints]),
-            np.array([joint.velocity for joint in joints]),
-            np.array([joint.acceleration for joint in joints]),
+            np.array([each.lower for each in limits]),
+            np.array([each.upper for each in limits]),
+            np.array([each.velocity for each in limits]),
+            np.array([each.acceleration for each in limits]),
             tuple(joint.unit for joint in joints),
             np.array([joint.jerk for joint in joints]),
+            np.array([each.velocity for each in device]),
+            np.array([each.acceleration for each in device]),
         )
         self._default_tolerances = DefaultTolerances.of_settings(self.limits, self.settings)
         self._motion = motion
@@ -79,6 +83,7 @@ class TrajectoryFollower:
                 TrajectoryExecution.streamed,
                 underrun=axes.underrun,
                 buffer_s=axes.stream_buffer_s,
+                feedback_period_s=axes.feedback_period_s,
                 speed=axes.speed,
             )
         )

@@ -58,14 +58,15 @@ class Axes:
     Args:
         driver: the backend's axes.
         image: the live process image, written by the cycle.
-        limits: per axis; an axis without limits (NaN) is not limited.
+        limits: per axis, in force: those of the device are included.
         names: per axis, for error texts (``joint2`` or ``axis 1``).
         clock: to wait by.
-        events: where commands are noted; None: in a log of its own.
+        events: where commands are noted; None: in its own log.
 
     Attributes:
         arguments: checks that do not depend on the state of the device.
         stop_latch: no motion starts while it is engaged.
+        device_limits, feedback_period_s: as of ``AxisDriver``, when it was made.
         speed: of all motion.
         jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
     """
@@ -84,7 +85,8 @@ class Axes:
     ) -> None:
         self.events = events or EventLog(clock.now_ns)
         self.image = image
-        self.limits = tuple(limits)
+        self.limits, self.device_limits = tuple(limits), tuple(driver.device_limits)
+        self.feedback_period_s = driver.feedback_period_s
         self.names = tuple(names)
         self.arguments = AxisArguments(names)
         self.stop_latch = StopLatch()
@@ -95,7 +97,7 @@ class Axes:
         self._capabilities = capabilities
         self._backend = backend
         self._clock = clock
-        self._effect = CommandEffect(image, connection, clock)
+        self._effect = CommandEffect(image, connection, clock, self.feedback_period_s)
         self._claims = AxisClaims(driver, image, self._effect)
         self._lock = threading.RLock()
 

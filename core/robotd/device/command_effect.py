@@ -9,19 +9,31 @@ from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
 
 SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
+SAMPLES = 3  # slow feedback periods in which it does
 
 
 class CommandEffect:
     """Lets the image, a period behind the device, catch up with commands. Workers only.
 
+    Where feedback is slower than the control loop, an image is as new as its values.
+
     Args:
         image: the live process image.
         connection: no wait lasts longer than the device is ready.
         clock: to wait by.
+        feedback_period_s: as of ``AxisDriver``.
     """
 
-    def __init__(self, image: ProcessImage, connection: Connection, clock: Clock) -> None:
+    def __init__(
+        self,
+        image: ProcessImage,
+        connection: Connection,
+        clock: Clock,
+        feedback_period_s: float = 0.0,
+    ) -> None:
         self._image, self._connection, self._clock = image, connection, clock
+        self._slow = feedback_period_s > 0.0
+        self._shown_s = max(SHOWN_S, SAMPLES * feedback_period_s)
         self._commanded_ns = 0
 
     def note_motion(self) -> None:
@@ -30,7 +42,7 @@ class CommandEffect:
 
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until ``condition``, by which the next command is judged; not for long."""
-        wait_until(lambda: condition() or not self._connection.ready, SHOWN_S, self._clock)
+        wait_until(lambda: condition() or not self._connection.ready, self._shown_s, self._clock)
 
     def wait_for_motion(self) -> None:
         """Wait for an image that is newer than the last motion command."""
@@ -41,4 +53,5 @@ class CommandEffect:
         self._wait_for_newer(self._clock.now_ns())
 
     def _wait_for_newer(self, time_ns: int) -> None:
-        self.wait_for(lambda: self._image.stamp_ns > time_ns)
+        image = self._image
+        self.wait_for(lambda: (image.fresh_ns if self._slow else image.stamp_ns) > time_ns)

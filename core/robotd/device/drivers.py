@@ -31,6 +31,7 @@ from robotd.device.bus_status import BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Underrun
 from robotd.errors import Unsupported
+from robotd.motion.limits import AxisLimits
 from robotd.motion.profile import Profile
 
 
@@ -124,8 +125,22 @@ class AxisDriver(ABC):
 
     @property
     def feedback_period_s(self) -> float:
-        """Time between two measured values, seconds; 0: new values in each control period."""
+        """Time between two measured values, seconds; 0: new values in each control period.
+
+        With slower feedback ``read`` holds the last values, and ``fresh_ns`` is the time of their
+        arrival. The core takes their age into account: a following error is the difference
+        from the command of that time, and joint states carry that time.
+        """
         return 0.0
+
+    @property
+    def device_limits(self) -> Sequence[AxisLimits]:
+        """Limits that the device itself clips or rejects by, one per axis; empty: not known.
+
+        inf for a value without a limit, ``unit`` as of the axis. Read once, before the device is
+        opened. Every command is checked against the smaller of these and those of the descriptor.
+        """
+        return ()
 
     @property
     def max_trajectory_points(self) -> int:

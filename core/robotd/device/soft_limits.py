@@ -28,7 +28,7 @@ class SoftLimitGuard:
     def __init__(self, axes: Axes, driver: AxisDriver, period_s: float) -> None:
         self._axes = axes
         self._driver = driver
-        self._reaction_s = REACTION_PERIODS * period_s
+        self._reaction_s = REACTION_PERIODS * period_s + driver.feedback_period_s
 
     def look(self, image: ProcessImage) -> None:
         """Cycle thread, once a period: stop what has just room enough left."""

@@ -20,6 +20,8 @@ class JointLimits:
         lower, upper: position limits in rad or m; -inf and inf where there is none.
         velocity, acceleration: positive, in rad/s and rad/s² (m/s, m/s²); inf where unlimited.
         units: of position, "rad" or "m", one per joint.
+        device_velocity, device_acceleration: what the device itself clips or rejects by, without
+            the margins of the settings; empty: inf.
         jerk: positive, in rad/s³ (m/s³), of streamed motion; empty: the acceleration limit is
             reached in ``FULL_ACCELERATION_S``.
 
@@ -34,6 +36,8 @@ class JointLimits:
     acceleration: FloatArray
     units: tuple[str, ...] = field(default=())
     jerk: FloatArray = field(default_factory=lambda: np.zeros(0))
+    device_velocity: FloatArray = field(default_factory=lambda: np.zeros(0))
+    device_acceleration: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -43,9 +47,12 @@ class JointLimits:
             object.__setattr__(self, "units", ("rad",) * count)
         if not len(self.jerk):
             object.__setattr__(self, "jerk", self.acceleration / FULL_ACCELERATION_S)
-        for name in ("lower", "upper", "velocity", "acceleration", "units", "jerk"):
-            if np.shape(getattr(self, name)) != (count,):
-                raise ValueError(f"{name} limits do not match {count} joints")
+        for name in ("device_velocity", "device_acceleration"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full(count, np.inf))
+        for each in fields(self):
+            if np.shape(getattr(self, each.name)) != (count,):
+                raise ValueError(f"{each.name} limits do not match {count} joints")
         if not (self.lower < self.upper).all():
             raise ValueError("a lower position limit is not below its upper one")
         if not all((each > 0).all() for each in (self.velocity, self.acceleration, self.jerk)):

@@ -30,6 +30,27 @@ class AxisLimits:
     acceleration: float
     unit: str = "rad"
 
+    def within(self, other: AxisLimits) -> AxisLimits:
+        """Return the smaller of both limits, each value by itself.
+
+        Raises ValueError: the units differ, or the position ranges have nothing in common.
+        """
+        if other.unit != self.unit:
+            raise ValueError(f"limits in {self.unit} and in {other.unit} cannot be compared")
+        lower, upper = max(self.lower, other.lower), min(self.upper, other.upper)
+        if not lower < upper:
+            raise ValueError(
+                f"positions {self.lower:g} to {self.upper:g} {self.unit} and {other.lower:g} to"
+                f" {other.upper:g} {self.unit} have no range in common"
+            )
+        return AxisLimits(
+            lower,
+            upper,
+            min(self.velocity, other.velocity),
+            min(self.acceleration, other.acceleration),
+            self.unit,
+        )
+
     @classmethod
     def unlimited(cls) -> AxisLimits:
         """Return the limits of an axis of which nothing is known."""

@@ -18,6 +18,30 @@ from robotd.motion.rejection import reject
 _ROUNDING = 1e-6
 
 
+class _Bound:
+    """Bound of a rate: a limit with its margin, or the device's limit if smaller.
+
+    Arrays of shape (m,), in the unit of the rate.
+    """
+
+    def __init__(self, limit: FloatArray, margin: float, device: FloatArray) -> None:
+        self._limit, self._margin, self._device = limit, margin, device
+        self.value: FloatArray = np.minimum(limit * (1.0 + margin), device)
+
+    def limit(self, joint: int) -> float:
+        """Return the limit that ``value`` comes from, without the margin."""
+        return float((self._device if self._by_device(joint) else self._limit)[joint])
+
+    def note(self, joint: int) -> str:
+        """Return the end of a sentence that names ``limit``."""
+        if self._by_device(joint):
+            return " (limit of the device)"
+        return f" (+{100.0 * self._margin:.3g} % margin)"
+
+    def _by_device(self, joint: int) -> bool:
+        return bool(self._device[joint] <= self.value[joint])
+
+
 def check_path_limits(
     peaks: PathPeaks, limits: JointLimits, settings: TrajectorySettings, start: MotionState
 ) -> None:
@@ -25,25 +49,24 @@ def check_path_limits(
 
     A joint that stands outside its limits may come back but go no further out: its range
     reaches to ``start``. Every joint at fault is named, with its worst point. With
-    ``settings.acceleration_margin`` None accelerations are not checked.
+    ``settings.acceleration_margin`` None accelerations are checked against the device's limits
+    only. The margins do not extend those.
 
     Raises:
         TrajectoryRejected: ``INVALID_GOAL``.
     """
+    velocity = _Bound(limits.velocity, settings.velocity_margin, limits.device_velocity)
+    margin = settings.acceleration_margin
+    acceleration = _Bound(
+        limits.acceleration, math.inf if margin is None else margin, limits.device_acceleration
+    )
     faults = [
         *_above(peaks.highest, "position", "", np.maximum(limits.upper, start.position), limits),
         *_below(peaks.lowest, np.minimum(limits.lower, start.position), limits),
-        *_beyond_margin(
-            peaks.velocity, "velocity", "/s", limits.velocity, settings.velocity_margin, limits
-        ),
+        *_beyond_bound(peaks.velocity, "velocity", "/s", velocity, limits),
     ]
-    margin = settings.acceleration_margin
-    if margin is not None and (
-        found := _beyond_margin(
-            peaks.acceleration, "acceleration", "/s²", limits.acceleration, margin, limits
-        )
-    ):
-        ratio = float(np.max(peaks.acceleration.value / (limits.acceleration * (1.0 + margin))))
+    if found := _beyond_bound(peaks.acceleration, "acceleration", "/s²", acceleration, limits):
+        ratio = float(np.max(peaks.acceleration.value / acceleration.value))
         slower = math.ceil(100.0 * math.sqrt(ratio)) / 100.0
         faults += [*found, f"allow the motion {slower:.2f} times its time"]
     if faults:
@@ -77,18 +100,13 @@ def _below(peak: Extreme, bound: FloatArray, limits: JointLimits) -> list[str]:
     ]
 
 
-def _beyond_margin(
-    peak: Extreme,
-    quantity: str,
-    per: str,
-    limit: FloatArray,
-    margin: float,
-    limits: JointLimits,
+def _beyond_bound(
+    peak: Extreme, quantity: str, per: str, bound: _Bound, limits: JointLimits
 ) -> list[str]:
     return [
-        _sentence(peak, j, quantity, "exceeds", limit[j], limits.units[j] + per, limits)
-        + f" (+{100.0 * margin:.3g} % margin)"
-        for j in np.flatnonzero(peak.value > limit * (1.0 + margin) * (1.0 + _ROUNDING)).tolist()
+        _sentence(peak, j, quantity, "exceeds", bound.limit(j), limits.units[j] + per, limits)
+        + bound.note(j)
+        for j in np.flatnonzero(peak.value > bound.value * (1.0 + _ROUNDING)).tolist()
     ]
 
 

@@ -259,8 +259,9 @@ def recording_info(robot: Robot) -> RecordingInfo:
         axes=robot.axes.names,
         joints=robot.joint_axes,
         limits={
-            joint.name: (joint.lower, joint.upper, joint.velocity, joint.acceleration)
-            for joint in descriptor.joints
+            robot.axes.names[axis]: (each.lower, each.upper, each.velocity, each.acceleration)
+            for axis in robot.joint_axes
+            for each in [robot.axes.limits[axis]]
         },
         offset_ns=time.time_ns() - robot.clock.now_ns(),
     )

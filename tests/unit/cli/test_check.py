@@ -87,6 +87,50 @@ def test_options_of_the_backend_are_checked(robotd: Robotd, tmp_path: Path) -> N
     assert f"{path}:6: backends.sim.nonsense: unknown key" in result.stdout
 
 
+BARE = """
+    from robotd.api import *
+    from robotd.testing.fakes import FakeAxes, FakeDevice
+
+    class Axes(FakeAxes):
+        device_limits = ()
+        feedback_period_s = 0.0
+
+    @hookimpl
+    def robotd_backend():
+        return BackendInfo("a test", 1)
+
+    @hookimpl
+    def robotd_open_device():
+        return FakeDevice()
+
+    @hookimpl
+    def robotd_axes(device, context):
+        return Axes(context.robot.axes)
+"""
+
+
+def test_a_smaller_limit_of_the_device_is_mentioned(robotd: Robotd, install: Install) -> None:
+    limits = "(AxisLimits(-1.0, 9.0, 2.0, 99.0),) * 6"
+    install("bare", BARE.replace("device_limits = ()", f"device_limits = {limits}"))
+    result = robotd("check", "--robot", "cr3a", "--set", "gripper=null", "--backend", "bare")
+    assert (
+        "joint1: lower limit -3.14 rad exceeds the device's -1 rad, which applies" in result.stdout
+    )
+    assert (
+        "joint6: velocity 3.14 rad/s exceeds the device's 2 rad/s, which applies" in result.stdout
+    )
+    assert "upper limit" not in result.stdout
+    assert "fail  limits" not in result.stdout
+
+
+def test_feedback_slower_than_the_robot_waits_is_a_fault(robotd: Robotd, install: Install) -> None:
+    install("bare", BARE.replace("feedback_period_s = 0.0", "feedback_period_s = 0.06"))
+    result = robotd("check", "--robot", "cr3a", "--backend", "bare")
+    assert result.exit_code == ExitCode.CONFIGURATION
+    text = "engine.stale_after_s: 0.1 s is too short: new values of the bare backend come every"
+    assert f"{text} 0.06 s; set it to 0.12 s or more" in result.stdout
+
+
 def test_what_options_know_of_the_robot_is_checked(
     robotd: Robotd, install: Install, tmp_path: Path
 ) -> None:
@@ -214,7 +258,7 @@ def test_a_robot_may_stay_within_the_urdfs_limits(robotd: Robotd, edit: Edit) ->
 
 
 def test_a_backend_without_outputs_cannot_drive_a_gripper(robotd: Robotd, install: Install) -> None:
-    install("bare")
+    install("bare", BARE)
     result = robotd("check", "--robot", "cr3a", "--backend", "bare")
     assert result.exit_code == ExitCode.CONFIGURATION
     assert "gripper: needs digital outputs, which the bare backend does not have" in result.stdout
@@ -223,7 +267,7 @@ def test_a_backend_without_outputs_cannot_drive_a_gripper(robotd: Robotd, instal
 def test_a_parameter_file_that_a_backend_ignores_is_mentioned(
     robotd: Robotd, install: Install, edit: Edit
 ) -> None:
-    install("bare")
+    install("bare", BARE)
     edit("robot.yaml", "    wmx_gripper_topic: wmx/set_gripper\n", "")
     path = edit("robot.yaml", "default_variant: intel", "gripper: null\ndefault_variant: intel")
     text = path.read_text(encoding="utf-8")

@@ -11,11 +11,13 @@ from robotd.cli.check_report import CheckReport
 from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import configure_logging, log_options, robot_options
 from robotd.cli.urdf_check import check_urdf
+from robotd.control.device_fit import fit_device
 from robotd.control.joint_group import ON_DEVICE
 from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability
 from robotd.errors import DescriptorError, PluginError, Unsupported
 from robotd.node_settings import check_node_parameters
+from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend, load_backend
 from robotd.ros.node_registry import BUILT_IN
 from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
@@ -78,9 +80,9 @@ def _check_backend(
 ) -> None:
     name, capabilities = backend.name, backend.capabilities
 
-    def options() -> None:
+    def options() -> DeviceContext[Any]:
         check_backend_overrides(overrides, name)
-        backend.context(descriptor)
+        return backend.context(descriptor)
 
     def features() -> str | None:
         needs = {
@@ -101,8 +103,15 @@ def _check_backend(
             return "parameters_file is not used by this backend"
         return None
 
-    report.run(f"options of {name}", options)
+    context = report.run(f"options of {name}", options)
     report.run(f"features of {name}", features)
+    if context is not None:
+        fit = report.run(
+            f"limits of {name}",
+            lambda: fit_device(descriptor, backend.drivers(context).axes, name),
+        )
+        for note in fit.notes if fit else ():
+            report.warn(f"{note}, which applies")
 
 
 def _check_groups(descriptor: RobotDescriptor, backend: Backend) -> None:

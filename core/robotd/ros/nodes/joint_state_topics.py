@@ -60,6 +60,7 @@ class JointStateTopics:
         self.topics: list[str] = []
         self._node = node
         self._connection = robot.connection
+        self._slow = robot.axes.feedback_period_s > 0.0  # stamps are those of the values
         self._clock = StampClock(node.get_clock())
         self._joints = len(robot.joint_axes)
         self._names = list(names)
@@ -97,6 +98,8 @@ class JointStateTopics:
             copy()
         self._move_fingers(image.stamp_ns)
         now_ns = self._clock.now_ns()
+        if self._slow:
+            now_ns -= max(0, image.stamp_ns - image.fresh_ns)
         for message in self._stamped:
             message.stamp(now_ns)
             message.publish()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 ALARM = 0x32
+A_WORD = re.compile(r"[^\W\d_]{3}")
 STUCK_RAD = 0.05  # path tolerance of a blocked joint
 FREED_RAD = 0.01  # that a joint may move when it is freed
 
@@ -39,6 +42,26 @@ def test_the_reason_of_an_alarm_comes_and_goes_with_it(
     assert not any(harness.image.reason[1:]), "the reason is shown on another axis too"
     harness.robot.axes.clear_alarm(0)
     harness.until(lambda: not harness.image.reason[0], "the reason goes with the alarm", 1.0)
+
+
+@pytest.mark.needs(Capability.CONTROLLER_ALARM)
+def test_an_alarm_of_the_controller_is_one_alarm(harness: Harness, injector: FaultInjector) -> None:
+    image = harness.image
+    injector.trip(0, ALARM)
+    harness.until(lambda: bool(image.controller_alarm), "the controller's alarm is shown", 1.0)
+    harness.periods(5)
+    assert image.controller_alarm == ALARM
+    assert image.amp_alarm.all(), "an axis without the controller's alarm"
+    assert not any(image.reason), "the controller's alarm is shown by axes, too"
+    text = image.controller_reason
+    assert text == text.strip()
+    assert A_WORD.search(text), "the alarm has no text"
+    named = [each for each in harness.robot.problems if f"controller alarm {ALARM}" in each]
+    assert len(named) == 1, f"{len(named)} problems name the alarm, instead of one"
+    harness.robot.axes.clear_alarm(0)
+    harness.until(lambda: not image.controller_alarm, "the alarm is cleared", 1.0)
+    assert not image.controller_reason
+    assert not image.amp_alarm.any()
 
 
 def test_an_alarm_ends_the_motion_of_its_axis_alone(

@@ -13,6 +13,7 @@ from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
+HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
 CODES = (0x07, 0x2310, 0x8611)
 A_WORD = re.compile(r"[^\W\d_]{3}")
 EMPTY_WORDS = {"alarm", "error", "fault", "failed", "unknown", "none", "n/a"}
@@ -27,6 +28,24 @@ def test_time_stamps_never_go_back(harness: Harness) -> None:
     assert (steps >= 0).all(), "a value is older than the one before"
     assert steps.max() <= 1e9 * (5 * harness.feedback_s + 0.05)
     harness.rest()
+
+
+def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
+    """Values and their time change together: the age of a value is known."""
+    values: list[tuple[int, float]] = []
+    targets = harness.image.position_command + harness.travel()
+    with harness.each_period(
+        lambda image: values.append((image.fresh_ns, float(image.position[0])))
+    ):
+        harness.move(harness.all, targets)
+        harness.rest()
+    stamps, positions = np.array([stamp for stamp, _ in values]), np.array(values)[:, 1]
+    fresh, moved = np.diff(stamps) > 0, np.diff(positions) != 0
+    assert not (moved & ~fresh).any(), "a value changed and its time did not"
+    fast = np.abs(np.diff(positions)) > 0.5 * np.abs(np.diff(positions)).max()
+    begin, end = np.flatnonzero(fast)[[0, -1]]
+    held = (fresh & ~moved)[begin:end].sum() / fresh[begin:end].sum()
+    assert held <= HELD, f"{held:.0%} of the time stamps are newer than their values"
 
 
 def test_a_blocked_axis_is_measured_where_it_is(make_harness: MakeHarness) -> None:
