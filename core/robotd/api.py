@@ -50,6 +50,7 @@ from robotd.motion.profile import (
     profile_to_velocity,
 )
 from robotd.plugin.code_table import CodeTable
+from robotd.plugin.drive_remedies import drive_remedy
 from robotd.plugin.hookspecs import (
     API_VERSION,
     BackendInfo,
@@ -106,6 +107,7 @@ __all__ = [
     "Underrun",
     "Unsupported",
     "did_you_mean",
+    "drive_remedy",
     "get_logger",
     "hookimpl",
     "load_robot_descriptor",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,39 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
+from playwright.sync_api import Page, expect
+from tests.page.browser import DESKTOP, chromium, needs_browser, open_page
 from tests.page.viewer import served_page
 from tests.unit.observation.harness import Observed
 
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf import read_urdf
-from robotd.page.page_server import BUNDLE_FOLDER, PageServer
+from robotd.page.page_server import PageServer
 
-PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-CHROMIUM = next(filter(None, map(shutil.which, PROGRAMS)), None)
-FLAGS = (
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--no-first-run",
-)
-TIMEOUT_MS = 40_000
-DESKTOP = ViewportSize(width=1280, height=800)
 NODES = load_robot_descriptor("cr3a").nodes
 POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]
 BENT = 25  # least difference of a pixel in front of the background, of 255
 SCREENSHOT = Path(__file__).parents[2] / "build" / "page"
-REASON = (
-    "no Chromium (apt install chromium)"
-    if CHROMIUM is None
-    else "the page is not built (make page)"
-)
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None or not (BUNDLE_FOLDER / "page.js").is_file(),
-    reason=f"the page is not tested in a browser: {REASON}",
-)
+pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")
@@ -56,20 +36,12 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Observed,
 @pytest.fixture(scope="module")
 def opened(served: tuple[Observed, PageServer]) -> Iterator[Page]:
     """One page for all tests: to load it takes seconds where the processor draws."""
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=FLAGS, timeout=TIMEOUT_MS
-        )
-        page = browser.new_page(viewport=DESKTOP)
-        page.set_default_timeout(TIMEOUT_MS)
-        expect.set_options(timeout=TIMEOUT_MS)
-        errors: list[str] = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+    errors: list[str] = []
+    with chromium() as browser:
+        page = open_page(browser, errors)
         page.goto(served[1].url)
         page.locator("body[data-connected=yes]").wait_for()
         yield page
-        browser.close()
     assert not errors  # of scripts, and violations of the policy
 
 

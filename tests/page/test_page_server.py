@@ -142,6 +142,7 @@ def test_a_viewer_gets_the_description_the_past_and_what_changes(tmp_path: Path)
             (first, *_) = viewer.state["problems"]
             assert first["text"] == "joint3: amplifier alarm 34321 (following error)"
             assert first["is_fault"]
+            assert first["remedy"].startswith("Look for a blocked axis")  # as `robotd explain` says
             assert "robotd recover" in first["remedy"]
             assert "following error" in viewer.state["axes"][2]["fault"]
             await viewer.until(lambda: any(each["kind"] == "fault" for each in viewer.events))

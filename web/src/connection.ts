@@ -12,7 +12,7 @@ export interface Receiver {
 }
 
 export function connect(receiver: Receiver): void {
-  const socket = new WebSocket(`ws://${location.host}/ws`);
+  const socket = new WebSocket(`ws://${location.host}/ws${location.search}`);
   socket.binaryType = "arraybuffer";
   socket.onmessage = ({ data }) => {
     if (typeof data === "string") receiver.onMessage(JSON.parse(data) as Message);

@@ -32,6 +32,7 @@ export interface Description {
   io_names: Record<string, string>; // by address such as "in0.3"
   nodes: string[];
   urdf: string;
+  urdf_file: string; // on the robot's computer
   meshes: Record<string, string>;
 }
 
@@ -111,7 +112,29 @@ export interface Events {
   events: RobotEvent[];
 }
 
-export type Message = Description | State | Events;
+// Of a page that shows robots of other processes.
+export interface RemoteRobot {
+  name: string; // its namespace
+  robot: string;
+  summary: string;
+  backend: string;
+  computer: string;
+  simulated: boolean;
+}
+
+export interface Robots {
+  type: "robots";
+  shown: string; // name of the robot whose messages follow; "" for none
+  robots: RemoteRobot[]; // that answer
+}
+
+// The robot does not answer any more.
+export interface Lost {
+  type: "lost";
+  reason: string;
+}
+
+export type Message = Description | State | Events | Robots | Lost;
 
 const HEADER = 6; // time, lateness, closed, x, y, heading
 export const ROWS = 5; // position command, velocity command, position, velocity, torque

@@ -8,6 +8,7 @@ import { History } from "./history";
 import { type Description, type Message, PROTOCOL, samplesOf } from "./messages";
 import { BusPanel, EventPanel, GoalPanel, HeadPanel, IoPanel } from "./panels";
 import { Plots } from "./plots";
+import { RobotList } from "./robot_list";
 import { Units } from "./units";
 import { View } from "./view";
 
@@ -25,6 +26,7 @@ const goals = new GoalPanel();
 const io = new IoPanel();
 const bus = new BusPanel();
 const events = new EventPanel();
+const robots = new RobotList();
 let description: Description | undefined;
 let numbersDue = 0;
 let plotsDue = 0;
@@ -54,7 +56,19 @@ function receive(message: Message): void {
     case "events":
       events.add(message.events);
       break;
+    case "robots":
+      robots.update(message);
+      break;
+    case "lost":
+      showLost(message.reason);
+      break;
   }
+}
+
+function showLost(reason: string): void {
+  banners.showLost(reason);
+  setClass(document.body, "lost", true);
+  document.body.dataset["connected"] = "no";
 }
 
 function draw(now: number): void {
@@ -90,9 +104,7 @@ connect({
   },
   onLost(reason) {
     description = undefined;
-    banners.showLost(reason);
-    setClass(document.body, "lost", true);
-    document.body.dataset["connected"] = "no";
+    showLost(reason);
   },
 });
 requestAnimationFrame(draw);

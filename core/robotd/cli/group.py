@@ -19,7 +19,7 @@ DEFAULT = "run"
 COMMANDS_PACKAGE = "robotd.cli.commands"
 ROS_COMMANDS = (
     DEFAULT, "status", "move", "jog", "gripper", "output", "servo", "stop", "reset", "speed",
-    "pause", "resume", "recover", "sdo", "snapshot", "record", "sim", "new-robot",
+    "pause", "resume", "recover", "sdo", "snapshot", "record", "page", "sim", "new-robot",
 )  # fmt: skip
 
 

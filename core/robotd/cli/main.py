@@ -29,6 +29,7 @@ COMMANDS = {
     "snapshot": "Save the last seconds of the running robot.",
     "explain": "Explain a recording, or an alarm, error or abort code.",
     "record": "Record the running robot, or repair a recording.",
+    "page": "Serve the live pages of all robots of the ROS domain.",
     "sim": "Scenarios and faults for the simulation.",
     "conform": "Run the conformance checks on a backend. Axes move.",
     "wmx": "Readiness of a machine for the WMX backend.",

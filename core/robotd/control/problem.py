@@ -30,10 +30,12 @@ class Problem:
     Attributes:
         kind: see ``ProblemKind``.
         text: one line for people, with the names of the axes.
+        code: of the drive's alarm; 0 for other kinds.
     """
 
     kind: ProblemKind
     text: str
+    code: int = 0
 
     def __str__(self) -> str:
         return self.text
@@ -73,7 +75,8 @@ def _axis_problems(
     faulty += [axis for axis in used if image.offline[axis] and axis not in faulty]
     for axis in faulty:
         kind = ProblemKind.OFFLINE if image.offline[axis] else ProblemKind.ALARM
-        yield Problem(kind, f"{names[axis]}: {image.fault(axis)}")
+        code = int(image.alarm_code[axis]) if kind is ProblemKind.ALARM else 0
+        yield Problem(kind, f"{names[axis]}: {image.fault(axis)}", code)
     off = [names[axis] for axis in used if not image.servo_on[axis] and axis not in faulty]
     if off:
         yield Problem(ProblemKind.SERVO_OFF, f"servo off: {', '.join(off)}")

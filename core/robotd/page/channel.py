@@ -20,12 +20,13 @@ class Feed(Protocol):
         """
         ...
 
-    def live(self) -> bytes | None:
-        """Return the newest samples; None without a new one."""
-        ...
+    def messages(self, viewers: int, *, changes: bool) -> Iterable[Message]:
+        """Yield what is new, called at ``RATE_HZ`` while there are viewers.
 
-    def changes(self, viewers: int) -> Iterable[Message]:
-        """Yield what is new besides the samples."""
+        Args:
+            viewers: number of viewers.
+            changes: besides the samples, everything else is due too.
+        """
         ...
 
     def release(self) -> None:
@@ -74,17 +75,12 @@ class Channel:
 
     def publish(self, *, changes: bool) -> None:
         """Send the newest samples, and the changes where they are due."""
-        if samples := self._feed.live():
-            self._put([samples])
-        if changes:
-            self._put([*self._feed.changes(len(self.viewers))])
+        messages = [*self._feed.messages(len(self.viewers), changes=changes)]
+        for viewer in self.viewers:
+            viewer.put(messages)
 
     def discard(self, viewer: Viewer) -> None:
         """Remove a viewer that has gone."""
         self.viewers.discard(viewer)
         if not self.viewers:
             self._feed.release()
-
-    def _put(self, messages: list[Message]) -> None:
-        for viewer in self.viewers:
-            viewer.put(messages)

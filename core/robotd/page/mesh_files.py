@@ -23,9 +23,14 @@ FOLDER = "/mesh/"  # of the server
 
 
 class MeshFiles:
-    """Files that the server may read, by their URL. One thread adds, any thread reads."""
+    """Files that the server may read, by their URL. One thread adds, any thread reads.
 
-    def __init__(self) -> None:
+    Args:
+        folder: first part of the URLs.
+    """
+
+    def __init__(self, folder: str = FOLDER) -> None:
+        self._folder = folder
         self._files: dict[str, Path] = {}
         self._count = 0
 
@@ -38,7 +43,7 @@ class MeshFiles:
         """
         urls = {}
         for name, file in mesh_files(urdf, path).items():
-            folder = f"{FOLDER}{self._count}/"
+            folder = f"{self._folder}{self._count}/"
             self._count += 1
             self._files[folder + file.name] = file
             urls[name] = quote(folder + file.name)

@@ -10,6 +10,7 @@ from robotd.observation.tap import Tap
 from robotd.page.live_samples import LiveSamples
 from robotd.page.page_description import describe
 from robotd.page.page_state import Goals, event_of, state_of
+from robotd.page.remedies import backend_tables
 from robotd.page.viewers import Message
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
@@ -28,6 +29,7 @@ class PageFeed:
         self._tap = tap
         self._nodes, self._meshes = nodes, meshes
         self._live = LiveSamples(tap)
+        backend_tables(tap.robot)  # imported now, not at the first alarm
         self._goals = Goals(tap.robot)
         self._cursor = 0
         self._state: dict[str, Any] = {}
@@ -50,6 +52,13 @@ class PageFeed:
             _text({"type": "events", "events": [*map(event_of, events)]}),
         ]
 
+    def messages(self, viewers: int, *, changes: bool) -> Iterator[Message]:
+        """Yield the newest sample, and the events and the state where they are due."""
+        if sample := self.live():
+            yield sample
+        if changes:
+            yield from self.changes(viewers)
+
     def live(self) -> bytes | None:
         """Return the newest sample; None without a new one."""
         return self._live.sample()
@@ -64,6 +73,10 @@ class PageFeed:
         if state != self._state:
             self._state = state
             yield _text(state)
+
+    def repeat_state(self) -> None:
+        """Yield the state with the next changes, new or not."""
+        self._state = {}
 
     def release(self) -> None:
         """Nothing to do: nothing is computed between the calls."""

@@ -15,19 +15,12 @@ from robotd.device.state import CommandMode, Operation
 from robotd.errors import RobotdError
 from robotd.events import Event, EventKind
 from robotd.observation.tap import MAX_IO_BYTES, Tap
+from robotd.page.remedies import remedy
 from robotd.robot import Robot
 
 FAULTS = frozenset(
     {ProblemKind.DEVICE, ProblemKind.CONTROLLER, ProblemKind.ALARM, ProblemKind.OFFLINE}
 )
-REMEDIES = {
-    ProblemKind.DEVICE: "Check the power and the cables of the device, then: robotd recover",
-    ProblemKind.CONTROLLER: "Remove the cause, then: robotd recover",
-    ProblemKind.ALARM: "Remove the cause, then: robotd recover",
-    ProblemKind.OFFLINE: "Check the power and the cable of the drive, then: robotd recover",
-    ProblemKind.SERVO_OFF: "To switch it on: robotd servo on",
-    ProblemKind.STOPPED: "When it is safe to move: robotd reset",
-}
 MAX_GOALS = 64  # accepted goals whose sender is remembered
 SWITCHES = ("home_switch", "negative_limit", "positive_limit")
 
@@ -46,7 +39,7 @@ def state_of(tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int) 
         "type": "state",
         "device": robot.connection.state.value,
         "ready": robot.connection.ready,
-        "problems": [_problem(each) for each in robot.find_problems()],
+        "problems": [_problem(robot, each) for each in robot.find_problems()],
         "speed": speed.speed,
         "paused": speed.paused,
         "axes": [_axis(robot, image, axis) for axis in range(image.axes)],
@@ -109,12 +102,12 @@ def event_of(event: Event) -> dict[str, Any]:
     }
 
 
-def _problem(problem: Problem) -> dict[str, Any]:
+def _problem(robot: Robot, problem: Problem) -> dict[str, Any]:
     return {
         "kind": str(problem.kind),
         "is_fault": problem.kind in FAULTS,
         "text": problem.text,
-        "remedy": REMEDIES.get(problem.kind, ""),
+        "remedy": remedy(robot, problem),
     }
 
 

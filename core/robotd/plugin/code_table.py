@@ -1,7 +1,7 @@
 """Tables of alarm, error and abort codes, offered by plugins for ``robotd explain CODE``.
 
 A table is an entry point of the group ``robotd.codes`` that leads to a ``CodeTable``. It is
-imported only for that command, so it must not need hardware or a device library.
+imported for that command and the live page, so it must not need hardware or a device library.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ class CodeTable:
         digits: hexadecimal digits of a code; 0: they are written in decimal.
         other: meaning of a code that is not in ``texts``, such as the class that it belongs to,
             "" for none; None: there are no others.
+        remedy: what to do about a code, "" where it is not known; None: it never is.
     """
 
     title: str
     texts: Mapping[int, str]
     digits: int = 4
     other: Callable[[int], str] | None = None
+    remedy: Callable[[int], str] | None = None
 
     def line(self, code: int) -> str:
         """Return ``CANopen emergency 0x8611: following error``; "" for a code of another kind."""
@@ -38,11 +40,21 @@ class CodeTable:
         number = f"0x{code:0{self.digits}X}" if self.digits and code >= 0 else str(code)
         return f"{self.title} {number}: {text}" if text else ""
 
+    def advice(self, code: int) -> str:
+        """Return what to do about a code; "" where it is not known."""
+        return self.remedy(code) if self.remedy else ""
 
-def load_code_tables() -> tuple[list[CodeTable], dict[str, str]]:
-    """Return the tables of all plugins, and why others failed, by entry point."""
+
+def load_code_tables(package: str = "") -> tuple[list[CodeTable], dict[str, str]]:
+    """Return the tables of all plugins, and why others failed, by entry point.
+
+    Args:
+        package: only those of this top-level package; "": all.
+    """
     tables, failures = [], {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        if package and entry.module.partition(".")[0] != package:
+            continue
         try:
             table = entry.load()
             if not isinstance(table, CodeTable):

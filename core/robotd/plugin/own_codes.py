@@ -1,8 +1,16 @@
-"""Codes of robotd itself: results of goals, and exit statuses."""
+"""Codes of robotd itself: results of goals."""
 
 from __future__ import annotations
 
 from robotd.plugin.code_table import CodeTable
+
+_REMEDIES = {
+    -1: "Read the text of the result: it names joint, value and limit, or what stopped the goal",
+    -2: "Compare the names with `robotd status` or the topic joint_states",
+    -3: "Set header.stamp to 0 (now) or to a time to come, and compare the clocks of the computers",
+    -4: "Look for a blocked or overloaded joint; drive slower, or set another path tolerance",
+    -5: "Look for a blocked joint; set goal_time_s or the goal tolerance to what the drive reaches",
+}
 
 # control_msgs/action/FollowJointTrajectory, with what robotd means by each.
 GOAL_RESULTS = CodeTable(
@@ -16,4 +24,5 @@ GOAL_RESULTS = CodeTable(
         -5: "GOAL_TOLERANCE_VIOLATED: a joint was not at the goal within goal_time_s",
     },
     digits=0,
+    remedy=lambda code: _REMEDIES.get(code, ""),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
@@ -22,6 +22,7 @@ from robotd.ros.node_registry import (
     select_nodes,
 )
 from robotd.ros.nodes.operator_node import OperatorNode
+from robotd.ros.nodes.page_topics import PageTopics
 from robotd.ros.nodes.recorder_services import add_recorder_services
 from robotd.ros.senders import Senders
 
@@ -45,7 +46,7 @@ def run_nodes(
         robot, names, registry: as for ``serve``.
         host: started.
         faults: of a simulation; with it there is the node ``robotd_sim``.
-        recorder: with it the node ``robotd`` has its services.
+        recorder: with it the node ``robotd`` has its services, and the topics of a remote page.
 
     Raises:
         DescriptorError, PluginError: a node or a parameter is wrong.
@@ -67,7 +68,10 @@ def run_nodes(
     check_overrides(nodes, {*BUILT_IN, *added}, {*known_nodes(registry), *added}, host.args)
     for node in nodes:
         host.add_node(node)
-    with Diagnostics(nodes, robot):
+    with ExitStack() as stack:
+        stack.enter_context(Diagnostics(nodes, robot))
+        if recorder is not None:
+            stack.enter_context(PageTopics(operator, recorder.tap, [*chosen]))
         yield nodes
 
 

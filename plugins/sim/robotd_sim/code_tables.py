@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.api import CodeTable
+from robotd.api import CodeTable, drive_remedy
 from robotd_sim.alarms import ALARMS
 
-DRIVE_ALARMS = CodeTable("alarm of a simulated drive", ALARMS)
+DRIVE_ALARMS = CodeTable("alarm of a simulated drive", ALARMS, remedy=drive_remedy)

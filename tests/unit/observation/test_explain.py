@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from robotd_canopen.code_tables import EMERGENCIES
+from robotd_sim.code_tables import DRIVE_ALARMS
 from tests.unit.observation.harness import Observed
 
 from robotd.cli import main
@@ -90,6 +92,17 @@ def test_codes_of_every_table_are_explained(code: str, meaning: str) -> None:
     result = explain("--", code)
     assert result.exit_code == 0, result.output
     assert meaning in result.output
+
+
+def test_every_known_code_of_a_drive_comes_with_what_to_do() -> None:
+    for table in (DRIVE_ALARMS, EMERGENCIES):
+        for code in table.texts:
+            if 0x1000 < code < 0xFF00:
+                assert table.advice(code), hex(code)
+    assert "Look for a blocked axis" in explain("0x8611").output
+    assert "EDS of the drive" in explain("0x06090011").output
+    assert "path tolerance" in explain("--", "-4").output
+    assert DRIVE_ALARMS.advice(0xFF01) == DRIVE_ALARMS.advice(0) == ""
 
 
 def test_an_unknown_code_is_said_to_be_unknown() -> None:

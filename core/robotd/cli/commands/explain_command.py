@@ -87,7 +87,9 @@ def _numbers(word: str) -> list[int]:
 
 
 def _meanings(code: int, tables: Sequence[CodeTable]) -> list[str]:
-    return [line for table in tables if (line := table.line(code))]
+    """Return each meaning of a code, and below it what to do."""
+    found = [(table.line(code), table.advice(code)) for table in tables if table.line(code)]
+    return [text for line, advice in found for text in (line, f"  {advice}") if text.strip()]
 
 
 def _tables() -> list[CodeTable]:

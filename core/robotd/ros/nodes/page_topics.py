@@ -1,0 +1,113 @@
+"""Topics for pages in other processes, on the node ``robotd``; silent while nobody subscribes."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any, Self
+
+from rclpy.node import Node
+from std_msgs.msg import String, UInt8MultiArray
+
+from robotd.log import get_logger
+from robotd.observation.tap import Tap
+from robotd.page.live_samples import RATE_HZ
+from robotd.page.page_description import describe
+from robotd.page.page_feed import PageFeed
+from robotd.recording.message_encoders import octets_message, string_message
+from robotd.ros.nodes.ready_topic import publish_if_alive
+from robotd.ros.page_messages import (
+    ALL,
+    CHANGES,
+    FIRST,
+    LATCHED,
+    NEWEST,
+    ROBOT,
+    SAMPLES,
+    pack_first,
+)
+
+log = get_logger("page")
+
+SILENT_PERIOD_S = 0.5  # for a look whether somebody subscribes
+CHANGES_TICKS = 3  # of ``RATE_HZ``: state, events, and a look for subscribers
+STATE_TICKS = 30  # the state is repeated, as a sign of life
+INTRODUCTION = ("robot", "summary", "variant", "backend", "version", "simulated")
+
+
+class PageTopics:
+    """Publishes what a page shows: ``with PageTopics(...):``. Its thread is ``robotd-page-topics``.
+
+    Args:
+        node: the one of the operator.
+        tap: of the robot.
+        nodes: names of the ROS nodes that are served.
+    """
+
+    def __init__(self, node: Node, tap: Tap, nodes: Sequence[str]) -> None:
+        self._feed = PageFeed(tap, nodes, {})
+        self._yield_to_control_loop = tap.robot.control_loop.yield_to_control_loop
+        self._robot = node.create_publisher(String, ROBOT, LATCHED)
+        self._first = node.create_publisher(UInt8MultiArray, FIRST, LATCHED)
+        self._samples = node.create_publisher(UInt8MultiArray, SAMPLES, NEWEST)
+        self._changes = node.create_publisher(String, CHANGES, ALL)
+        self._introduction = introduction(describe(tap, nodes, {}))
+        self._subscribers = 0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robotd-page-topics", daemon=True)
+
+    def __enter__(self) -> Self:
+        publish_if_alive(self._robot, String(data=self._introduction))
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        tick, due_s = 0, 0.0
+        try:
+            while True:
+                period_s = 1.0 / RATE_HZ if self._subscribers else SILENT_PERIOD_S
+                due_s = max(due_s + period_s, time.monotonic())
+                if self._stop.wait(due_s - time.monotonic()):
+                    return
+                self._yield_to_control_loop()
+                if tick % CHANGES_TICKS == 0 or not self._subscribers:
+                    self._look_for_subscribers()
+                if self._subscribers:
+                    self._publish(tick)
+                tick += 1
+        except Exception:
+            log.exception("the topics of the page have ended")
+
+    def _look_for_subscribers(self) -> None:
+        """Publish the first message for a new subscriber, and clear it after the last one."""
+        before, self._subscribers = self._subscribers, self._first.get_subscription_count()
+        if self._subscribers > before:
+            data = pack_first(self._feed.first(self._subscribers))
+        elif before and not self._subscribers:
+            data = octets_message(b"")
+        else:
+            return
+        publish_if_alive(self._first, data)
+
+    def _publish(self, tick: int) -> None:
+        if tick % STATE_TICKS == 0:
+            self._feed.repeat_state()
+        changes = tick % CHANGES_TICKS == 0
+        for message in self._feed.messages(self._subscribers, changes=changes):
+            if isinstance(message, bytes):
+                publish_if_alive(self._samples, octets_message(message))
+            else:
+                publish_if_alive(self._changes, string_message(message))
+
+
+def introduction(description: dict[str, Any]) -> str:
+    """Return who answers, as JSON: keys of ``INTRODUCTION`` and the computer's name."""
+    known = {key: description[key] for key in INTRODUCTION}
+    return json.dumps({**known, "computer": socket.gethostname()})
