@@ -35,7 +35,7 @@ _REMEDIES = {
 
 
 def drive_remedy(code: int) -> str:
-    """Return what to do about an error code of a drive; "" where it is not known.
+    """Return what to do about an error code; "" where it is not known.
 
     Args:
         code: of CiA 402, 16 bit; the longest match counts.

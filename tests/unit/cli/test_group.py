@@ -103,7 +103,7 @@ def test_commands_without_ros_take_no_ros_args(robotd: Robotd, command: str) -> 
     assert result.exit_code == ExitCode.USAGE
     assert (
         "--ros-args belongs to run, status, move, jog, gripper, output, servo, stop, reset, speed,"
-        " pause, resume, recover, sdo, snapshot, record, sim, new-robot only" in result.output
+        " pause, resume, recover, sdo, snapshot, record, page, sim, new-robot only" in result.output
     )
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from robotd_canopen.code_tables import EMERGENCIES
-from robotd_sim.code_tables import DRIVE_ALARMS
 from tests.unit.observation.harness import Observed
 
 from robotd.cli import main
 from robotd.events import sent_by
 from robotd.recording.explanation import find_incident
 from robotd.recording.recording_reader import read_recording
+from robotd_canopen.code_tables import EMERGENCIES
+from robotd_sim.code_tables import DRIVE_ALARMS
 
 
 @pytest.fixture(scope="module")

@@ -48,7 +48,7 @@ class RemoteRobots:
         self._due_s = 0.0
 
     def feed(self, robot: str) -> RemoteFeed:
-        """Return the feed of a robot that answers; of another name the list of robots alone."""
+        """Return the feed of a robot, or the list alone where none answers."""
         if not any(each["name"] == robot for each in self._robots):
             return self._feeds.get(robot, self._directory)
         if robot not in self._feeds:
