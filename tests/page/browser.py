@@ -1,11 +1,14 @@
-"""Chromium for the tests of the page, and the mark of the tests that need it."""
+"""Chromium for the tests of the page, the mark of the tests that need it, and pictures."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
 
@@ -23,6 +26,8 @@ FLAGS = (
 )
 TIMEOUT_MS = 40_000
 DESKTOP = ViewportSize(width=1280, height=800)
+PHONE = ViewportSize(width=360, height=740)
+SCREENSHOT = Path(__file__).parents[2] / "build" / "page"
 REASON = (
     "no Chromium (apt install chromium)"
     if CHROMIUM is None
@@ -55,3 +60,46 @@ def open_page(browser: Browser, errors: list[str]) -> Page:
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
     return page
+
+
+def keep_screenshot(page: Page, name: str, *, full_page: bool = True) -> None:
+    """Keep a picture for the documentation in build/page."""
+    SCREENSHOT.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=SCREENSHOT / f"{name}.png", full_page=full_page)
+
+
+def has_sideways_scrolling(page: Page) -> bool:
+    width, available = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+    return bool(width > available)
+
+
+COLORS = """pairs => {
+  const style = getComputedStyle(document.documentElement);
+  const color = name => {
+    const element = document.createElement("i");
+    element.style.color = style.getPropertyValue(name);
+    document.body.append(element);
+    const numbers = getComputedStyle(element).color.match(/\\d+/g).map(Number);
+    element.remove();
+    return numbers;
+  };
+  return pairs.map(([front, back]) => [color(front), color(back)]);
+}"""
+
+
+def contrasts(page: Page, scheme: Any, pairs: Sequence[tuple[str, str]]) -> list[float]:
+    """Contrast of pairs of colours of the style sheet, by WCAG 2.2; the scheme is light or dark."""
+    page.emulate_media(color_scheme=scheme)
+    colors = page.evaluate(COLORS, [*map(list, pairs)])
+    page.emulate_media(color_scheme="light")
+    found = []
+    for both in colors:
+        lighter, darker = sorted(map(_luminance, both), reverse=True)
+        found.append((lighter + 0.05) / (darker + 0.05))
+    return found
+
+
+def _luminance(color: list[float]) -> float:
+    share = np.array(color) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])

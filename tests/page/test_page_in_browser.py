@@ -6,13 +6,21 @@ import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Page, expect
-from tests.page.browser import DESKTOP, chromium, needs_browser, open_page
+from tests.page.browser import (
+    DESKTOP,
+    PHONE,
+    chromium,
+    contrasts,
+    has_sideways_scrolling,
+    keep_screenshot,
+    needs_browser,
+    open_page,
+)
 from tests.page.viewer import served_page
 from tests.unit.observation.harness import Observed
 
@@ -23,7 +31,6 @@ from robotd.page.page_server import PageServer
 NODES = load_robot_descriptor("cr3a").nodes
 POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]
 BENT = 25  # least difference of a pixel in front of the background, of 255
-SCREENSHOT = Path(__file__).parents[2] / "build" / "page"
 pytestmark = needs_browser
 
 
@@ -195,36 +202,25 @@ def test_the_page_works_by_keyboard(arm: Observed, page: Page) -> None:
 
 
 def test_a_phone_needs_no_sideways_scrolling(page: Page) -> None:
-    page.set_viewport_size({"width": 360, "height": 740})
-    widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
-    assert widths[0] <= widths[1]
+    page.set_viewport_size(PHONE)
+    assert not has_sideways_scrolling(page)
     keep_screenshot(page, "page-phone")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_has_enough_contrast(page: Page, scheme: Any) -> None:
-    page.emulate_media(color_scheme=scheme)
-    pairs = page.evaluate(
-        """() => {
-          const style = getComputedStyle(document.documentElement);
-          const color = name => {
-            const element = document.createElement("i");
-            element.style.color = style.getPropertyValue(name);
-            document.body.append(element);
-            const numbers = getComputedStyle(element).color.match(/\\d+/g).map(Number);
-            element.remove();
-            return numbers;
-          };
-          return [["--text", "--back"], ["--text", "--panel"], ["--muted", "--panel"],
-            ["--muted", "--back"], ["--good", "--good-back"], ["--warn", "--warn-back"],
-            ["--bad", "--bad-back"], ["--bad", "--panel"], ["--accent", "--panel"]]
-            .map(([front, back]) => [front, back, color(front), color(back)]);
-        }"""
-    )
-    page.emulate_media(color_scheme="light")
-    for front, back, front_color, back_color in pairs:
-        lighter, darker = sorted(map(luminance, (front_color, back_color)), reverse=True)
-        assert (lighter + 0.05) / (darker + 0.05) >= 4.5, (scheme, front, back)
+def test_text_has_enough_contrast(page: Page, scheme: str) -> None:
+    pairs = [
+        ("--text", "--back"),
+        ("--text", "--panel"),
+        ("--muted", "--panel"),
+        ("--muted", "--back"),
+        ("--good", "--good-back"),
+        ("--warn", "--warn-back"),
+        ("--bad", "--bad-back"),
+        ("--bad", "--panel"),
+        ("--accent", "--panel"),
+    ]
+    assert min(contrasts(page, scheme, pairs)) >= 4.5
 
 
 ROBOT = """
@@ -334,16 +330,3 @@ def test_links_are_drawn_as_their_mesh_or_as_capsules(
         shows(page, 1, "+1.2000 rad")
         assert min(differences(upright, picture(page), both)) > BENT
         page.goto("about:blank")
-
-
-def luminance(color: list[float]) -> float:
-    """Relative luminance of WCAG 2.2."""
-    share = np.array(color) / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return float(linear @ [0.2126, 0.7152, 0.0722])
-
-
-def keep_screenshot(page: Page, name: str) -> None:
-    """Keep a picture for the documentation in build/page."""
-    SCREENSHOT.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOT / f"{name}.png", full_page=True)

@@ -14,6 +14,7 @@ import aiohttp
 import numpy as np
 from tests.unit.observation.harness import Observed
 
+from robotd.page.control_server import PageControl
 from robotd.page.live_samples import HEADER
 from robotd.page.page_server import PageServer
 from robotd.page.robot_source import RobotSource
@@ -31,11 +32,15 @@ def wait_until(condition: Callable[[], Any]) -> None:
 
 @contextmanager
 def served_page(folder: Path, **options: Any) -> Iterator[tuple[Observed, PageServer]]:
-    """An arm whose page is served at any free port."""
+    """An arm whose page is served at any free port; with ``has_control`` it takes commands."""
     arm = Observed(folder, robot=options.pop("robot", "cr3a"))
     nodes = options.pop("nodes", ["first_node", "second_node"])
+    has_control = options.pop("has_control", False)
+    source = RobotSource(arm.tap, nodes, has_control=has_control)
+    if has_control:
+        options["control"] = PageControl(arm.robot)
     try:
-        with PageServer(RobotSource(arm.tap, nodes), 0, **options) as server:
+        with PageServer(source, 0, **options) as server:
             yield arm, server
     finally:
         arm.close()

@@ -34,6 +34,7 @@ export interface Description {
   urdf: string;
   urdf_file: string; // on the robot's computer
   meshes: Record<string, string>;
+  has_control: boolean; // the page can be unlocked
 }
 
 export interface Problem {
@@ -176,6 +177,16 @@ export class Sample {
   }
   followingError(axis: number): number {
     return this.positionCommand(axis) - this.position(axis);
+  }
+
+  // The robot looks the same: axes, base and gripper have not moved.
+  looksLike(other: Sample): boolean {
+    const first = HEADER + this.groups + 2 * this.axes;
+    for (let index = 2; index < first + this.axes; index++) {
+      if (index === HEADER) index = first; // from the pose to the positions
+      if (!Object.is(this.numbers[index], other.numbers[index])) return false;
+    }
+    return true;
   }
 
   private row(row: number, axis: number): number {

@@ -3,6 +3,7 @@
 import { AxesTable } from "./axes";
 import { Banners } from "./banners";
 import { connect } from "./connection";
+import { Control } from "./control";
 import { find, setClass } from "./dom";
 import { History } from "./history";
 import { type Description, type Message, PROTOCOL, samplesOf } from "./messages";
@@ -27,6 +28,7 @@ const io = new IoPanel();
 const bus = new BusPanel();
 const events = new EventPanel();
 const robots = new RobotList();
+const control = new Control(units);
 let description: Description | undefined;
 let numbersDue = 0;
 let plotsDue = 0;
@@ -38,7 +40,7 @@ function describe(message: Description): void {
   }
   description = message;
   history.clear();
-  for (const part of [view, axes, plots, banners, head, goals, io, events]) part.describe(message);
+  for (const part of [view, axes, plots, banners, head, goals, io, events, control]) part.describe(message);
   setClass(document.body, "lost", false);
   document.body.dataset["connected"] = "yes";
 }
@@ -49,7 +51,7 @@ function receive(message: Message): void {
       describe(message);
       break;
     case "state":
-      for (const part of [banners, head, goals, io, bus]) part.update(message);
+      for (const part of [banners, head, goals, io, bus, control]) part.update(message);
       axes.update(message.axes);
       view.setFaults(message.axes.map((each) => Boolean(each.fault)));
       break;
@@ -77,6 +79,7 @@ function draw(now: number): void {
     numbersDue = now + NUMBERS_MS;
     axes.show(sample);
     goals.show(sample);
+    control.show(sample);
   }
   if (now >= plotsDue) {
     plotsDue = now + PLOTS_MS;

@@ -19,6 +19,7 @@ export class View {
   private controls: OrbitControls | undefined;
   private model: RobotModel | undefined;
   private ground: THREE.Object3D | undefined;
+  private shown: Sample | undefined; // the newest that differs
   private dirty = true;
   private reach = 1; // diagonal of the robot
   private height = 0.5; // of its middle
@@ -50,7 +51,7 @@ export class View {
   describe(description: Description): void {
     if (!this.renderer) return;
     if (this.model) this.scene.remove(this.model.object);
-    this.model = undefined;
+    this.model = this.shown = undefined;
     if (!description.urdf) {
       setText(this.note, "This robot has no URDF: there is nothing to draw.");
       return;
@@ -71,7 +72,8 @@ export class View {
   }
 
   show(sample: Sample): void {
-    if (!this.model) return;
+    if (!this.model || this.shown?.looksLike(sample)) return;
+    this.shown = sample;
     this.model.show(sample);
     this.follow(this.model.object.position);
     this.dirty = true;

@@ -231,6 +231,7 @@ class JointStreams:
         owner: str = OWNER,
         takeover: bool | None = None,
         ends_when_silent: bool = False,
+        max_velocity: Sequence[float] | None = None,
     ) -> JointStream:
         """Return an open stream of some joints.
 
@@ -242,9 +243,11 @@ class JointStreams:
             owner: name of the client, for those who ask for the same joints.
             takeover: take the joints from another owner in motion; None: as the descriptor says.
             ends_when_silent: the stream ends ``timeout_s`` after the last command.
+            max_velocity: one for each of ``joints``, rad/s or m/s; None: their limits. A lower
+                one than the limit is used, whatever is commanded.
 
         Raises:
-            InvalidArgument: unknown joint or mode, or a time-out that is not positive.
+            InvalidArgument: unknown joint or mode, or a time-out or velocity that is not positive.
             NotReady: a joint cannot be commanded now, or has another owner, or motion is paused.
             Unsupported: the backend streams no positions.
         """
@@ -261,6 +264,8 @@ class JointStreams:
 
         scale = self._axes.speed.at_start()
         slowed = replace(limits, velocity=limits.velocity * scale)
+        if max_velocity is not None:
+            slowed = _limited(slowed, columns, max_velocity)
 
         def plan(state: MotionState) -> Callable[[int], StreamMotion]:
             def make(start_ns: int) -> StreamMotion:
@@ -284,6 +289,18 @@ class JointStreams:
         allowed = self._settings.takeover if takeover is None else takeover
         motion = self._motion.start(plan, owner=owner, takeover=allowed)
         return JointStream(motion, self._motion.release, columns, slowed, self._clock)
+
+
+def _limited(limits: JointLimits, columns: IntArray, velocity: Sequence[float]) -> JointLimits:
+    highest: FloatArray = np.array(velocity, np.float64)
+    if highest.shape != columns.shape or not (highest > 0.0).all():
+        raise InvalidArgument(
+            f"max_velocity is {velocity}, must be a positive number for each of"
+            f" {len(columns)} joints"
+        )
+    lower = limits.velocity.copy()
+    lower[columns] = np.minimum(lower[columns], highest)
+    return replace(limits, velocity=lower)
 
 
 def _columns(joints: Sequence[str], known: Sequence[str]) -> IntArray:

@@ -216,6 +216,11 @@ class RobotDescriptor(Section):
         le=65535,
         description="Port of the live page on the loopback interface; null: not served.",
     )
+    page_control: bool = Field(
+        False,
+        description="The live page can control the robot, with the token that is printed at "
+        "each start; false: it only reads.",
+    )
     nodes: tuple[str, ...] = Field(
         (), strict=False, description="ROS nodes that are started, by name."
     )

@@ -16,13 +16,16 @@ from robotd.robot import Robot
 PROTOCOL = 1  # of the messages; the page asks to be loaded again when it has another one
 
 
-def describe(tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str]) -> dict[str, Any]:
+def describe(
+    tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str], *, has_control: bool = False
+) -> dict[str, Any]:
     """Return the first message to a viewer.
 
     Args:
         tap: of the robot.
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
+        has_control: the page can be unlocked to control the robot.
     """
     robot = tap.robot
     descriptor, clock = robot.descriptor, robot.clock
@@ -48,6 +51,7 @@ def describe(tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str]) -> dict[
         "urdf": tap.urdf,
         "meshes": dict(meshes),
         "urdf_file": str(descriptor.urdf.absolute()) if descriptor.urdf else "",
+        "has_control": has_control,
     }
 
 

@@ -23,11 +23,19 @@ class PageFeed:
         tap: of the robot.
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
+        has_control: the page can be unlocked to control the robot.
     """
 
-    def __init__(self, tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        tap: Tap,
+        nodes: Sequence[str],
+        meshes: Mapping[str, str],
+        *,
+        has_control: bool = False,
+    ) -> None:
         self._tap = tap
-        self._nodes, self._meshes = nodes, meshes
+        self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
         self._live = LiveSamples(tap)
         backend_tables(tap.robot)  # imported now, not at the first alarm
         self._goals = Goals(tap.robot)
@@ -43,7 +51,7 @@ class PageFeed:
         if viewers == 1:
             self._live.restart()
             self._note(*self._tap.events.since(self._cursor))
-        description = describe(self._tap, self._nodes, self._meshes)
+        description = describe(self._tap, self._nodes, self._meshes, has_control=self._has_control)
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
         return [
             _text(description),

@@ -16,6 +16,7 @@ from robotd.errors import OperationError
 from robotd.log import get_logger
 from robotd.page.channel import Channel, PageSource
 from robotd.page.connection_guard import ConnectionGuard
+from robotd.page.control_server import PageControl
 from robotd.page.live_samples import RATE_HZ
 from robotd.page.request_checks import add_headers, check_request
 from robotd.page.viewers import SEND_BUFFER_BYTES, Viewer
@@ -48,12 +49,13 @@ class PageServer:
     """Server of a page: ``with PageServer(...):``. Its thread is ``robotd-page``.
 
     Nothing is computed while nobody watches. Viewers share each message; one that does not read
-    is dropped. Every request only reads.
+    is dropped. Every request only reads, except those of ``control``.
 
     Args:
         source: robots that are shown.
         port: on the loopback interface; 0: any free one.
         metrics: text of the metrics; None: not served.
+        control: takes the commands of pages that have its token; None: the page is read-only.
         max_viewers: number of viewers at a time.
         heartbeat_s: interval of the pings to viewers.
         bundle: folder of the built page.
@@ -70,13 +72,14 @@ class PageServer:
         port: int,
         metrics: Callable[[], bytes] | None = None,
         *,
+        control: PageControl | None = None,
         max_viewers: int = MAX_VIEWERS,
         heartbeat_s: float = HEARTBEAT_S,
         bundle: Path = BUNDLE_FOLDER,
     ) -> None:
         self._source = source
         self._channels: dict[str, Channel] = {}  # with viewers, by the name of the robot
-        self._metrics, self._bundle = metrics, bundle
+        self._metrics, self._bundle, self._control = metrics, bundle, control
         self._max_viewers, self._heartbeat_s = max_viewers, heartbeat_s
         self._watched = asyncio.Event()
         self._ended = asyncio.Event()
@@ -124,6 +127,8 @@ class PageServer:
         for path in BUNDLE:
             application.router.add_get(path, self._answer_bundle)
         application.router.add_get("/ws", self._answer_viewer)
+        if self._control:
+            application.router.add_get("/control", self._control.answer)
         application.router.add_get("/metrics", self._answer_metrics)
         application.router.add_get("/mesh/{path:.+}", self._answer_mesh)
         runner = web.AppRunner(
@@ -141,6 +146,8 @@ class PageServer:
         await asyncio.wait((publishing, ended), return_when=asyncio.FIRST_COMPLETED)
         publishing.cancel()
         server.close()
+        if self._control:
+            await self._control.close()
         viewers = self._viewers()
         await asyncio.gather(*(viewer.close() for viewer in viewers), return_exceptions=True)
         await runner.cleanup()

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 
-from aiohttp import WSCloseCode, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from robotd.log import get_logger
 
@@ -56,12 +56,21 @@ class Viewer:
             log.warning("viewer dropped: it does not read", waiting=self._queue.qsize())
             self._transport.abort()
 
-    async def run(self) -> None:
-        """Send until the connection ends; the viewer itself may send nothing."""
+    async def run(self, receive: Callable[[str], None] | None = None) -> None:
+        """Send until the connection ends.
+
+        Args:
+            receive: called with each text that arrives; None: it closes the connection.
+        """
         sending = asyncio.create_task(self._send())
         try:
-            async for _ in self._socket:
-                await self._socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"read-only")
+            async for message in self._socket:
+                if receive is None or message.type is not WSMsgType.TEXT:
+                    reason = b"read-only" if receive is None else b"text is expected"
+                    await self._socket.close(code=WSCloseCode.POLICY_VIOLATION, message=reason)
+                else:
+                    self._yield_to_control_loop()
+                    receive(message.data)
         finally:
             sending.cancel()
             with suppress(asyncio.CancelledError, ConnectionError):

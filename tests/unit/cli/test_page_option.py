@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
+import click
 import pytest
 
-from robotd.cli.commands.run_command import RunOptions, _observed
+from robotd.cli.commands.run_command import RunOptions, _observed, _page_text
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.errors import OperationError
@@ -21,7 +22,7 @@ NOTHING: dict[str, Any] = dict.fromkeys(
 )
 
 
-def options(page: int | None, folder: Path) -> RunOptions:
+def options(page: int | None, folder: Path, page_control: bool | None = None) -> RunOptions:
     return RunOptions(
         robot="cr3a",
         **NOTHING,
@@ -29,6 +30,7 @@ def options(page: int | None, folder: Path) -> RunOptions:
         record_dir=folder,
         metrics=None,
         page=page,
+        page_control=page_control,
         ros_args=(),
     )
 
@@ -47,7 +49,7 @@ def free_port() -> int:
 def test_the_descriptor_serves_a_page(tmp_path: Path) -> None:
     port = free_port()
     with (
-        _observed(robot(f"page={port}"), ["a_node"], options(None, tmp_path)),
+        _observed(robot(f"page={port}"), ["a_node"], options(None, tmp_path), None),
         urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30) as answer,
     ):
         assert b"robotd_ready 0.0" in answer.read()
@@ -58,9 +60,44 @@ def test_the_descriptor_serves_a_page(tmp_path: Path) -> None:
 def test_the_option_wins_and_works_without_the_recorder(tmp_path: Path) -> None:
     port = free_port()
     made = robot("page=9", "recorder.enabled=false")
-    with _observed(made, [], options(port, tmp_path)) as recorder:
-        assert recorder is not None
+    with _observed(made, [], options(port, tmp_path), None) as observation:
+        assert observation.recorder is not None
+        assert observation.page == f"http://127.0.0.1:{port}/"
         urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30).close()
+
+
+@pytest.mark.parametrize(
+    ("in_file", "option", "has_control"),
+    [
+        ("false", None, False),
+        ("false", True, True),
+        ("true", None, True),
+        ("true", False, False),
+    ],
+)
+def test_control_is_off_unless_the_option_or_the_descriptor_asks_for_it(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    in_file: str,
+    option: bool | None,
+    has_control: bool,
+) -> None:
+    made = robot(f"page_control={in_file}")
+    with _observed(made, [], options(0, tmp_path, option), None) as observation:
+        address, _, token = observation.page.partition("#token=")
+        assert bool(token) is has_control
+        assert ("keep it to yourself" in _page_text(observation.page)) is has_control
+        output = "".join(capsys.readouterr())
+        assert address in output  # of the log
+        assert not token or token not in output
+
+
+def test_control_needs_a_page(tmp_path: Path) -> None:
+    with (
+        pytest.raises(click.UsageError, match="--page-control needs --page PORT"),
+        _observed(robot(), [], options(None, tmp_path, True), None),
+    ):
+        pass
 
 
 def test_without_aiohttp_the_error_says_how_to_get_it(
@@ -69,6 +106,6 @@ def test_without_aiohttp_the_error_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "robotd.page.page_server", None)
     with (
         pytest.raises(OperationError, match=r"pip install 'robotd\[page\]'"),
-        _observed(robot(), [], options(0, tmp_path)),
+        _observed(robot(), [], options(0, tmp_path), None),
     ):
         pass

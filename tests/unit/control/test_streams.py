@@ -166,6 +166,17 @@ def test_what_is_beyond_a_limit_is_clipped_and_counted(robot: Harness) -> None:
         assert stream.statistics.clipped == 91
 
 
+def test_a_stream_keeps_to_a_lower_velocity_of_its_client(robot: Harness) -> None:
+    with robot.robot.stream(["joint2"], max_velocity=[0.2], timeout_s=9.0) as stream:
+        stream.send([0.5])
+        robot.run(1.0)
+        assert robot.setpoints.velocity[:, 1].max() == pytest.approx(0.2)
+        stream.send_velocity([2.0])
+        robot.run(1.0)
+        assert stream.statistics.clipped == 1
+        assert robot.setpoints.velocity[:, 1].max() == pytest.approx(0.2)
+
+
 def test_a_velocity_command_ends_at_rest_at_the_position_limit(robot: Harness) -> None:
     with robot.robot.stream() as stream:
         for _ in range(60):
@@ -199,6 +210,11 @@ def test_wrong_arguments_are_rejected(robot: Harness) -> None:
         "no joint given": {"joints": []},
         "mode 'fast' is unknown (available: target, smooth)": {"mode": "fast"},
         "timeout_s is 0.0, must be a positive number": {"timeout_s": 0.0},
+        "max_velocity is [0.0], must be a positive number": {
+            "joints": ["joint1"],
+            "max_velocity": [0.0],
+        },
+        "for each of 3 joints": {"max_velocity": [1.0]},
     }.items():
         with pytest.raises(InvalidArgument) as error:
             stream(**arguments)  # type: ignore[arg-type]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,6 +65,7 @@ class RunOptions:
         record: folder of a continuous recording; None: none.
         metrics: port of the metrics on the loopback interface; None: not served.
         page: port of the live page there; None leaves the descriptor's own.
+        page_control: the page can control the robot; None leaves the descriptor's own.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -81,6 +82,7 @@ class RunOptions:
     record: Path | None
     metrics: int | None
     page: int | None
+    page_control: bool | None
     ros_args: Sequence[str]
 
 
@@ -132,6 +134,11 @@ class RunOptions:
     type=click.IntRange(0, 65535),
     help="Serve the live page at http://127.0.0.1:PORT; 0: any free port, which the log names.",
 )
+@click.option(
+    "--page-control/--no-page-control",
+    default=None,
+    help="Let the page jog and command the robot, with a token that is printed at the start.",
+)
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:
@@ -151,17 +158,34 @@ def run_robot(options: RunOptions) -> int:
     robot, faults = _made(descriptor, backend, options)
     if options.report:
         reserve_report(options.report)
-    with _observed(robot, nodes, options) as recorder:
-        return _serve(robot, backend.origin, nodes, installed.nodes, options, faults, recorder)
+    with _observed(robot, nodes, options, faults) as observation:
+        return _serve(robot, backend.origin, nodes, installed.nodes, options, faults, observation)
+
+
+@dataclass(frozen=True)
+class _Observation:
+    """Parts that observe the robot.
+
+    Attributes:
+        recorder: None where nothing is recorded, counted or shown.
+        page: address of the page, with the token of its control; "" without one.
+    """
+
+    recorder: Recorder | None = None
+    page: str = ""
 
 
 @contextmanager
-def _observed(robot: Robot, nodes: Sequence[str], options: RunOptions) -> Iterator[Recorder | None]:
+def _observed(
+    robot: Robot, nodes: Sequence[str], options: RunOptions, faults: FaultSchedule | None
+) -> Iterator[_Observation]:
     """Observe the robot and serve its page, as far as that is wanted."""
     page = robot.descriptor.page if options.page is None else options.page
+    if options.page_control and page is None:
+        raise click.UsageError("--page-control needs --page PORT, or page: in the robot's file")
     wanted = any(each is not None for each in (options.record, options.metrics, page))
     if not (robot.descriptor.recorder.enabled or wanted):
-        yield None
+        yield _Observation()
         return
     from robotd.observation.recorder import observed
 
@@ -175,18 +199,34 @@ def _observed(robot: Robot, nodes: Sequence[str], options: RunOptions) -> Iterat
                 count_metrics=page is not None,
             )
         )
+        address = ""
         if page is not None:
-            stack.enter_context(_page(recorder, nodes, page))
-        yield recorder
+            has_control = robot.descriptor.page_control
+            if options.page_control is not None:
+                has_control = options.page_control
+            address = stack.enter_context(_page(recorder, nodes, page, has_control, faults))
+        yield _Observation(recorder, address)
 
 
-def _page(recorder: Recorder, nodes: Sequence[str], port: int) -> AbstractContextManager[object]:
+@contextmanager
+def _page(
+    recorder: Recorder,
+    nodes: Sequence[str],
+    port: int,
+    has_control: bool,
+    faults: FaultSchedule | None,
+) -> Iterator[str]:
+    """Serve the page; the value is its address."""
     try:
+        from robotd.page.control_server import PageControl
         from robotd.page.page_server import PageServer
         from robotd.page.robot_source import RobotSource
     except ImportError as error:
         raise OperationError("the page needs aiohttp: pip install 'robotd[page]'") from error
-    return PageServer(RobotSource(recorder.tap, nodes), port, recorder.metrics)
+    control = PageControl(recorder.tap.robot, faults) if has_control else None
+    source = RobotSource(recorder.tap, nodes, has_control=has_control)
+    with PageServer(source, port, recorder.metrics, control=control) as server:
+        yield control.address(server.url) if control else server.url
 
 
 def _serve(
@@ -196,7 +236,7 @@ def _serve(
     registry: NodeRegistry,
     options: RunOptions,
     faults: FaultSchedule | None,
-    recorder: Recorder | None,
+    observation: _Observation,
 ) -> int:
     server = import_ros("serve")
     is_served = False
@@ -209,6 +249,8 @@ def _serve(
     def ready() -> None:
         if faults is not None:
             faults.begin()
+        if observation.page:
+            _say(_page_text(observation.page))
         _say(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
 
     def ended(error: Exception | None) -> ExitCode:
@@ -228,7 +270,7 @@ def _serve(
             ready=ready,
             ended=ended,
             faults=faults,
-            recorder=recorder,
+            recorder=observation.recorder,
         )
     except OperationError as error:
         # The device is touched after the nodes exist; an earlier error comes from ROS.
@@ -236,6 +278,12 @@ def _serve(
             raise
         raise RosUnavailable(str(error)) from error
     return int(code)
+
+
+def _page_text(address: str) -> str:
+    """Return the line about the page, with the token, which no log may have."""
+    controls = " moves the robot: keep it to yourself" if "#" in address else ""
+    return f"page {address}{controls}"
 
 
 def _say(text: str) -> None:

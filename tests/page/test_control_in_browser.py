@@ -1,0 +1,333 @@
+"""The control side of the page in a real browser: it moves, stops, and shows each rejection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+from tests.page.browser import (
+    DESKTOP,
+    PHONE,
+    chromium,
+    contrasts,
+    has_sideways_scrolling,
+    keep_screenshot,
+    needs_browser,
+    open_page,
+)
+from tests.page.viewer import TIMEOUT_S, wait_until
+
+from robotd.clock.simulated import PacedClock
+from robotd.motion import TrajectoryRequest
+from robotd.observation.recorder import observed
+from robotd.page.control_server import PageControl
+from robotd.page.page_server import PageServer
+from robotd.page.robot_source import RobotSource
+from robotd.robot import Robot, build_robot
+
+HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
+MOVING = 0.01  # rad/s
+pytestmark = needs_browser
+
+
+class Served:
+    """A robot whose page can be unlocked."""
+
+    def __init__(self, robot: Robot, control: PageControl, url: str) -> None:
+        self.robot, self.url = robot, url
+        self.token, self.address = control.token, control.address(url)
+
+    def wait_until_moving(self, axis: int = 0) -> None:
+        wait_until(lambda: abs(self.robot.image.velocity[axis]) > MOVING)
+
+    def wait_until_free(self, axis: int = 0) -> None:
+        wait_until(lambda: self.robot.axes.owner(axis) == "")
+        assert abs(self.robot.image.velocity[axis]) < MOVING
+
+
+@contextmanager
+def serve(folder: Path) -> Iterator[Served]:
+    """A simulated robot in paced time, which no stall of the computer disturbs."""
+    robot = build_robot("cr3a", "sim", clock=PacedClock(1.0))
+    with observed(robot, flight_folder=folder) as recorder:
+        control = PageControl(robot, hold_timeout_s=HOLD_TIMEOUT_S)
+        source = RobotSource(recorder.tap, robot.descriptor.nodes, has_control=True)
+        with PageServer(source, 0, control=control) as server:
+            robot.start()
+            yield Served(robot, control, server.url)
+        robot.shutdown()
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with serve(tmp_path_factory.mktemp("page")) as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def opened(served: Served, browser: Browser) -> Iterator[Page]:
+    errors: list[str] = []
+    page = open_page(browser, errors)
+    unlock(page, served)
+    yield page
+    page.close()
+    assert not errors
+
+
+@pytest.fixture
+def page(opened: Page) -> Page:
+    opened.set_viewport_size(DESKTOP)
+    opened.evaluate("scrollTo(0, 0)")
+    return opened
+
+
+def unlock(page: Page, served: Served) -> None:
+    page.goto(served.address)
+    page.locator("body[data-control=yes]").wait_for()
+
+
+def press(page: Page, joint: str, side: str = "plus") -> None:
+    """Hold a jog button with the mouse."""
+    page.get_by_label(f"{joint} {side}", exact=True).hover()
+    page.mouse.down()
+
+
+def says(page: Page, text: str) -> None:
+    expect(page.locator("#answer")).to_contain_text(text)
+
+
+def test_the_token_is_taken_out_of_the_address(served: Served, page: Page) -> None:
+    assert page.url == served.url
+    assert served.token not in page.content()
+
+
+def test_a_joint_moves_while_its_button_is_held(served: Served, page: Page) -> None:
+    press(page, "joint1")
+    served.wait_until_moving()
+    says(page, "joint1: moving while held")
+    assert "page" in served.robot.axes.owner(0)
+    page.mouse.up()
+    says(page, "Jog: released")
+    served.wait_until_free()
+    position = served.robot.image.position[0]
+    assert position > 0.0
+    press(page, "joint1", "minus")
+    wait_until(lambda: served.robot.image.position[0] < position - 0.01)
+    page.mouse.up()
+    says(page, "Jog: released")
+
+
+@pytest.mark.parametrize("key", ["Space", "Enter"])
+def test_a_key_on_a_focused_button_holds_it(served: Served, page: Page, key: str) -> None:
+    page.get_by_label("joint2 plus", exact=True).focus()
+    page.keyboard.down(key)
+    served.wait_until_moving(1)
+    page.keyboard.up(key)
+    says(page, "Jog: released")
+    served.wait_until_free(1)
+
+
+HIDE = """
+Object.defineProperty(document, "hidden", {value: true, configurable: true});
+document.dispatchEvent(new Event("visibilitychange"));
+delete document.hidden;
+"""
+
+
+@pytest.mark.parametrize(
+    ("event", "reason"),
+    [
+        ("dispatchEvent(new Event('blur'))", "window lost focus"),
+        ("dispatchEvent(new Event('pagehide'))", "page left"),
+        (HIDE, "tab hidden"),
+    ],
+)
+def test_a_window_that_is_left_stops_the_joint(
+    served: Served, page: Page, event: str, reason: str
+) -> None:
+    press(page, "joint1")
+    served.wait_until_moving()
+    page.evaluate(event)
+    says(page, f"Jog stopped: {reason}")
+    served.wait_until_free()
+    page.mouse.up()
+
+
+def test_a_button_that_loses_the_focus_stops_the_joint(served: Served, page: Page) -> None:
+    page.get_by_label("joint1 minus", exact=True).focus()
+    page.keyboard.down("Space")
+    served.wait_until_moving()
+    page.keyboard.press("Tab")
+    says(page, "Jog: released")
+    served.wait_until_free()
+    page.keyboard.up("Space")
+
+
+def test_a_closed_tab_stops_the_joint(served: Served, browser: Browser) -> None:
+    other = open_page(browser, [])
+    unlock(other, served)
+    press(other, "joint3")
+    served.wait_until_moving(2)
+    other.close()
+    served.wait_until_free(2)
+
+
+def test_a_step_moves_by_its_distance(served: Served, page: Page) -> None:
+    before = served.robot.image.position_command[4]
+    page.get_by_role("button", name="10°", exact=True).click()
+    page.get_by_label("joint5 plus", exact=True).click()
+    says(page, "Jog: reached")
+    moved = served.robot.image.position_command[4] - before
+    assert moved == pytest.approx(0.17453, abs=1e-4)
+    page.get_by_role("button", name="Hold", exact=True).click()
+
+
+def test_escape_stops_everything_and_a_rejected_jog_shows_the_reason(
+    served: Served, page: Page
+) -> None:
+    press(page, "joint1")
+    served.wait_until_moving()
+    page.keyboard.press("Escape")
+    page.mouse.up()
+    says(page, "Stop: stopped, at rest")
+    served.wait_until_free()
+    assert served.robot.axes.stop_latch.reason == "by the stop button of the page"
+    press(page, "joint1")
+    says(page, "Jog stopped: motion is stopped: by the stop button of the page")
+    page.mouse.up()
+    page.get_by_role("button", name="Reset", exact=True).click()
+    says(page, "Reset: motion is allowed again")
+    press(page, "joint1")
+    served.wait_until_moving()
+    page.mouse.up()
+    served.wait_until_free()
+
+
+def test_every_command_works_and_a_rejected_one_shows_its_reason(
+    served: Served, page: Page
+) -> None:
+    robot = served.robot
+    page.get_by_role("button", name="Close", exact=True).click()
+    says(page, "Close gripper: gripper closes")
+    assert robot.io.output_bit(0, 0)
+    page.get_by_role("button", name="Open", exact=True).click()
+    says(page, "gripper opens")
+    page.locator("#output-byte").fill("2")
+    page.locator("#output-value").fill("5")
+    page.get_by_role("button", name="Set byte").click()
+    says(page, "output byte 2 is 5")
+    assert robot.io.output_bytes(2, 1) == b"\x05"
+    page.locator("#output-bit").fill("3")
+    page.get_by_role("button", name="On", exact=True).click()
+    says(page, "output 2.3 is on")
+    page.locator("#output-byte").fill("9999")
+    page.get_by_role("button", name="Off", exact=True).click()
+    says(page, "Output rejected: output bytes 9999..9999 are outside 0..")
+    page.get_by_role("button", name="Servos off").click()
+    says(page, "servos are off")
+    press(page, "joint1")
+    says(page, "joint1: servo is off")
+    page.mouse.up()
+    page.get_by_role("button", name="Servos on").click()
+    says(page, "servos are on")
+    assert robot.image.servo_on[:6].all()
+
+
+def test_the_speed_can_be_set_and_motion_paused(served: Served, page: Page) -> None:
+    slider = page.locator("#speed-slider")
+    slider.fill("50")
+    says(page, "Speed: speed 50 %")
+    assert served.robot.axes.speed.speed == 0.5
+    pause = page.locator("#pause")
+    pause.click()
+    expect(pause).to_have_attribute("aria-pressed", "true")
+    press(page, "joint1")
+    says(page, "motion is paused")
+    page.mouse.up()
+    pause.click()
+    says(page, "Resume: speed 50 %")
+    slider.fill("100")
+    says(page, "speed 100 %")
+
+
+def test_a_fault_is_injected_and_recovered_from(served: Served, page: Page) -> None:
+    page.locator("#fault-kind").select_option("amp_alarm")
+    page.locator("#fault-fields select").select_option("2")
+    page.get_by_role("button", name="Inject").click()
+    says(page, "injected: amp_alarm axis=2")
+    expect(page.locator("#faults")).to_contain_text("joint3: amplifier alarm")
+    press(page, "joint3")
+    says(page, "joint3: amplifier alarm")
+    page.mouse.up()
+    page.get_by_role("button", name="Recover", exact=True).click()
+    says(page, "Recover: ")
+    expect(page.locator("#faults")).to_be_hidden()
+
+
+def test_the_picture_of_the_documentation(served: Served, page: Page) -> None:
+    robot = served.robot
+    for sign in (1, -1, 1):
+        positions = [sign * 0.5, -0.5, 1.0, -0.4 * sign, 0.8, 0.0]
+        request = TrajectoryRequest.from_rows(robot.joint_names, [2.0], [positions])
+        with robot.follower.follow(request) as goal:
+            goal.wait(TIMEOUT_S)
+    page.locator("#output-byte").fill("0")
+    page.set_viewport_size({"width": 1280, "height": 1010})
+    press(page, "joint1")
+    served.wait_until_moving()
+    expect(page.locator("tbody[data-axis=joint1]")).to_contain_text("page 1")
+    keep_screenshot(page, "page-control", full_page=False)
+    page.mouse.up()
+    served.wait_until_free()
+
+
+def test_the_stop_button_is_always_in_sight_and_a_phone_needs_no_sideways_scrolling(
+    page: Page,
+) -> None:
+    for size in (DESKTOP, PHONE):
+        page.set_viewport_size(size)
+        assert not has_sideways_scrolling(page)
+        for place in ("0", "document.body.scrollHeight / 2", "document.body.scrollHeight"):
+            page.evaluate(f"scrollTo(0, {place})")
+            expect(page.locator("#stop")).to_be_in_viewport(ratio=1)
+        page.locator("#control").scroll_into_view_if_needed()
+    page.locator("#control").evaluate("each => each.scrollIntoView()")
+    keep_screenshot(page, "page-control-phone", full_page=False)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_buttons_have_enough_contrast(page: Page, scheme: str) -> None:
+    text = [("--stop-text", "--stop"), ("--text", "--button"), ("--good", "--panel")]
+    assert min(contrasts(page, scheme, text)) >= 4.5
+    lines = [("--button-line", "--panel"), ("--stop-line", "--panel")]
+    assert min(contrasts(page, scheme, lines)) >= 3.0
+
+
+def test_without_the_token_the_page_only_reads(served: Served, browser: Browser) -> None:
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(served.url)
+    expect(page.locator("#unlock")).to_be_visible()
+    expect(page.locator("#bar")).to_be_hidden()
+    expect(page.locator("#control-body")).to_be_hidden()
+    page.keyboard.press("Escape")
+    page.locator("#token").fill("guessed")
+    page.get_by_role("button", name="Unlock").click()
+    expect(page.locator("#unlock-text")).to_contain_text("Rejected: wrong token")
+    expect(page.locator("#bar")).to_be_hidden()
+    assert served.robot.axes.stop_latch.reason == ""
+    page.locator("#token").fill(served.address)
+    page.get_by_role("button", name="Unlock").click()
+    expect(page.locator("#bar")).to_be_visible()
+    page.reload()
+    expect(page.locator("#bar")).to_be_visible()
+    context.close()

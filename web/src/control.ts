@@ -1,0 +1,167 @@
+// Control side of the page: unlocked by the token, it commands the robot and shows each answer.
+
+import { ControlLink, takeToken } from "./control_link";
+import type { Answer, Command, JogEnd, Welcome } from "./control_messages";
+import { find, make, setClass, setText } from "./dom";
+import { FaultForm } from "./fault_form";
+import { HeldButtons } from "./held_button";
+import { JogPanel } from "./jog_panel";
+import type { Description, Sample, State } from "./messages";
+import { OutputPanel } from "./output_panel";
+import type { Units } from "./units";
+
+// Buttons of a single command, by their id.
+const BUTTONS: Record<string, Command> = {
+  stop: { type: "stop" },
+  reset: { type: "reset" },
+  recover: { type: "recover" },
+  "servos-on": { type: "servos", on: true },
+  "servos-off": { type: "servos", on: false },
+  "gripper-open": { type: "gripper", closed: false },
+  "gripper-close": { type: "gripper", closed: true },
+};
+
+export class Control {
+  private readonly link = new ControlLink({
+    onOpen: (welcome) => this.open(welcome),
+    onAnswer: (answer) => this.showAnswer(answer),
+    onJogEnd: (end) => this.showJogEnd(end),
+    onError: (text) => this.say(text, "bad"),
+    onClosed: (reason, isRejected) => this.close(reason, isRejected),
+  });
+  private readonly held = new HeldButtons(this.link, ({ joint, step }) =>
+    this.say(`${joint}: ${step === null ? "moving while held" : "one step"}`, "busy"),
+  );
+  private readonly jog: JogPanel;
+  private readonly outputs = new OutputPanel((command) => this.send(command));
+  private readonly faults = new FaultForm((command) => this.send(command));
+  private readonly answer = find("answer");
+  private readonly speed = find<HTMLInputElement>("speed-slider");
+  private readonly pause = find<HTMLButtonElement>("pause");
+  private readonly waiting = new Map<number, string>(); // names of commands, by id
+  private description: Description | undefined;
+  private isUnlocked = false;
+
+  constructor(units: Units) {
+    this.jog = new JogPanel(units, this.held);
+    for (const [id, command] of Object.entries(BUTTONS)) find(id).addEventListener("click", () => this.send(command));
+    this.speed.addEventListener("input", () => this.showSpeed(Number(this.speed.value)));
+    this.speed.addEventListener("change", () => this.send({ type: "speed", speed: Number(this.speed.value) / 100 }));
+    this.pause.addEventListener("click", () =>
+      this.send({ type: "pause", paused: this.pause.getAttribute("aria-pressed") !== "true" }),
+    );
+    document.addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && this.isUnlocked) this.send(BUTTONS["stop"]!);
+    });
+    find<HTMLFormElement>("unlock").addEventListener("submit", (event) => {
+      event.preventDefault();
+      const field = find<HTMLInputElement>("token");
+      this.link.open(field.value.trim().split("token=").at(-1)!);
+      field.value = "";
+    });
+  }
+
+  describe(description: Description): void {
+    this.description = description;
+    find("control").hidden = !description.has_control;
+    const token = takeToken();
+    if (description.has_control && token && !this.isUnlocked) this.link.open(token);
+  }
+
+  update(state: State): void {
+    this.outputs.update(state);
+    this.pause.setAttribute("aria-pressed", String(state.paused));
+    if (document.activeElement !== this.speed) {
+      this.speed.value = String(Math.round(100 * state.speed));
+      this.showSpeed(100 * state.speed);
+    }
+  }
+
+  show(sample: Sample): void {
+    if (this.isUnlocked) this.jog.show(sample);
+  }
+
+  private open(welcome: Welcome): void {
+    if (!this.description) return;
+    this.held.heartbeat_ms = welcome.heartbeat_ms;
+    this.jog.open(welcome, this.description);
+    this.outputs.open(welcome);
+    this.faults.open(welcome, this.description);
+    find("gripper").hidden = !welcome.gripper;
+    setText(find("control-name"), `unlocked as ${welcome.name}`);
+    this.setUnlocked(true);
+    this.say("Control is unlocked. Watch the robot, not the screen.", "good");
+  }
+
+  private close(reason: string, isRejected: boolean): void {
+    this.held.end("released");
+    this.waiting.clear();
+    setText(find("unlock-text"), isRejected ? `Rejected: ${reason}.` : `Not connected: ${reason}.`);
+    this.setUnlocked(false);
+  }
+
+  private setUnlocked(on: boolean): void {
+    this.isUnlocked = on;
+    setClass(document.body, "unlocked", on);
+    find("bar").hidden = !on;
+    find("unlock").hidden = on;
+    find("control-name").hidden = !on;
+    find("control-body").hidden = !on;
+    document.body.dataset["control"] = on ? "yes" : "no";
+  }
+
+  private send(command: Command): void {
+    const name = nameOf(command);
+    const id = this.link.send(command);
+    if (!id) {
+      this.say(`${name}: not sent, there is no connection`, "bad");
+      return;
+    }
+    this.waiting.set(id, name);
+    this.say(`${name} …`, "busy");
+  }
+
+  private showAnswer({ id, ok, text }: Answer): void {
+    const name = this.waiting.get(id) ?? "";
+    this.waiting.delete(id);
+    this.say(ok ? `${name}: ${text}` : `${name} rejected: ${text}`, ok ? "good" : "bad");
+  }
+
+  private showJogEnd(end: JogEnd): void {
+    const { ok, silent, text } = end;
+    // What a stop of all motion has ended is in the notice and in the answer of the stop.
+    if (!text.startsWith("stopped: ")) this.say(ok ? `Jog: ${text}` : `Jog stopped: ${text}${silent ? ": heartbeats of this page came late" : ""}`, ok ? "good" : "bad");
+    this.held.ended(end);
+  }
+
+  private say(text: string, look: "good" | "bad" | "busy"): void {
+    setText(this.answer, text);
+    this.answer.className = `answer ${look}`;
+  }
+
+  private showSpeed(percent: number): void {
+    find("speed-text").replaceChildren(make("b", "", `${Math.round(percent)} %`));
+  }
+}
+
+function nameOf(command: Command): string {
+  switch (command.type) {
+    case "servos":
+      return command.on ? "Servos on" : "Servos off";
+    case "gripper":
+      return command.closed ? "Close gripper" : "Open gripper";
+    case "speed":
+      return "Speed";
+    case "pause":
+      return command.paused ? "Pause" : "Resume";
+    case "output":
+      return command.name;
+    case "output_bit":
+    case "output_byte":
+      return "Output";
+    case "inject":
+      return "Fault";
+    default:
+      return command.type[0]!.toUpperCase() + command.type.slice(1);
+  }
+}

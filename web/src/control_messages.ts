@@ -1,0 +1,54 @@
+// Messages of the control side; core/robotd/page/control_server.py makes and takes them.
+
+export interface FaultField {
+  name: string;
+  type: "integer" | "number" | "boolean";
+  default: number | boolean | null;
+  optional: boolean;
+}
+
+export interface Welcome {
+  type: "welcome";
+  name: string; // of this page, as owner of joints
+  heartbeat_ms: number;
+  jog_velocities: Record<string, number>; // highest, by joint
+  gripper: boolean;
+  outputs: Record<string, string>; // address such as "out0.3", by name
+  output_bytes: number;
+  faults: Record<string, FaultField[]>; // by kind; empty on hardware
+}
+
+export interface Answer {
+  type: "answer";
+  id: number;
+  ok: boolean;
+  text: string;
+}
+
+export interface JogEnd {
+  type: "jog";
+  hold: number;
+  ok: boolean;
+  silent: boolean; // heartbeats came late, or none came
+  text: string;
+}
+
+export interface RequestError {
+  type: "error";
+  text: string;
+}
+
+export type ControlMessage = Welcome | Answer | JogEnd | RequestError;
+
+export type Command =
+  | { type: "stop" | "reset" | "recover" }
+  | { type: "servos"; on: boolean }
+  | { type: "gripper"; closed: boolean }
+  | { type: "speed"; speed: number }
+  | { type: "pause"; paused: boolean }
+  | { type: "output"; name: string; value: boolean }
+  | { type: "output_bit"; byte: number; bit: number; value: boolean }
+  | { type: "output_byte"; byte: number; value: number }
+  | { type: "inject"; fault: Record<string, Record<string, number | boolean>> };
+
+export type ReleaseReason = "released" | "window lost focus" | "tab hidden" | "page left";

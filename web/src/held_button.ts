@@ -1,0 +1,93 @@
+// Hold to run: a joint moves while its button is held, by pointer or key, in a focused window.
+
+import type { ControlLink } from "./control_link";
+import type { JogEnd, ReleaseReason } from "./control_messages";
+
+export interface Motion {
+  joint: string;
+  velocity: number; // signed, or positive with a step
+  step: number | null;
+}
+
+interface Held {
+  hold: number;
+  button: HTMLButtonElement;
+  motion: Motion; // a step goes on after the button is released
+  timer: ReturnType<typeof setInterval>;
+}
+
+// One button is held at a time. The server stops the joint as well, when heartbeats are missing.
+export class HeldButtons {
+  private lastHold = 0;
+  private held: Held | undefined;
+
+  constructor(
+    private readonly link: ControlLink,
+    private readonly onStart: (motion: Motion) => void,
+  ) {
+    addEventListener("blur", () => this.end("window lost focus"));
+    addEventListener("pagehide", () => this.end("page left"));
+    document.addEventListener("visibilitychange", () => {
+      if (document.hidden) this.end("tab hidden");
+    });
+  }
+
+  heartbeat_ms = 20;
+
+  add(button: HTMLButtonElement, motion: () => Motion): void {
+    const begin = (): void => this.begin(button, motion());
+    const end = (): void => this.releaseButton(button);
+    button.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      button.setPointerCapture(event.pointerId);
+      begin();
+    });
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) button.addEventListener(name, end);
+    button.addEventListener("keydown", (event) => {
+      if (event.key !== " " && event.key !== "Enter") return;
+      event.preventDefault();
+      if (!event.repeat) begin();
+    });
+    button.addEventListener("keyup", (event) => {
+      if (event.key === " " || event.key === "Enter") end();
+    });
+    button.addEventListener("contextmenu", (event) => event.preventDefault());
+  }
+
+  // The server has ended a hold. Where heartbeats came late and the button is still held, a new hold
+  // begins: its number proves that this page is alive after the end of the one before.
+  ended({ hold, silent }: JogEnd): void {
+    if (this.held?.hold !== hold) return;
+    const { button, motion } = this.held;
+    this.clear();
+    if (silent && motion.step === null) this.begin(button, motion);
+  }
+
+  end(reason: ReleaseReason): void {
+    if (!this.held) return;
+    this.link.release(this.held.hold, reason);
+    this.clear();
+  }
+
+  private begin(button: HTMLButtonElement, motion: Motion): void {
+    this.end("released");
+    this.lastHold += 1;
+    const hold = this.lastHold;
+    const beat = (): void => this.link.jog(hold, motion.joint, motion.velocity, motion.step);
+    this.held = { hold, button, motion, timer: setInterval(beat, this.heartbeat_ms) };
+    button.classList.add("held");
+    this.onStart(motion);
+    beat();
+  }
+
+  private releaseButton(button: HTMLButtonElement): void {
+    if (this.held?.button === button && this.held.motion.step === null) this.end("released");
+  }
+
+  private clear(): void {
+    if (!this.held) return;
+    clearInterval(this.held.timer);
+    this.held.button.classList.remove("held");
+    this.held = undefined;
+  }
+}
