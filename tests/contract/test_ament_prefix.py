@@ -20,7 +20,9 @@ from robotd.ros.node_registry import BUILT_IN
 
 ROOT = Path(__file__).parents[2]
 AMENT = ROOT / "ament"
-SOURCES = ("LICENSE", "README.md", "ament", "core", "plugins", "pyproject.toml", "robots")
+SOURCES = (
+    "LICENSE", "README.md", "ament", "core", "learning", "plugins", "pyproject.toml", "robots",
+)  # fmt: skip
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
 # Used, but of the interfaces' wheel or of an installed ROS.

@@ -11,7 +11,11 @@ import pytest
 from lxml import etree
 
 ROOT = Path(__file__).parents[2]
-OTHERS = ("interfaces/pyproject.toml", "plugins/wmx/pyproject.toml")
+OTHERS = (
+    "interfaces/pyproject.toml",
+    "learning/lerobot_robot_robotd/pyproject.toml",
+    "plugins/wmx/pyproject.toml",
+)
 
 
 def project(path: str) -> dict[str, Any]:

@@ -12,7 +12,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGES = {
     "robotd": ROOT / "core" / "robotd",
+    "lerobot_robot_robotd": ROOT / "learning" / "lerobot_robot_robotd" / "lerobot_robot_robotd",
     "robotd_canopen": ROOT / "plugins" / "canopen" / "robotd_canopen",
+    "robotd_gym": ROOT / "learning" / "robotd_gym",
     "robotd_replay": ROOT / "plugins" / "replay" / "robotd_replay",
     "robotd_servo_model": ROOT / "plugins" / "servo_model" / "robotd_servo_model",
     "robotd_sim": ROOT / "plugins" / "sim" / "robotd_sim",

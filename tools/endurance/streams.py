@@ -19,6 +19,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.clock.simulated import SteppedClock
 from robotd.control.joint_stream import JointStream
+from robotd.errors import NotReady, RobotdError
 from robotd.log import configure_logging
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, open_robot
@@ -78,15 +79,39 @@ def stream_for(stream: JointStream, seconds: float, chance: random.Random, judge
         if chance.random() < 0.05:
             target = np.array([chance.uniform(-4.0, 4.0) for _ in stream.joints])
         target += [chance.uniform(-0.05, 0.05) for _ in stream.joints]
-        if chance.random() < 0.1:
-            stream.send_velocity([chance.uniform(-4.0, 4.0) for _ in stream.joints])
-        else:
-            stream.send(target.tolist())
+        try:
+            if chance.random() < 0.1:
+                stream.send_velocity([chance.uniform(-4.0, 4.0) for _ in stream.joints])
+            else:
+                stream.send(target.tolist())
+        except NotReady:  # it has ended in the meantime, for example after a long stall
+            return
         judge.counts["commands"] += 1
         judge.pass_time(chance.uniform(0.5, 1.5) / rate_hz)
         if chance.random() < DROP_OUT:
             judge.counts["drop-outs"] += 1
             judge.pass_time(chance.uniform(0.0, SILENCE_S))
+
+
+def one_round(robot: Robot, chance: random.Random, judge: Judge) -> None:
+    """Stream for some seconds, then send a goal, and take over from it by another stream."""
+    counts = judge.counts
+    with robot.stream(mode=chance.choice(("target", "smooth")), takeover=True) as stream:
+        judge.streaming = True
+        stream_for(stream, chance.uniform(1.0, 8.0), chance, judge)
+        counts["timeouts"] += stream.statistics.timeouts
+        counts["clipped"] += stream.statistics.clipped
+        if not stream.open:
+            counts[f"ended: {stream.message.partition(': ')[2][:60]}"] += 1
+    judge.streaming = False
+    counts["streams"] += 1
+    goal = TrajectoryRequest.from_rows(robot.joint_names, [3.0], [[0.0] * 6])
+    with robot.follower.follow(goal) as execution:
+        judge.pass_time(chance.uniform(0.2, 4.0))
+        counts["goals ended"] += execution.done
+        with robot.stream(takeover=True) as stream:  # often in motion
+            counts["takeovers"] += 1
+            stream_for(stream, 0.5, chance, judge)
 
 
 @click.command()
@@ -102,21 +127,11 @@ def main(minutes: float, seed: int, stepped: bool) -> None:
         judge = Judge(robot, counts)
         until_ns = clock.now_ns() + round(60.0 * minutes * NANOSECONDS)
         while clock.now_ns() < until_ns:
-            with robot.stream(mode=chance.choice(("target", "smooth")), takeover=True) as stream:
-                judge.streaming = True
-                stream_for(stream, chance.uniform(1.0, 8.0), chance, judge)
-                counts["timeouts"] += stream.statistics.timeouts
-                counts["clipped"] += stream.statistics.clipped
-                counts["ended by themselves"] += not stream.open
-            judge.streaming = False
-            counts["streams"] += 1
-            goal = TrajectoryRequest.from_rows(robot.joint_names, [3.0], [[0.0] * 6])
-            with robot.follower.follow(goal) as execution:
-                judge.pass_time(chance.uniform(0.2, 4.0))
-                counts["goals ended"] += execution.done
-                with robot.stream(takeover=True) as stream:  # often in motion
-                    counts["takeovers"] += 1
-                    stream_for(stream, 0.5, chance, judge)
+            try:
+                one_round(robot, chance, judge)
+            except RobotdError as error:  # rejected: the stall of a busy computer, for example
+                counts[f"rejected: {str(error)[:60]}"] += 1
+                judge.pass_time(0.5)
         beyond = sum(count for name, count in counts.items() if name.startswith("beyond"))
         speed = float(np.abs(robot.image.velocity).max())
     for name, count in sorted(counts.items()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -17,10 +18,13 @@ def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) ->
     """The result of ``call``, or what it raised. Any thread; costs about 0.1 ms.
 
     A call that never returns keeps its thread, a daemon called ``name``: Python cannot end it.
+    While the interpreter ends no thread starts any more: the call runs in this one, unlimited.
 
     Raises:
         CallTimeout: after ``budget_s``.
     """
+    if sys.is_finalizing():
+        return call()
     run = _Run(call)
     thread = threading.Thread(target=run, name=name, daemon=True)
     thread.start()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -77,3 +79,18 @@ def test_what_would_end_the_process_or_get_lost_is_rejected(
 ) -> None:
     install("odd", source)
     assert reason in rejection()
+
+
+def test_a_program_that_leaves_a_stream_open_ends() -> None:
+    """Its claims are given back while the interpreter ends, when no thread starts any more."""
+    program = (
+        "from robotd import build_robot; from robotd.clock.simulated import SteppedClock;"
+        "robot = build_robot('cr3a', 'sim', clock=SteppedClock()); robot.start();"
+        "stream = robot.stream(); print('open')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "open" in done.stdout
+    assert "Traceback" not in done.stderr
