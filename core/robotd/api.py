@@ -53,6 +53,7 @@ from robotd.plugin.code_table import CodeTable
 from robotd.plugin.drive_remedies import drive_remedy
 from robotd.plugin.hookspecs import (
     API_VERSION,
+    AxisKeys,
     BackendInfo,
     BackendOptions,
     DeviceContext,
@@ -67,6 +68,7 @@ __all__ = [
     "API_VERSION",
     "NANOSECONDS",
     "AxisDriver",
+    "AxisKeys",
     "AxisLimits",
     "BackendInfo",
     "BackendOptions",

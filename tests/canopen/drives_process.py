@@ -58,7 +58,7 @@ class DrivesProcess:
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
-        assert f"{self._robot}: nodes 1, 2" in self._answer()
+        assert ": nodes 1, 2" in self._answer()
 
     def stop(self) -> None:
         """Power off: kill the process. Twice is not an error."""

@@ -31,6 +31,7 @@ COMMANDS = {
     "record": "Record the running robot, or repair a recording.",
     "page": "Serve the live pages of all robots of the ROS domain.",
     "sim": "Scenarios and faults for the simulation.",
+    "commission": "Lead through the first switch-on of a real axis.",
     "conform": "Run the conformance checks on a backend. Axes move.",
     "wmx": "Readiness of a machine for the WMX backend.",
     "new-robot": "Write a robot's folder from its URDF, ready to run on the simulation.",

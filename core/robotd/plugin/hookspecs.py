@@ -50,6 +50,30 @@ class BackendOptions(BaseModel):
 
 
 @dataclass(frozen=True)
+class AxisKeys:
+    """Keys of an axis in a backend's section, which ``robotd commission`` writes.
+
+    The section has a list of axes, whose items name theirs by ``axis``.
+
+    Attributes:
+        items: key of the list.
+        scale: counts per rad (or m) of the joint, positive.
+        polarity: 1 or -1.
+        node: id of the drive, as in ``BusNode.id``.
+        identity: mapping with ``vendor_id`` and ``product_code``.
+        window_object: object whose value is the following-error window in counts, written by an
+            item ``{object, value}`` of ``startup``; "": none.
+    """
+
+    items: str
+    scale: str
+    polarity: str
+    node: str
+    identity: str
+    window_object: str = ""
+
+
+@dataclass(frozen=True)
 class BackendInfo:
     """Description of a backend. Its name is the one of its entry point.
 
@@ -60,12 +84,15 @@ class BackendInfo:
         capabilities: features that are not derived from hooks, see ``Capability``; the methods
             that each needs must exist.
         options: model of its descriptor section.
+        axis_keys: keys that commissioning may write; None: scale and direction are not in the
+            descriptor.
     """
 
     summary: str
     api_version: int
     capabilities: frozenset[Capability] = frozenset()
     options: type[BackendOptions] = BackendOptions
+    axis_keys: AxisKeys | None = None
 
 
 Options = TypeVar("Options")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from robotd.api import (
     AxisDriver,
+    AxisKeys,
     BackendInfo,
     Capability,
     DeviceContext,
@@ -44,6 +45,14 @@ def robotd_backend() -> BackendInfo:
         api_version=1,
         capabilities=CAPABILITIES,
         options=CanopenSection,
+        axis_keys=AxisKeys(
+            items="axes",
+            scale="counts_per_rad",
+            polarity="polarity",
+            node="node",
+            identity="identity",
+            window_object="0x6065",
+        ),
     )
 
 

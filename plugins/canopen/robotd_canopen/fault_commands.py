@@ -21,6 +21,7 @@ NODE drop PART            loses a part of its PDOs, 0 to 1
 NODE garble PART          sends a part of its frames as garbage, 0 to 1
 NODE stop                 goes to the NMT state stopped by itself
 NODE block                the motor does not move
+NODE push ANGLE           the motor is turned by hand by ANGLE rad (or m), with the servo off
 NODE input BYTE BIT 0|1   an input of an I/O module changes
 NODE heal                 ends all of the above"""
 
@@ -96,6 +97,13 @@ def _block(node: SimulatedNode, words: list[str]) -> None:
     node.faults.blocked = True
 
 
+def _push(node: SimulatedNode, words: list[str]) -> None:
+    if not isinstance(node, DriveNode):
+        raise TypeError(f"node {node.number} has no motor")
+    for drive in node.drives:
+        drive.push(float(words[0]))
+
+
 def _input(node: SimulatedNode, words: list[str]) -> None:
     byte, bit, value = (int(word) for word in words)
     if not isinstance(node, IoNode):
@@ -121,6 +129,7 @@ _FAULTS: dict[str, Fault] = {
     "garble": _garble,
     "stop": _stop,
     "block": _block,
+    "push": _push,
     "input": _input,
     "heal": _heal,
 }
