@@ -36,25 +36,34 @@ def run(*command: str | Path, cwd: Path) -> str:
     return done.stdout
 
 
-@pytest.fixture
-def python(tmp_path: Path) -> Path:
-    """A new environment that sees what this one has installed."""
-    run(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv", cwd=tmp_path)
-    python = tmp_path / "venv" / "bin" / "python"
-    site = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=tmp_path)
+def new_environment(folder: Path) -> Path:
+    """Make an environment that sees what this one has installed; return its interpreter."""
+    run(sys.executable, "-m", "venv", "--without-pip", folder / "venv", cwd=folder)
+    python = folder / "venv" / "bin" / "python"
+    site = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder)
     here = sysconfig.get_path("purelib")
     line = f"import site; site.addsitedir({here!r})\n"
     (Path(site.strip()) / "outer.pth").write_text(line, encoding="utf-8")
     return python
 
 
+def install(python: Path, package: Path) -> None:
+    """Install ``package`` without an index of packages."""
+    offline = ("--no-index", "--no-deps", "--no-build-isolation", "--quiet")
+    run(python, "-m", "pip", "install", *offline, package, cwd=package)
+
+
+@pytest.fixture
+def python(tmp_path: Path) -> Path:
+    """A new environment."""
+    return new_environment(tmp_path)
+
+
 @pytest.fixture
 def installed(python: Path, tmp_path: Path) -> Path:
     """The same with the generated package."""
     run(python, "-m", "robotd", "new-backend", NAME, cwd=tmp_path)
-    package = tmp_path / "robotd-acme-bus"
-    offline = ("--no-index", "--no-deps", "--no-build-isolation", "--quiet")
-    run(python, "-m", "pip", "install", *offline, package, cwd=tmp_path)
+    install(python, tmp_path / "robotd-acme-bus")
     return python
 
 
@@ -81,8 +90,7 @@ def test_a_minimal_package_is_small_and_passes_at_once(python: Path, tmp_path: P
     files = [path for path in package.rglob("*") if path.is_file()]
     assert len(files) <= 3
     assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files) <= 150
-    offline = ("--no-index", "--no-deps", "--no-build-isolation", "--quiet")
-    run(python, "-m", "pip", "install", *offline, package, cwd=tmp_path)
+    install(python, package)
     robotd = (python, "-m", "robotd")
     found = run(*robotd, "backends", "--check", NAME, cwd=tmp_path)
     assert "axes, simulated, velocity_mode" in found

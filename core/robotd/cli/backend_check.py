@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import click
 
 from robotd.cli.check_report import CheckReport
+from robotd.cli.installed import load_installed
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.capabilities import Capability
 from robotd.device.state import ConnectionState
@@ -20,22 +21,26 @@ from robotd.plugin.foreign_process import death_of, is_foreign, note_step, run_n
 from robotd.plugin.hookspecs import API_VERSION, DeviceContext
 from robotd.plugin.manager import Backend, discover, load_backend
 
-ROBOT = "standalone"  # bare axes: any backend can be made for them
+ROBOT = "standalone"  # bare axes: most backends can be made for them
 SLOW_S = 1.0  # of processor time: a hook or an import that takes more delays every start
 WAITS_S = 5.0  # by the clock, on a machine that may be busy
 
 Made = TypeVar("Made")
 
 
-def check_backend(name: str) -> int:
+def check_backend(name: str, robot: str = ROBOT) -> int:
     """Check the backend ``name`` step by step, print each, and return the exit status.
 
     A foreign plugin is checked in a process of its own, which it may end.
+
+    Args:
+        name: of the entry point.
+        robot: name or file of the robot that its drivers are made for.
     """
     origins = [origin for origin, _ in discover() if origin.name == name]
     if not any(map(is_foreign, origins)):
-        return _check_here(name)
-    command = [sys.executable, "-m", __name__, name]
+        return _check_here(name, robot)
+    command = [sys.executable, "-m", __name__, name, robot]
     status, output, step = run_noted(command, capture=True)
     click.echo(output, nl=False)
     if step == "done":
@@ -45,7 +50,7 @@ def check_backend(name: str) -> int:
     return report.end()
 
 
-def _check_here(name: str) -> int:
+def _check_here(name: str, robot: str) -> int:
     report = CheckReport()
     report.run("entry point", lambda: _origins(name))
     backend = report.run(
@@ -53,7 +58,7 @@ def _check_here(name: str) -> int:
     )
     if backend is not None:
         report.run("description", lambda: _description(backend))
-        context = report.run("options", lambda: _context(backend))
+        context = report.run("options", lambda: _context(backend, robot))
         if context is not None:
             _check_drivers(report, backend, context)
     return report.end()
@@ -69,8 +74,9 @@ def _description(backend: Backend) -> str:
     return f"{backend.info.summary}; API {backend.info.api_version} (this is {API_VERSION}); {can}"
 
 
-def _context(backend: Backend) -> DeviceContext[Any]:
-    return backend.context(load_robot_descriptor(ROBOT))
+def _context(backend: Backend, robot: str) -> DeviceContext[Any]:
+    search_path = load_installed().search_path
+    return backend.context(load_robot_descriptor(robot, search_path=search_path))
 
 
 def _check_drivers(report: CheckReport, backend: Backend, context: DeviceContext[Any]) -> None:
@@ -129,7 +135,7 @@ def _timed(what: str, make: Callable[[], Made]) -> Made:
 
 
 if __name__ == "__main__":
-    status = _check_here(sys.argv[1])
+    status = _check_here(*sys.argv[1:])
     sys.stdout.flush()
     note_step("done")
     os._exit(status)  # threads of the plugin may go on for ever

@@ -23,7 +23,7 @@ from robotd.motion.profile import (
 )
 
 LONGEST_STEP = 2  # periods; after a longer pause a profile continues where it stopped
-FEEDBACK_LOST_S = 0.2  # without new values for this long all motion is stopped
+FEEDBACK_LOST_S = 0.2
 _IDLE, _STREAM = int(Operation.IDLE), int(Operation.STREAM)
 _TAKES_MOVES = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
 
@@ -42,6 +42,7 @@ class ProfiledAxes(AxisDriver):
         clock: ``context.clock``.
         stop_deceleration: ramp of a stop that no command gave one, rad/s² or m/s².
         quick_stop_deceleration: ramp of a quick stop, same unit.
+        feedback_lost_s: age of the values at which all motion is stopped.
     """
 
     def __init__(
@@ -51,10 +52,12 @@ class ProfiledAxes(AxisDriver):
         clock: Clock,
         stop_deceleration: float = 5.0,
         quick_stop_deceleration: float = 20.0,
+        feedback_lost_s: float = FEEDBACK_LOST_S,
     ) -> None:
         self.clock, self._period_s = clock, period_s
         self._stop_deceleration = stop_deceleration
         self._quick_stop_deceleration = quick_stop_deceleration
+        self._feedback_lost_s = feedback_lost_s
         self._lock = threading.Lock()
         self._motions = [_AxisMotion() for _ in range(axes)]
         self._targets: FloatArray = np.full(axes, np.nan)
@@ -85,7 +88,7 @@ class ProfiledAxes(AxisDriver):
         now_ns = self.clock.now_ns()
         with self._lock:
             step_s = min((now_ns - self._read_ns) / NANOSECONDS, LONGEST_STEP * self._period_s)
-            lost = now_ns - image.fresh_ns > FEEDBACK_LOST_S * NANOSECONDS
+            lost = now_ns - image.fresh_ns > self._feedback_lost_s * NANOSECONDS
             self._read_ns = now_ns
             for axis, motion in enumerate(self._motions):
                 faulty = image.amp_alarm[axis] or image.offline[axis]
@@ -163,7 +166,7 @@ class ProfiledAxes(AxisDriver):
 
     def _require(self, axis: int) -> _AxisMotion:
         motion = self._motions[axis]
-        if (self.clock.now_ns() - self._read_ns) / NANOSECONDS > FEEDBACK_LOST_S:
+        if (self.clock.now_ns() - self._read_ns) / NANOSECONDS > self._feedback_lost_s:
             raise NotReady("no values arrive", axis=axis)
         if not motion.enabled:
             raise NotReady("the servo is off, or the drive is in alarm or offline", axis=axis)

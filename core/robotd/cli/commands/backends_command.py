@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from robotd.cli.backend_check import check_backend
+from robotd.cli.backend_check import ROBOT, check_backend
 from robotd.cli.listing import Row, print_rows
 from robotd.cli.options import as_json, configure_logging, log_options
 from robotd.errors import PluginError
@@ -15,13 +15,20 @@ from robotd.plugin.manager import PluginOrigin, discover, load_backend
 @click.command("backends")
 @as_json
 @click.option("--check", "checked", metavar="NAME", help="Examine one backend, without hardware.")
+@click.option(
+    "--robot",
+    metavar="NAME|FILE",
+    default=ROBOT,
+    show_default=True,
+    help="Robot that --check makes the drivers for.",
+)
 @log_options
 @click.pass_context
-def backends(ctx: click.Context, *, as_json: bool, checked: str | None) -> None:
+def backends(ctx: click.Context, *, as_json: bool, checked: str | None, robot: str) -> None:
     """List the installed backends, and why one cannot load."""
     configure_logging(ctx)
     if checked is not None:
-        ctx.exit(check_backend(checked))
+        ctx.exit(check_backend(checked, robot))
     list_backends(as_json=as_json)
 
 

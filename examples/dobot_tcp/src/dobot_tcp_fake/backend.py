@@ -1,0 +1,146 @@
+"""The dobot_tcp_fake backend: the drivers of dobot_tcp, and a stand-in that they start."""
+
+from __future__ import annotations
+
+import math
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+
+import robotd_dobot_tcp
+from robotd_dobot_tcp import DobotDevice, DobotOptions, robotd_axes, robotd_io
+
+from robotd.api import (
+    BackendInfo,
+    Capability,
+    Clock,
+    ConnectError,
+    DeviceContext,
+    DeviceDriver,
+    FaultInjector,
+    hookimpl,
+)
+
+__all__ = ["robotd_axes", "robotd_io"]  # hooks of dobot_tcp: these are the drivers to be tested
+
+END_S = 2.0
+
+
+class FakeOptions(DobotOptions):
+    """As ``backends.dobot_tcp``; the ports are chosen when the stand-in is started."""
+
+    address: str = "127.0.0.1"
+
+
+class FakeDevice(DobotDevice):
+    """Starts the stand-in when it is opened, and ends it when it is closed."""
+
+    def __init__(self, options: DobotOptions, clock: Clock) -> None:
+        super().__init__(options, clock)
+        self.process: subprocess.Popen[str] | None = None
+        self.fault_port = 0
+
+    def open(self, path: str = "", name: str = "") -> None:
+        if self.process is None or self.process.poll() is not None:
+            self._start()
+        super().open(path, name)
+
+    def close(self) -> None:
+        super().close()
+        if self.process is not None:
+            self.process.communicate(timeout=END_S)  # the end of its input ends it
+            self.process = None
+
+    def _start(self) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "dobot_tcp_fake", *["0"] * 4],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        line = self.process.stdout.readline() if self.process.stdout else ""
+        if not line:
+            raise ConnectError("the stand-in ended", {"dobot_tcp_fake": "no ports"})
+        dashboard, motion, feedback, self.fault_port = map(int, line.split())
+        self.options = self.options.model_copy(
+            update={
+                "dashboard_port": dashboard,
+                "motion_port": motion,
+                "feedback_port": feedback,
+            }
+        )
+
+
+class FakeFaultInjector(FaultInjector):
+    """Faults by a port of the stand-in."""
+
+    def __init__(self, device: FakeDevice) -> None:
+        self._device = device
+
+    def send(self, name: str, *values: float) -> float:
+        """Send one fault and return the number that is answered."""
+        with socket.create_connection(("127.0.0.1", self._device.fault_port), END_S) as link:
+            link.sendall(" ".join([name, *map(str, map(float, values))]).encode("ascii") + b"\n")
+            return float(link.makefile().readline())
+
+    def position(self, axis: int) -> float:
+        return math.radians(self.send("position", axis))
+
+    def move_by_hand(self, axis: int, delta: float) -> None:
+        self.send("turn", axis, math.degrees(delta))
+
+    def trip(self, axis: int, code: int) -> None:
+        self.send("trip", code)
+
+    def freeze(self, frozen: bool) -> None:
+        self.send("freeze", frozen)
+
+    def block(self, axis: int, blocked: bool) -> None:
+        self.send("block", axis, blocked)
+
+    def jump_encoder(self, axis: int, delta: float) -> None:
+        self.send("jump", axis, math.degrees(delta))
+
+    def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
+        self.send("input", 8 * byte + bit, value)
+
+    def output_bit(self, byte: int, bit: int) -> bool:
+        return bool(self.send("output", 8 * byte + bit))
+
+    def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
+        self.send("stick", 8 * byte + bit, -1.0 if value is None else value)
+
+    def drop_communication(self) -> None:
+        self.send("cut")
+
+    def stop_engine(self) -> None:
+        if self._device.process is not None:
+            with suppress(ProcessLookupError):
+                self._device.process.kill()
+            self._device.process.wait(END_S)
+
+
+@hookimpl
+def robotd_backend() -> BackendInfo:
+    """The backend dobot_tcp, and nothing real moves."""
+    info: BackendInfo = robotd_dobot_tcp.robotd_backend()
+    return replace(
+        info,
+        summary="a stand-in for a Dobot CR controller, for tests",
+        capabilities=info.capabilities | {Capability.SIMULATED},
+        options=FakeOptions,
+    )
+
+
+@hookimpl
+def robotd_open_device(context: DeviceContext[FakeOptions]) -> DeviceDriver:
+    """Make the device; the stand-in is started when it is opened."""
+    return FakeDevice(context.options, context.clock)
+
+
+@hookimpl
+def robotd_fault_injector(device: FakeDevice) -> FaultInjector:
+    """Make the handle by which the checks inject faults."""
+    return FakeFaultInjector(device)

@@ -1,0 +1,43 @@
+"""Digital inputs and outputs of the controller: 16 each, terminal 1 is bit 0 of byte 0."""
+
+from __future__ import annotations
+
+from robotd.api import IoDriver
+from robotd_dobot_tcp.device import DobotDevice
+
+BYTES = 2
+
+
+class DobotIo(IoDriver):
+    """Reads answer from the newest feedback; each output bit is a command of its own."""
+
+    def __init__(self, device: DobotDevice) -> None:
+        self._device = device
+
+    @property
+    def input_bytes(self) -> int:
+        return BYTES
+
+    @property
+    def output_bytes(self) -> int:
+        return BYTES
+
+    def read_inputs(self, byte: int, length: int) -> bytes:
+        values = self._device.feedback
+        return _part(values.inputs if values else 0, byte, length)
+
+    def read_outputs(self, byte: int, length: int) -> bytes:
+        values = self._device.feedback
+        return _part(values.outputs if values else 0, byte, length)
+
+    def write_outputs(self, byte: int, data: bytes) -> None:
+        for index, value in enumerate(data, byte):
+            for bit in range(8):
+                self.write_output_bit(index, bit, bool(value >> bit & 1))
+
+    def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
+        self._device.link.command("DOExecute", 8 * byte + bit + 1, value)
+
+
+def _part(levels: int, byte: int, length: int) -> bytes:
+    return (levels & 0xFFFF).to_bytes(BYTES, "little")[byte : byte + length]
