@@ -37,6 +37,7 @@ MAX_WORKERS = MAX_CONTROLLERS * (MAX_RUNNING + 2)  # two for the jogs of each
 MAX_MESSAGE_BYTES = 1024
 TOKEN_BYTES = 24
 TOKEN_TIMEOUT_S = 5.0
+PING_S = 5.0  # a controller that does not answer within 1.5 of it is dropped
 WRONG_TOKEN_DELAY_S = 1.0
 
 Request = Annotated[
@@ -104,7 +105,7 @@ class PageControl:
     async def answer(self, request: web.Request) -> web.StreamResponse:
         """Serve one controller until its connection ends."""
         socket = web.WebSocketResponse(
-            heartbeat=TOKEN_TIMEOUT_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES, timeout=1.0
+            heartbeat=PING_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES, timeout=1.0
         )
         if not socket.can_prepare(request):
             return web.Response(status=426, text="robotd: a WebSocket is served here\n")
