@@ -97,6 +97,8 @@ bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench.recorder
 	$(say) 'tools.bench.streams'
 	.venv/bin/python -m tools.bench.streams
+	$(say) 'tools.bench.stream_devices'
+	.venv/bin/python -m tools.bench.stream_devices
 	$(say) 'tools.bench.page'
 	.venv/bin/python -m tools.bench.page
 	$(say) 'tools.bench.page_control'

@@ -13,7 +13,7 @@ from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointJog, JointTrajectoryControllerState
 from control_msgs.srv import QueryTrajectoryState
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64, Float64MultiArray, String
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisVelocity
@@ -210,6 +210,12 @@ def test_the_state_and_the_running_trajectory_can_be_asked_for(arm: Arm) -> None
     running = arm.client.call(QueryTrajectoryState, f"{CONTROLLER}/query_state")
     assert running.success
     assert running.position[0] > state.reference.positions[0]
+    assert state.speed_scaling_factor == 1.0
+    speed = arm.client.publisher(Float64, "/robotd/set_speed")
+    speed.publish(Float64(data=0.5))
+    arm.client.next(states, lambda each: each.speed_scaling_factor == 0.5)
+    speed.publish(Float64(data=1.0))
+    arm.client.next(states, lambda each: each.speed_scaling_factor == 1.0)
     wait_until(lambda: arm.position[0] == pytest.approx(0.4, abs=2e-3), "arrival")
     arm.wait_at_rest()
     held = arm.client.call(QueryTrajectoryState, f"{CONTROLLER}/query_state")

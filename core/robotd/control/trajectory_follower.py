@@ -72,6 +72,7 @@ class TrajectoryFollower:
         )
         self._default_tolerances = DefaultTolerances.of_settings(self.limits, self.settings)
         self._motion = motion
+        self._speed = axes.speed
         self._takeover = descriptor.stream.takeover
         self._events = axes.events
         self._clock = clock
@@ -152,6 +153,17 @@ class TrajectoryFollower:
         if newest is not None and not newest.done:
             return newest.splice_state(time_ns)
         return None if self._motion.moving else MotionState.at_rest(self._motion.command())
+
+    @property
+    def rate(self) -> float:
+        """Ratio of motion time to real time, during its ramps too. Any thread.
+
+        That of the running trajectory; without one, the speed in force.
+        """
+        running = self._motion.running
+        if isinstance(running, TrajectoryExecution) and not running.done:
+            return running.rate
+        return self._speed.scale
 
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
         """Stop the active executions along their paths and wait for standstill.

@@ -19,6 +19,7 @@ from robotd.arrays import BoolArray, FloatArray
 # Some boundary cases, such as a way on which the speed limit is just reached, have no solution in
 # floating-point arithmetic; beside them there is one.
 JERK_SHARES = (1.0, 0.999, 0.99, 0.9)
+_INTERFACES = (ControlInterface.Position, ControlInterface.Velocity)  # to a position, anywhere
 
 
 class Bounds(NamedTuple):
@@ -45,6 +46,8 @@ class JointPlanner:
         self._input.synchronization = Synchronization.No
         self._input.target_acceleration = [0.0] * joints
         self._trajectory = Trajectory(joints)
+        self._anywhere = [False] * joints
+        self._bounds: Bounds | None = None
 
     def plan(
         self, state: FloatArray, target: FloatArray, velocity: FloatArray, bounds: Bounds
@@ -61,19 +64,29 @@ class JointPlanner:
             False when ruckig finds no plan; ``at`` is then undefined.
         """
         parameters = self._input
-        anywhere = np.isnan(target).tolist()
-        parameters.per_dof_control_interface = [
-            ControlInterface.Velocity if each else ControlInterface.Position for each in anywhere
-        ]
+        position = target.tolist()
+        anywhere = [each != each for each in position]  # noqa: PLR0124 - NaN
+        if anywhere != self._anywhere:
+            self._anywhere = anywhere
+            parameters.per_dof_control_interface = [_INTERFACES[each] for each in anywhere]
+        if True in anywhere:
+            position = [0.0 if each != each else each for each in position]  # noqa: PLR0124
         parameters.current_position, parameters.current_velocity, acceleration = state.tolist()
         parameters.current_acceleration = acceleration
-        parameters.target_position = np.nan_to_num(target).tolist()
+        parameters.target_position = position
         parameters.target_velocity = velocity.tolist()
+        self._limit(bounds)
+        return any(self._calculate(bounds.jerk * share) for share in JERK_SHARES)
+
+    def _limit(self, bounds: Bounds) -> None:
+        """Set the limits of the way, if they are not those of the plan before."""
+        if bounds is self._bounds:
+            return
+        self._bounds, parameters = bounds, self._input
         parameters.min_velocity = bounds.lowest_velocity.tolist()
         parameters.max_velocity = bounds.highest_velocity.tolist()
         parameters.min_acceleration = bounds.lowest_acceleration.tolist()
         parameters.max_acceleration = bounds.highest_acceleration.tolist()
-        return any(self._calculate(bounds.jerk * share) for share in JERK_SHARES)
 
     def _calculate(self, jerk: FloatArray) -> bool:
         self._input.max_jerk = jerk.tolist()

@@ -52,6 +52,7 @@ class SetpointLimiter:
         self._carefree = self._carefree_states()
         self._anywhere: FloatArray = np.full(joints, np.nan)
         self._rest: FloatArray = np.zeros(joints)
+        self._every: BoolArray = np.ones(joints, bool)
         self._target, self._velocity = self._anywhere, self._rest  # of the plan
         self._elapsed_s = 0.0
         self.stop()
@@ -107,19 +108,15 @@ class SetpointLimiter:
                 there by itself. Clipped to the limits.
             stands: (m,) targets that stand still and are not overshot.
         """
-        if not stands.any() and self._is_on(reference):
+        carefree = not stands.any() and self._is_carefree(reference)
+        if carefree and self._is_on(reference):
             self.state[:] = reference
             return self.state
-        limits, start = self._limits, self.state.copy()
-        target = self._within_limits(target)
-        position, velocity, acceleration = reference
-        tracked: BoolArray = (
-            (np.abs(velocity) <= TRACKABLE * limits.velocity)
-            & (np.abs(acceleration) <= TRACKABLE * limits.acceleration)
-            & (position >= limits.lower)
-            & (position <= limits.upper)
-        )
+        start, target = self.state.copy(), self._within_limits(target)
+        tracked = self._every if carefree else self._trackable(reference)
         self._follow(start, reference, target, tracked)
+        if carefree and self._is_carefree(self.state):
+            return self.state
         unsafe = tracked & self._too_fast()
         if stands.any() or not self._is_inside():
             lower, upper = self._range(start[0])
@@ -153,12 +150,24 @@ class SetpointLimiter:
         self._go(np.where(joints, end, self._target), np.where(joints, 0.0, velocity), bounds)
 
     def _is_on(self, reference: FloatArray) -> bool:
-        """Return True where every joint is on ``reference`` and may certainly stay there."""
+        """Return True where every joint is on ``reference``."""
+        return bool((np.abs(self.state - self._back @ reference) < ON_REFERENCE).all())
+
+    def _is_carefree(self, state: FloatArray) -> bool:
+        """Return True where every joint is certainly able to stop from ``state`` (3, m)."""
         lowest, highest = self._carefree
-        return bool(
-            (np.abs(self.state - self._back @ reference) < ON_REFERENCE).all()
-            and ((reference > lowest) & (reference < highest)).all()
+        return bool(((state > lowest) & (state < highest)).all())
+
+    def _trackable(self, reference: FloatArray) -> BoolArray:
+        """Return (m,) joints whose reference is within what they can track."""
+        limits, (position, velocity, acceleration) = self._limits, reference
+        tracked: BoolArray = (
+            (np.abs(velocity) <= TRACKABLE * limits.velocity)
+            & (np.abs(acceleration) <= TRACKABLE * limits.acceleration)
+            & (position >= limits.lower)
+            & (position <= limits.upper)
         )
+        return tracked
 
     def _follow(
         self, start: FloatArray, reference: FloatArray, target: FloatArray, tracked: BoolArray

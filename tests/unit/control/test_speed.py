@@ -109,9 +109,13 @@ def test_a_pause_holds_on_the_path_and_the_goal_continues(harness: Harness) -> N
         harness.run(3.0)
         assert harness.setpoints.position[-1] == pytest.approx(held, abs=1e-12)
         assert execution.progress().time_s == pytest.approx(time_s, abs=1e-6)
-        assert execution.rate == 0.0
+        assert execution.rate == harness.robot.follower.rate == 0.0
         harness.robot.resume()
+        harness.run(0.5 / MAX_SLOPE)
+        assert 0.0 < harness.robot.follower.rate < 1.0  # of the ramp, not as set
         assert harness.end(execution).outcome is Outcome.SUCCEEDED
+    harness.robot.set_speed(0.3)
+    assert harness.robot.follower.rate == 0.3  # of the next goal
     largest_acceleration(harness)
     path.assert_on_path()
 

@@ -17,6 +17,7 @@ from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes.trajectory_conversions import clock_time_ns, stamp_ns
 
 DEPTH = 10
+SPEED = "speed_scaling_factor"
 POINTS = ("reference", "output", "feedback", "error")
 
 
@@ -29,13 +30,13 @@ class ControllerStateTopic:
     def __init__(self, node: Node, robot: Robot, group: JointGroup, topic: str) -> None:
         rest = [0.0] * len(group.joint_names)
         template = JointTrajectoryControllerState(joint_names=list(group.joint_names))
-        template.speed_scaling_factor = 1.0
         for name in POINTS:
             setattr(template, name, JointTrajectoryPoint(positions=rest, velocities=rest))
         paths = [f"{name}.{field}" for name in POINTS for field in ("positions", "velocities")]
         self._publisher = node.create_publisher(type(template), topic, DEPTH)
-        self._message = HotPublisher(self._publisher, template, paths)
+        self._message = HotPublisher(self._publisher, template, [*paths, SPEED])
         self._views = {path: self._message.view(path) for path in paths}
+        self._speed, self._follower = self._message.view(SPEED), group.follower
         self._connection, self._clock = robot.connection, StampClock(node.get_clock())
         self._columns = columns(group.joint_axes)
 
@@ -54,6 +55,7 @@ class ControllerStateTopic:
             self._views[f"output.{field}"][:] = commanded[row]
             self._views[f"feedback.{field}"][:] = measured[row]
             self._views[f"error.{field}"][:] = commanded[row] - measured[row]
+        self._speed[:] = self._follower.rate
         self._message.stamp(self._clock.now_ns())
         self._message.publish()
 
