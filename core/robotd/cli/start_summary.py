@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
 from robotd.clock.simulated import PacedClock
-from robotd.descriptor import DriveSettings, JointSettings, JointType, RobotDescriptor
+from robotd.descriptor import DriveSettings
+from robotd.motion.limits import AxisLimits
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
 
@@ -23,7 +24,7 @@ SIMULATED = "simulated"  # the capability of a backend without hardware
 
 def start_summary(robot: Robot, origin: PluginOrigin, report: ServeReport) -> str:
     """Return the start-up summary, about thirty lines."""
-    fields = (*_robot(robot, origin), *_axes(robot.descriptor), *_ros(report), *_missing(robot))
+    fields = (*_robot(robot, origin), *_axes(robot), *_ros(report), *_missing(robot))
     title = heading(f"robotd {version('robotd')}: {robot.descriptor.name} on {robot.backend.name}")
     return "\n".join((title, *fields, ""))
 
@@ -47,17 +48,19 @@ def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
         yield field("time", f"simulated, {speed}; on /clock")
 
 
-def _axes(descriptor: RobotDescriptor) -> Iterator[str]:
+def _axes(robot: Robot) -> Iterator[str]:
+    descriptor = robot.descriptor
     yield field("cycle", f"{descriptor.cycle.rate_hz:g} Hz")
     joints = [
         (
             joint.name,
             f"axis {joint.axis}",
-            _range(joint),
-            f"{joint.velocity:.2f} {joint.unit}/s",
-            f"{joint.acceleration:.2f} {joint.unit}/s²",
+            _range(limits),
+            f"{limits.velocity:.2f} {limits.unit}/s",
+            f"{limits.acceleration:.2f} {limits.unit}/s²",
         )
         for joint in descriptor.joints
+        for limits in [robot.axes.limits[joint.axis]]
     ]
     drive = descriptor.drive
     if joints or not drive:
@@ -74,10 +77,10 @@ def _axes(descriptor: RobotDescriptor) -> Iterator[str]:
         yield field("gripper", f"{bit} moves {', '.join(gripper.joints)}")
 
 
-def _range(joint: JointSettings) -> str:
-    if joint.type is JointType.CONTINUOUS:
+def _range(limits: AxisLimits) -> str:
+    if math.isinf(limits.lower) and math.isinf(limits.upper):
         return "no position limits"
-    return f"{joint.lower:+.2f} to {joint.upper:+.2f} {joint.unit}"
+    return f"{limits.lower:+.2f} to {limits.upper:+.2f} {limits.unit}"
 
 
 def _wheels(drive: DriveSettings) -> Iterator[str]:

@@ -49,11 +49,19 @@ class FakeDevice(DobotDevice):
 
     def close(self) -> None:
         super().close()
-        if self.process is not None:
-            self.process.communicate(timeout=END_S)  # the end of its input ends it
-            self.process = None
+        self._end()
+
+    def _end(self) -> None:
+        process, self.process = self.process, None
+        if process is not None:
+            try:
+                process.communicate(timeout=END_S)  # the end of its input ends it
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
 
     def _start(self) -> None:
+        self._end()
         self.process = subprocess.Popen(
             [sys.executable, "-m", "dobot_tcp_fake", *["0"] * 4],
             stdin=subprocess.PIPE,

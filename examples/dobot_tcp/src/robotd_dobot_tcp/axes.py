@@ -66,8 +66,8 @@ class DobotAxes(ProfiledAxes):
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         link = self._connected()
-        if link.feedback is not None and link.feedback.enabled is on:
-            return
+        if on and link.feedback is not None and link.feedback.enabled:
+            return  # "off" is always sent: another command may be enabling just now
         link.command("EnableRobot" if on else "DisableRobot")
         what = f"the servos to be {'on' if on else 'off'}"
         self._device.wait_for(lambda values: values.enabled is on, timeout_s, what)

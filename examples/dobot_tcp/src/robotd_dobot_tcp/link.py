@@ -117,8 +117,10 @@ class Link:
         with suppress(BlockingIOError):  # replies are not needed: feedback shows what happens
             while motion.recv(4096):
                 pass
+        message = protocol.servo_target(position_deg, self._options.target_period_s)
         try:
-            motion.send(protocol.servo_target(position_deg, self._options.target_period_s))
+            if motion.send(message) < len(message):
+                raise BlockingIOError("the controller does not read them")
         except OSError as error:
             self._lose("targets cannot be sent", error)
 
