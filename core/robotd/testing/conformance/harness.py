@@ -175,8 +175,8 @@ class Harness:
         self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * 1e9))
 
     def periods(self, count: int) -> None:
-        """Some periods of the cycle pass."""
-        self.let(count * self.period_s)
+        """Let ``count`` control periods pass, or periods of the feedback where that is slower."""
+        self.let(count * self.feedback_s)
 
     def holds(self, condition: Callable[[], bool], timeout_s: float = WAIT_S) -> bool:
         """Wait for ``condition``; False when ``timeout_s`` is over."""
