@@ -376,7 +376,9 @@ class Robot:
 
     def _enable(self, axis: int) -> None:
         self.axes.clear_alarm(axis)
-        if axis in self.wheel_axes and self.image.mode[axis] != CommandMode.VELOCITY:
+        drive = self.descriptor.drive
+        rolls = drive is not None and axis in drive.axes and axis not in drive.steering_axes
+        if rolls and self.image.mode[axis] != CommandMode.VELOCITY:
             self.axes.set_command_mode(axis, CommandMode.VELOCITY)
         self.axes.servo(axis, True)
 

@@ -238,7 +238,8 @@ def test_a_commissioning_that_was_left_is_resumed(drives: DrivesProcess, tmp_pat
         shown = terminal.answer("Home the axis now", "y")
         assert "shoulder: scaling: right" in shown
         terminal.expect("its release stops")
-        terminal.expect("homed, position +0.00°", held=RIGHT)
+        terminal.expect("release the key", held=RIGHT)
+        terminal.expect("homed, position +0.00°")
         assert counts(drives) == pytest.approx(0, abs=500)
         terminal.answer("known to be right?", "n")
         terminal.answer("Move it by hand?", "y")

@@ -23,6 +23,7 @@ TICK_S = 0.02
 SHOW_S = 0.2
 POWERED_S = 1.0  # of the brake test, before the servo goes off
 SETTLE_S = 2.0
+RELEASE_S = 0.3  # without a repetition of the key; terminals repeat one every 30 to 90 ms
 HELP = "←/→ hold to move   +/- speed   Enter: done"
 HOMING_HELP = "hold → to home; its release stops   Enter: give up"
 _ENTER = (b"\n", b"\r")
@@ -125,6 +126,8 @@ class CommissionTerminal:
                 if now_s - shown_s >= SHOW_S:
                     shown_s = now_s
                     self._show(key_input)
+            if is_done():
+                _await_release(key_input)
             left = interrupt.happened or key_input.lost
         with suppress(OSError):
             click.echo("")
@@ -137,6 +140,17 @@ class CommissionTerminal:
             click.echo(f"\r{position:>12}  ", nl=False)
         except OSError:
             key_input.lost = True
+
+
+def _await_release(key_input: KeyInput) -> None:
+    """Wait until no key repeats: a held key must not answer the next question."""
+    click.echo("\rdone, release the key")
+    quiet_s = last_s = time.monotonic()
+    while quiet_s - last_s < RELEASE_S and not key_input.lost:
+        time.sleep(TICK_S)
+        quiet_s = time.monotonic()
+        if key_input.read():
+            last_s = quiet_s
 
 
 def _forget_typed() -> None:

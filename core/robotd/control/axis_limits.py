@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import math
 
-from robotd.descriptor import DifferentialDrive, DriveSettings, MecanumDrive, RobotDescriptor
+from robotd.descriptor import (
+    DifferentialDrive,
+    DriveSettings,
+    MecanumDrive,
+    RobotDescriptor,
+    TricycleDrive,
+)
 from robotd.motion.base_kinematics import BaseKinematics
 from robotd.motion.diff_drive import WheelPair
 from robotd.motion.limits import AxisLimits
 from robotd.motion.mecanum import MecanumWheels
 from robotd.motion.planar import PlanarTwist
+from robotd.motion.steering import SteeringLimits
+from robotd.motion.tricycle import SteeredWheels
 from robotd.motion.twist_limits import RampLimits, TwistLimits
 
 
@@ -31,6 +39,8 @@ def axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
     }
     if descriptor.drive:
         limits |= dict.fromkeys(descriptor.drive.axes, wheel_limits(descriptor.drive))
+        if isinstance(descriptor.drive, TricycleDrive):
+            limits[descriptor.drive.steering_axis] = _steering_limits(descriptor.drive)
     return [limits.get(axis, AxisLimits.unlimited()) for axis in range(descriptor.axes)]
 
 
@@ -48,8 +58,29 @@ def base_kinematics(settings: DriveSettings) -> BaseKinematics:
             return MecanumWheels(
                 settings.wheel_radius_m, settings.wheel_separation_m, settings.wheelbase_m
             )
+        case TricycleDrive():
+            return steered_wheels(settings)
         case _:
             raise TypeError(f"no kinematics of {type(settings).__name__}")
+
+
+def steered_wheels(settings: TricycleDrive) -> SteeredWheels:
+    """Return the kinematics of a steered base."""
+    return SteeredWheels(
+        settings.wheel_radius_m,
+        settings.wheelbase_m,
+        settings.traction == "steered",
+        settings.steering_angle_rad,
+    )
+
+
+def steering_limits(settings: TricycleDrive) -> SteeringLimits:
+    """Return the limits of steering, and the ramp of the driven wheel."""
+    return SteeringLimits(
+        settings.steering_velocity_rad_s,
+        settings.steering_acceleration_rad_s2,
+        wheel_limits(settings).acceleration,
+    )
 
 
 def twist_limits(settings: DriveSettings) -> TwistLimits:
@@ -85,6 +116,13 @@ def wheel_limits(settings: DriveSettings) -> AxisLimits:
         math.inf,
         min(limits.rim_speed(fastest), limits.rim) / radius,
         limits.rim_speed(steepest) / radius,
+    )
+
+
+def _steering_limits(settings: TricycleDrive) -> AxisLimits:
+    angle = settings.steering_angle_rad
+    return AxisLimits(
+        -angle, angle, settings.steering_velocity_rad_s, settings.steering_acceleration_rad_s2
     )
 
 

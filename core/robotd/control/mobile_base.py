@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
 from robotd.clock import NANOSECONDS, Clock
-from robotd.control.axis_limits import base_kinematics, twist_limits, wheel_limits
+from robotd.control.axis_limits import (
+    base_kinematics,
+    steered_wheels,
+    steering_limits,
+    twist_limits,
+    wheel_limits,
+)
 from robotd.control.base_odometry import BaseOdometry
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
 from robotd.control.source_slot import SourceSlot
+from robotd.control.steered_motion import SteeredMotion
 from robotd.control.twist_command import TwistCommand
 from robotd.control.wheel_motion import OWNER, WheelMotion
-from robotd.descriptor import DriveSettings
+from robotd.descriptor import DriveSettings, TricycleDrive
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
@@ -86,7 +95,13 @@ class MobileBase:
 
     def twist(self, image: ProcessImage) -> PlanarTwist:
         """Return the measured twist, from the wheel velocities in ``image``."""
-        return self.wheels.twist(*(float(image.velocity[axis]) for axis in self.settings.axes))
+        steering = self.settings.steering_axes
+        return self.wheels.twist(
+            *(
+                float(image.position[axis] if axis in steering else image.velocity[axis])
+                for axis in self.settings.axes
+            )
+        )
 
     @noted
     def command(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> None:
@@ -96,7 +111,8 @@ class MobileBase:
         cannot be moved are logged once, and each command tries again.
 
         Raises:
-            InvalidArgument: a number is not finite, or the base cannot move sideways.
+            InvalidArgument: a number is not finite, or the base cannot move sideways or turn on
+                the spot.
             NotReady: the base was stopped by ``stop``, motion is stopped, or it was and the client
                 has sent neither a zero twist nor nothing for ``command_timeout_s`` since.
         """
@@ -108,6 +124,10 @@ class MobileBase:
             )
         if lateral_m_s and not self.wheels.moves_sideways:
             raise InvalidArgument(f"{lateral_m_s} m/s to the left: the base cannot move sideways")
+        if angular_rad_s and not (linear_m_s or self.wheels.turns_on_the_spot):
+            raise InvalidArgument(
+                f"{angular_rad_s} rad/s at 0 m/s: the base cannot turn on the spot"
+            )
         if self._command.stopped:
             raise NotReady("the base is being stopped")
         now_ns = self._clock.now_ns()
@@ -164,7 +184,7 @@ class MobileBase:
     def _move(self) -> None:
         """Claim the wheels until the motion has ended. Thread of the base."""
         try:
-            with self._axes.claimed(OWNER, self.settings.axes, CommandMode.VELOCITY):
+            with self._claimed():
                 self._log_rejection(None)
                 motion = self._submit(self._clock.now_ns())
                 if self._worker.closing:
@@ -176,21 +196,41 @@ class MobileBase:
         except Exception as error:  # noqa: BLE001 - logged; the next command tries again
             self._log_rejection(str(error))
 
+    @contextmanager
+    def _claimed(self) -> Iterator[None]:
+        """Claim the wheels in velocity mode, and what steers in position mode."""
+        steering = self.settings.steering_axes
+        wheels = [axis for axis in self.settings.axes if axis not in steering]
+        with ExitStack() as claims:
+            claims.enter_context(self._axes.claimed(OWNER, wheels, CommandMode.VELOCITY))
+            if steering:
+                claims.enter_context(self._axes.claimed(OWNER, steering, CommandMode.POSITION))
+            yield
+
     def _submit(self, claimed_ns: int) -> WheelMotion:
         limiter = TwistLimiter(twist_limits(self.settings), self._slot.period_ns / NANOSECONDS)
         while True:
-            motion = WheelMotion(
-                self._axes,
-                self.settings.axes,
-                self.wheels,
-                limiter,
-                self._command,
-                claimed_ns,
-                self._slot.next_start_ns,
-            )
+            motion = self._motion_from(limiter, claimed_ns, self._slot.next_start_ns)
             if self._slot.submit(motion, None):
                 self._motion = motion
                 return motion
+
+    def _motion_from(self, limiter: TwistLimiter, claimed_ns: int, start_ns: int) -> WheelMotion:
+        settings, command = self.settings, self._command
+        if isinstance(settings, TricycleDrive):
+            return SteeredMotion(
+                self._axes,
+                settings.axes,
+                steered_wheels(settings),
+                steering_limits(settings),
+                limiter,
+                command,
+                claimed_ns,
+                start_ns,
+            )
+        return WheelMotion(
+            self._axes, settings.axes, self.wheels, limiter, command, claimed_ns, start_ns
+        )
 
     def _end_motion(self) -> None:
         for motion in self._slot.active:

@@ -14,7 +14,7 @@ from robotd.device.process_image import ProcessImage, columns
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import MotionState
 from robotd.motion.base_kinematics import BaseKinematics
-from robotd.motion.planar import ZERO_TWIST
+from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.motion.twist_limits import TwistLimiter
 
 OWNER = "mobile base"
@@ -84,13 +84,11 @@ class WheelMotion:
         twist = ZERO_TWIST if ending else self._command.target(time_ns)
         twist = twist.scaled(self._axes.speed.scale)
         if self._sent:
-            if self._limiter.at_rest and (ending or self._command.ended):
+            is_at_rest = self._limiter.at_rest and not self._turns()
+            if is_at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
-            self.twist = self._limiter.step(twist)
-            speeds = np.array(self._wheels.speeds(self.twist))
-            self.setpoint[2] = (speeds - self.setpoint[1]) * (NANOSECONDS / period_ns)
-            self.setpoint[1] = speeds
+            self._follow(self._limiter.step(twist), period_ns, image)
         self._sent = False
         return True
 
@@ -98,10 +96,25 @@ class WheelMotion:
         """Note that the device has the setpoint."""
         self._sent = True
 
+    def _follow(self, twist: PlanarTwist, period_ns: int, image: ProcessImage) -> None:
+        """Set the wheel speeds of the next setpoint; ``twist`` is within the limits."""
+        self.twist = twist
+        speeds = np.array(self._wheels.speeds(twist))
+        self.setpoint[2] = (speeds - self.setpoint[1]) * (NANOSECONDS / period_ns)
+        self.setpoint[1] = speeds
+
+    def _turns(self) -> bool:
+        """Return True while an axis moves although the limited twist is zero."""
+        return False
+
+    def _mode(self, place: int) -> CommandMode:
+        """Return the command mode of an axis by its place among the wheels."""
+        return CommandMode.VELOCITY
+
     def _loss(self, time_ns: int, image: ProcessImage) -> str | None:
         """Return the reason why the claimed wheels cannot move; None: they can."""
-        for axis in self._wheel_axes:
-            if error := self._axes.rejection(axis, CommandMode.VELOCITY, OWNER):
+        for place, axis in enumerate(self._wheel_axes):
+            if error := self._axes.rejection(axis, self._mode(place), OWNER):
                 return str(error)
             # Values from before the claim cannot show it yet.
             if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:

@@ -1,6 +1,11 @@
 """Robot descriptors: models, and their loading from files."""
 
-from robotd.descriptor.drive_settings import DifferentialDrive, DriveSettings, MecanumDrive
+from robotd.descriptor.drive_settings import (
+    DifferentialDrive,
+    DriveSettings,
+    MecanumDrive,
+    TricycleDrive,
+)
 from robotd.descriptor.io_settings import GripperSettings, IoAddress
 from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.descriptor.load import (
@@ -32,6 +37,7 @@ __all__ = [
     "RobotDescriptor",
     "RobotSummary",
     "TrajectorySettings",
+    "TricycleDrive",
     "default_search_path",
     "list_robots",
     "load_robot_descriptor",

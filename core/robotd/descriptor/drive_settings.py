@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -10,17 +11,17 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from robotd.descriptor.section import Axis, Name, Positive, Problem, Section, twice
 
+_SEPARATION = "Distance between the treads of the left and the right wheels."
+MAX_FIXED_ANGLE = 1.4  # rad; at π/2 a base whose fixed axle drives cannot move
+
 
 class DriveSettings(Section):
-    """A base on driven wheels, each turned by one axis in velocity mode."""
+    """A base on wheels, each turned or steered by one axis."""
 
     AXIS_KEYS: ClassVar[tuple[str, ...]]  # in the order of the wheels
 
     kind: str
     wheel_radius_m: Positive = Field(description="Radius of the wheels.")
-    wheel_separation_m: Positive = Field(
-        description="Distance between the treads of the left and the right wheels."
-    )
     wheel_wrap_rad: Positive | None = Field(
         None, description="Range after which a wheel's position begins again; null: it never does."
     )
@@ -53,6 +54,11 @@ class DriveSettings(Section):
         return tuple(getattr(self, key) for key in self.AXIS_KEYS)
 
     @property
+    def steering_axes(self) -> tuple[int, ...]:
+        """Those of ``axes`` that steer, in position mode; the others are in velocity mode."""
+        return ()
+
+    @property
     def wheel_names(self) -> tuple[str, ...]:
         """Names of the wheels for people, in the order of ``axes``."""
         keys = (key.removesuffix("_axis") for key in self.AXIS_KEYS)
@@ -78,6 +84,7 @@ class DifferentialDrive(DriveSettings):
     kind: Literal["differential"] = Field("differential", description="Kind of the base.")
     left_axis: Axis = Field(description="Axis of the device that turns the left wheel.")
     right_axis: Axis = Field(description="Axis of the device that turns the right wheel.")
+    wheel_separation_m: Positive = Field(description=_SEPARATION)
     wheel_separation_multiplier: Positive = Field(
         1.0, description="Calibrated factor of the separation."
     )
@@ -99,6 +106,7 @@ class MecanumDrive(DriveSettings):
     front_right_axis: Axis = Field(description="Axis that turns the front right wheel.")
     rear_left_axis: Axis = Field(description="Axis that turns the rear left wheel.")
     rear_right_axis: Axis = Field(description="Axis that turns the rear right wheel.")
+    wheel_separation_m: Positive = Field(description=_SEPARATION)
     wheelbase_m: Positive = Field(description="Distance between the front and the rear axles.")
     lateral_velocity_m_s: Positive = Field(description="Highest speed sideways.")
     lateral_acceleration_m_s2: Positive = Field(description="Highest acceleration sideways.")
@@ -108,9 +116,41 @@ class MecanumDrive(DriveSettings):
     )
 
 
+class TricycleDrive(DriveSettings):
+    """A base on a fixed axle and one steered wheel (or a pair steered together)."""
+
+    AXIS_KEYS = ("traction_axis", "steering_axis")
+
+    kind: Literal["tricycle"] = Field(description="Kind of the base.")
+    traction_axis: Axis = Field(description="Axis that drives the base, in velocity mode.")
+    steering_axis: Axis = Field(
+        description="Axis that steers, in position mode; 0 is straight ahead, positive to the left."
+    )
+    traction: Literal["steered", "fixed"] = Field(
+        "steered", description="The steered wheel drives, or the wheels of the fixed axle."
+    )
+    wheelbase_m: Positive = Field(description="Distance from the fixed axle to the steered wheel.")
+    steering_angle_rad: float = Field(
+        gt=0, le=math.pi / 2, description="Largest steering angle to either side."
+    )
+    steering_velocity_rad_s: Positive = Field(description="Highest speed of steering.")
+    steering_acceleration_rad_s2: Positive = Field(description="Highest acceleration of steering.")
+
+    @property
+    def steering_axes(self) -> tuple[int, ...]:
+        return (self.steering_axis,)
+
+    def problems(self) -> Iterator[Problem]:
+        yield from super().problems()
+        if self.traction == "fixed" and self.steering_angle_rad > MAX_FIXED_ANGLE:
+            what = f"must be at most {MAX_FIXED_ANGLE} where the fixed axle drives"
+            yield ("steering_angle_rad",), what, self.steering_angle_rad
+
+
 KINDS: Mapping[str, type[DriveSettings]] = {
     "differential": DifferentialDrive,
     "mecanum": MecanumDrive,
+    "tricycle": TricycleDrive,
 }
 
 
@@ -138,4 +178,4 @@ def _by_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> DriveSettings
     )
 
 
-Drive = Annotated[DifferentialDrive | MecanumDrive, WrapValidator(_by_kind)]
+Drive = Annotated[DifferentialDrive | MecanumDrive | TricycleDrive, WrapValidator(_by_kind)]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from robotd.descriptor import DriveSettings, MecanumDrive
+from robotd.descriptor import DriveSettings, MecanumDrive, TricycleDrive
 from robotd.export.export_input import ExportInput
 
 DIFFERENTIAL = "diff_drive_controller"
 MECANUM = "mecanum_drive_controller"
+TRICYCLE = "tricycle_controller"
 MAP = "map"
 COMMANDING = ("controller_server", "behavior_server", "velocity_smoother", "collision_monitor",
               "docking_server")  # fmt: skip
@@ -41,7 +42,10 @@ def navigation_parameters(source: ExportInput) -> str:
     drive = source.descriptor.drive
     if drive is None:
         raise source.rejection(f"nav2: {source.descriptor.name} has no drive")
-    base = _mecanum(source) if isinstance(drive, MecanumDrive) else _differential(source)
+    if isinstance(drive, MecanumDrive):
+        base = _mecanum(source)
+    else:
+        base = _tricycle(source) if isinstance(drive, TricycleDrive) else _differential(source)
     nodes = _nodes(source, base)
     for name in COMMANDING:
         nodes.setdefault(name, {})["enable_stamped_cmd_vel"] = base.stamped
@@ -76,6 +80,18 @@ def _mecanum(source: ExportInput) -> _Base:
         stamped,
         "nav2_amcl::OmniMotionModel",
         advice,
+    )
+
+
+def _tricycle(source: ExportInput) -> _Base:
+    advice = "Nav2 needs the transform of the odometry: enable_odom_tf of the base is false."
+    return _Base(
+        TRICYCLE,
+        source.own_topic(TRICYCLE, "cmd_vel"),
+        source.own_topic(TRICYCLE, "odom"),
+        bool(source.parameter(TRICYCLE, "use_stamped_vel", True)),
+        "nav2_amcl::DifferentialMotionModel",  # AMCL has no other one without sideways motion
+        "" if source.parameter(TRICYCLE, "enable_odom_tf", True) else advice,
     )
 
 
@@ -122,8 +138,8 @@ def twist_limits(source: ExportInput) -> dict[str, list[float]]:
     drive = source.descriptor.drive
     if drive is None:
         raise source.rejection(f"{source.descriptor.name} has no drive")
-    is_mecanum = isinstance(drive, MecanumDrive)
-    node = MECANUM if is_mecanum else DIFFERENTIAL
+    names: dict[type[DriveSettings], str] = {MecanumDrive: MECANUM, TricycleDrive: TRICYCLE}
+    node = names.get(type(drive), DIFFERENTIAL)
 
     def of_node(name: str, default: float) -> float:
         return float(source.parameter(node, name, default))
@@ -135,7 +151,7 @@ def twist_limits(source: ExportInput) -> dict[str, list[float]]:
     speeds = limits("velocity")
 
     def ramp(kind: str, time: str) -> list[float]:
-        if is_mecanum:
+        if node != DIFFERENTIAL:
             return limits(kind)
         time_s = of_node(time, 1.0)
         return [min(a, v / time_s) for a, v in zip(limits(kind), speeds, strict=True)]

@@ -19,6 +19,14 @@ class BaseKinematics(Protocol):
         """The base can have a lateral velocity."""
 
     @property
+    def turns_on_the_spot(self) -> bool:
+        """The base can turn without a linear velocity."""
+
+    @property
+    def steered(self) -> tuple[int, ...]:
+        """Places of steering axes, whose part in ``speeds`` and ``twist`` is their angle in rad."""
+
+    @property
     def radius(self) -> float:
         """Radius of the smallest wheel in m."""
 

@@ -37,8 +37,12 @@ class Odometry:
         if last is None:
             return True
         steps = [self._step(now - before) for now, before in zip(positions, last, strict=True)]
+        for place in self._wheels.steered:  # the mean angle between two updates
+            steps[place] = 0.0
         if max(map(abs, steps)) > longest_step:
             return False
+        for place in self._wheels.steered:
+            steps[place] = (last[place] + positions[place]) / 2
         self.pose = along_arc(self.pose, self._wheels.twist(*steps))
         return True
 

@@ -21,6 +21,8 @@ class WheelPair:
     """
 
     moves_sideways: ClassVar[bool] = False
+    turns_on_the_spot: ClassVar[bool] = True
+    steered: ClassVar[tuple[int, ...]] = ()
 
     wheel_radius: float
     separation: float

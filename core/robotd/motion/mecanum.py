@@ -23,6 +23,8 @@ class MecanumWheels:
     """
 
     moves_sideways: ClassVar[bool] = True
+    turns_on_the_spot: ClassVar[bool] = True
+    steered: ClassVar[tuple[int, ...]] = ()
 
     radius: float
     separation: float

@@ -17,6 +17,7 @@ from robotd.node_settings.device_settings import read_core_motion, read_engine
 from robotd.node_settings.mecanum_settings import read_mecanum_drive
 from robotd.node_settings.parameter_reader import ParameterReader
 from robotd.node_settings.state_publisher_settings import read_state_publisher
+from robotd.node_settings.tricycle_settings import read_tricycle
 
 _READERS: Mapping[str, Callable[[ParameterReader, RobotDescriptor], object]] = {
     "wmx_engine_node": read_engine,
@@ -25,6 +26,7 @@ _READERS: Mapping[str, Callable[[ParameterReader, RobotDescriptor], object]] = {
     "follow_joint_trajectory_server": read_trajectory_server,
     "diff_drive_controller": read_diff_drive,
     "mecanum_drive_controller": read_mecanum_drive,
+    "tricycle_controller": read_tricycle,
     "joint_command_node": read_joint_command,
     "gripper_controller": read_gripper_controller,
     "robot_state_publisher": read_state_publisher,

@@ -60,6 +60,11 @@ BUILT_IN = {
         "twists and odometry of a mecanum base; the wheels are switched on at start",
         enables_servos=True,
     ),
+    "tricycle_controller": NodeInfo(
+        "robotd.ros.nodes.tricycle_controller:TricycleController",
+        "twists and odometry of a base with a steered wheel; both axes are switched on at start",
+        enables_servos=True,
+    ),
 }
 
 

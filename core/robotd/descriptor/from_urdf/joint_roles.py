@@ -121,8 +121,8 @@ def _base(urdf: UrdfRobot, choices: Choices, path: Path) -> WheelBase | None:
         names = ", ".join(joint.name for joint in found)
         what = (
             f"{len(found)} wheels ({names}), a differential base has two: name them by"
-            " --wheels LEFT,RIGHT, or pass --no-base; a mecanum base is described by hand, as in"
-            " robots/mecanum_base"
+            " --wheels LEFT,RIGHT, or pass --no-base; other bases are described by hand, as in"
+            " robots/mecanum_base and robots/tricycle_base"
         )
         raise DescriptorError(what, path=path, line=found[0].line, key=found[0].name)
     return wheel_base(urdf, found, choices.wheel_radius_m, path)

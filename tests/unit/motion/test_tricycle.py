@@ -1,0 +1,142 @@
+"""Tricycle kinematics against the rolling constraints, limits of steering, and odometry."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robotd.motion.dead_reckoning import Odometry
+from robotd.motion.planar import ORIGIN, PlanarTwist, Pose
+from robotd.motion.steering import SteeringFollower, SteeringLimits
+from robotd.motion.tricycle import SteeredWheels
+
+RIGHT_ANGLE = math.pi / 2
+PERIOD_S = 0.005
+LIMITS = SteeringLimits(1.5, 6.0, 20.0)
+linears = st.floats(0.01, 3.0) | st.floats(-3.0, -0.01)
+angulars = st.floats(-3.0, 3.0)
+twists = st.builds(PlanarTwist, linears, angulars, st.just(0.0))
+lengths = st.floats(0.05, 2.0)
+bases = st.builds(
+    partial(SteeredWheels, largest_angle=RIGHT_ANGLE),
+    radius=lengths,
+    wheelbase=lengths,
+    drives_steered=st.booleans(),
+)
+FRONT = SteeredWheels(0.1, 0.8, drives_steered=True, largest_angle=1.2)
+REAR = SteeredWheels(0.1, 0.8, drives_steered=False, largest_angle=1.2)
+
+
+@given(bases, twists)
+def test_no_wheel_slips(base: SteeredWheels, twist: PlanarTwist) -> None:
+    """The velocity of each contact point is that of the rim, and nothing across the wheel."""
+    speed, angle = base.speeds(twist)
+    ahead, across = twist.linear, twist.angular * base.wheelbase  # at the steered wheel
+    along = ahead * math.cos(angle) + across * math.sin(angle)
+    sideways = across * math.cos(angle) - ahead * math.sin(angle)
+    assert sideways == pytest.approx(0.0, abs=1e-9)
+    rim = along if base.drives_steered else twist.linear  # the fixed axle is at the origin
+    assert speed * base.radius == pytest.approx(rim, rel=1e-9, abs=1e-9)
+
+
+@given(bases, twists)
+def test_a_twist_comes_back(base: SteeredWheels, twist: PlanarTwist) -> None:
+    assert base.twist(*base.speeds(twist)) == pytest.approx(twist, rel=1e-6, abs=1e-9)
+
+
+@given(bases, twists)
+def test_no_rim_is_faster_than_the_lever_says(base: SteeredWheels, twist: PlanarTwist) -> None:
+    bound = abs(twist.linear) + base.lever * abs(twist.angular)
+    assert abs(base.speeds(twist)[0]) * base.radius <= bound * (1.0 + 1e-9)
+
+
+def test_a_driven_wheel_that_stands_across_turns_the_base_on_the_spot() -> None:
+    base = SteeredWheels(0.1, 0.8, drives_steered=True, largest_angle=RIGHT_ANGLE)
+    assert base.speeds(PlanarTwist(0.0, 0.5)) == pytest.approx((4.0, RIGHT_ANGLE))
+    assert base.turns_on_the_spot
+    assert not FRONT.turns_on_the_spot
+    assert not REAR.turns_on_the_spot
+
+
+@pytest.mark.parametrize("base", [FRONT, REAR])
+@pytest.mark.parametrize("linear", [0.2, -0.2])
+def test_beyond_the_largest_angle_the_linear_speed_is_kept(
+    base: SteeredWheels, linear: float
+) -> None:
+    speed, angle = base.speeds(PlanarTwist(linear, 2.0))
+    assert angle == math.copysign(1.2, linear)
+    found = base.twist(speed, angle)
+    assert found.linear == pytest.approx(linear)
+    assert 0.0 < found.angular < 2.0
+
+
+def test_at_a_standstill_the_angle_is_zero_and_nothing_turns() -> None:
+    assert FRONT.speeds(PlanarTwist(0.0, 0.0)) == (0.0, 0.0)
+    assert REAR.speeds(PlanarTwist(0.0, 1.0))[0] == 0.0
+
+
+def follow(follower: SteeringFollower, twist: PlanarTwist, seconds: float) -> list[PlanarTwist]:
+    """Steps towards a twist; every one is within the limits of both axes."""
+    found = []
+    for _ in range(round(seconds / PERIOD_S)):
+        angle, rate, speed = follower.angle, follower.rate, follower.speed
+        follower.step(twist)
+        assert abs(follower.rate) <= LIMITS.velocity * (1 + 1e-9)
+        assert abs(follower.angle - angle) <= LIMITS.velocity * PERIOD_S * (1 + 1e-9)
+        assert abs(follower.rate - rate) <= LIMITS.acceleration * PERIOD_S * 1.01
+        assert abs(follower.speed - speed) <= LIMITS.wheel_acceleration * PERIOD_S * (1 + 1e-9)
+        found.append(follower.twist)
+    return found
+
+
+@settings(max_examples=15)
+@given(linears, angulars, linears, angulars)
+def test_both_axes_keep_their_limits_and_arrive(
+    linear: float, angular: float, other: float, turning: float
+) -> None:
+    follower = SteeringFollower(FRONT, LIMITS, 0.0, PERIOD_S)
+    for twist in (PlanarTwist(linear, angular), PlanarTwist(other, turning)):
+        follow(follower, twist, 8.0)
+        speed, angle = FRONT.speeds(twist)
+        assert follower.angle == pytest.approx(angle, abs=1e-3)
+        assert follower.speed == pytest.approx(speed, abs=1e-2 * max(1.0, abs(speed)))
+
+
+def test_the_wheel_waits_for_the_steering() -> None:
+    follower = SteeringFollower(FRONT, LIMITS, 0.0, PERIOD_S)
+    for twist in follow(follower, PlanarTwist(0.2, 0.5), 3.0):
+        if abs(twist.linear) > 0.15:
+            assert twist.angular / twist.linear == pytest.approx(2.5, rel=0.25)
+    follow(follower, PlanarTwist(0.2, 0.5), 1.0)
+    arc = [each.angular / each.linear for each in follow(follower, PlanarTwist(0.1, 0.25), 0.5)]
+    assert arc == pytest.approx([2.5] * len(arc))
+
+
+def test_a_stop_keeps_the_angle() -> None:
+    follower = SteeringFollower(FRONT, LIMITS, 0.0, PERIOD_S)
+    follow(follower, PlanarTwist(0.3, 0.3), 3.0)
+    angle = follower.angle
+    follow(follower, PlanarTwist(0.0, 0.0), 2.0)
+    assert follower.at_rest
+    assert follower.angle == angle
+
+
+@pytest.mark.parametrize("base", [FRONT, REAR])
+def test_a_quarter_turn_ends_where_the_circle_says(base: SteeredWheels) -> None:
+    radius, steps = 2.0, 400
+    speed, angle = base.speeds(PlanarTwist(1.0, 1.0 / radius))
+    odometry = Odometry(base)
+    quarter_s = RIGHT_ANGLE * radius
+    for step in range(steps + 1):
+        odometry.update([speed * quarter_s * step / steps, angle])
+    assert odometry.pose == pytest.approx(Pose(radius, radius, RIGHT_ANGLE))
+
+
+def test_steering_at_a_standstill_moves_nothing() -> None:
+    odometry = Odometry(FRONT)
+    assert all(odometry.update([3.0, angle], 0.01) for angle in (0.0, 0.5, 1.0))
+    assert odometry.pose == ORIGIN
