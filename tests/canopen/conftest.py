@@ -27,6 +27,7 @@ OpenRig = Callable[..., AbstractContextManager[Harness]]
 def open_rig(tmp_path: Path) -> OpenRig:
     """A started robot with its drives in this process; further arguments are options.
 
+    ``prepare`` is called before the start.
     Its time-outs are patient.
     """
 
@@ -36,6 +37,7 @@ def open_rig(tmp_path: Path) -> OpenRig:
         *,
         enable: bool = True,
         engine: dict[str, float] | None = None,
+        prepare: Callable[[Robot], None] = lambda robot: None,
         **options: object,
     ) -> Iterator[Harness]:
         descriptor = load_robot_descriptor(robot, None if robot == SMALL else "canopen_simulated")
@@ -53,6 +55,7 @@ def open_rig(tmp_path: Path) -> OpenRig:
         descriptor = descriptor.model_copy(update=changed)
         harness = Harness(Robot(descriptor, load_backend("canopen"), MonotonicClock()))
         try:
+            prepare(harness.robot)
             harness.robot.start(enable=enable)
             yield harness
         finally:

@@ -21,7 +21,7 @@ from tests.page.browser import (
     needs_browser,
     open_page,
 )
-from tests.page.viewer import served_page
+from tests.page.viewer import served_page, silent_viewer
 from tests.unit.observation.harness import Observed
 
 from robotd.descriptor import load_robot_descriptor
@@ -30,6 +30,12 @@ from robotd.page.page_server import PageServer
 
 NODES = load_robot_descriptor("cr3a").nodes
 POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]
+NO_WEBGL = """(() => {
+  const own = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+    return kind.startsWith("webgl") ? null : own.call(this, kind, ...rest);
+  };
+})()"""  # five drawings by the processor would take a minute
 BENT = 25  # least difference of a pixel in front of the background, of 255
 pytestmark = needs_browser
 
@@ -221,6 +227,30 @@ def test_text_has_enough_contrast(page: Page, scheme: str) -> None:
         ("--accent", "--panel"),
     ]
     assert min(contrasts(page, scheme, pairs)) >= 4.5
+
+
+def test_five_tabs_show_the_same_beside_one_that_does_not_read(
+    opened: Page, tmp_path: Path
+) -> None:
+    browser = opened.context.browser
+    assert browser is not None
+    with served_page(tmp_path, heartbeat_s=2.0) as (arm, server):
+        tabs = [open_page(browser, []) for _ in range(5)]
+        for tab in tabs:
+            tab.add_init_script(NO_WEBGL)
+            tab.goto(server.url)
+        for tab in tabs:
+            expect(tab.locator("#viewers")).to_have_text("5 viewers")
+        with silent_viewer(server.url):
+            expect(tabs[0].locator("#viewers")).to_have_text("6 viewers")
+            expect(tabs[0].locator("#viewers")).to_have_text("5 viewers")
+            move(arm, POSE)
+            for tab in tabs:
+                shows(tab, 1, "+0.9000 rad")
+                shows(tab, 3, "+1.2000 rad")
+        expect(tabs[0].locator("#view-note")).to_contain_text("has no WebGL")
+        for tab in tabs:
+            tab.close()
 
 
 ROBOT = """

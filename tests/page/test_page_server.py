@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
-from tests.page.viewer import TIMEOUT_S, connected, served_page, wait_until
+from tests.page.viewer import TIMEOUT_S, connected, served_page, silent_viewer, wait_until
 
 from robotd.errors import OperationError
 from robotd.observation.metrics import metrics_text, registry
@@ -198,15 +198,9 @@ def test_five_viewers_get_the_same_and_a_ninth_is_told_why_not(tmp_path: Path) -
 def test_a_viewer_that_stops_reading_is_dropped_and_others_are_not(tmp_path: Path) -> None:
     async def watch() -> None:
         async with connected(server.url) as viewer:
-            silent = socket.create_connection(
-                (urlsplit(server.url).hostname, urlsplit(server.url).port)
-            )
-            key = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
-            head = f"GET /ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n{key}"
-            silent.sendall(f"{head}Connection: Upgrade\r\n\r\n".encode())
-            await viewer.until(lambda: viewer.state["viewers"] == 2)
-            await viewer.until(lambda: viewer.state["viewers"] == 1)
-            silent.close()
+            with silent_viewer(server.url):
+                await viewer.until(lambda: viewer.state["viewers"] == 2)
+                await viewer.until(lambda: viewer.state["viewers"] == 1)
 
     with served_page(tmp_path, heartbeat_s=0.5) as (_, server):
         asyncio.run(watch())

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import aiohttp
 import numpy as np
@@ -99,3 +101,14 @@ async def connected(url: str, robot: str = "") -> AsyncIterator[Viewer]:
         viewer = Viewer(socket)
         await viewer.until(lambda: viewer.events)
         yield viewer
+
+
+@contextmanager
+def silent_viewer(url: str) -> Iterator[None]:
+    """A viewer that never reads."""
+    address = urlsplit(url)
+    with socket.create_connection((address.hostname, address.port)) as silent:
+        key = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
+        head = f"GET /ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n{key}"
+        silent.sendall(f"{head}Connection: Upgrade\r\n\r\n".encode())
+        yield

@@ -50,7 +50,7 @@ def tables(results: dict[str, Any], targets: Sequence[Target]) -> Iterator[str]:
         yield ""
         yield from (f"{name}: {value:.2f}" for name, value in results["planning"].items())
     if targets:
-        yield from ("", "Targets", *_targets(targets))
+        yield from ("", "Targets", *target_lines(targets))
 
 
 def _figures(figures: Figures, headings: dict[str, str]) -> Iterator[str]:
@@ -66,7 +66,8 @@ def _costs(parts: dict[str, dict[str, float]]) -> Iterator[str]:
     return aligned(rows)
 
 
-def _targets(targets: Sequence[Target]) -> Iterator[str]:
+def target_lines(targets: Sequence[Target]) -> Iterator[str]:
+    """Yield a line for each target, with what was measured."""
     rows = [["", "measured", "target", "", ""]]
     for each in targets:
         measured, target = _number(each.measured), _number(each.target)

@@ -310,6 +310,14 @@ class IoDriver(ABC):
     def output_bytes(self) -> int:
         """Size of the output image."""
 
+    @property
+    def live(self) -> tuple[memoryview, memoryview] | None:
+        """Images of inputs and outputs that are updated in place, to record every period.
+
+        None: they are only read by calls.
+        """
+        return None
+
     @abstractmethod
     def read_inputs(self, byte: int, length: int) -> bytes:
         """``length`` bytes of the input image from address ``byte``. Any thread."""

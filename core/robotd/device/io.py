@@ -45,6 +45,11 @@ class Io:
         driver = self._maybe_driver
         return (driver.input_bytes, driver.output_bytes) if driver else (0, 0)
 
+    @property
+    def live(self) -> tuple[memoryview, memoryview] | None:
+        """Images that are updated in place; None where the backend has none."""
+        return self._maybe_driver.live if self._maybe_driver else None
+
     def input(self, name: str) -> bool:
         """Return a named input. Raises InvalidArgument for an unknown name."""
         return self.input_bit(*_address("input", name, self.inputs))

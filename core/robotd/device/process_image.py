@@ -9,6 +9,7 @@ import numpy as np
 from robotd.arrays import BoolArray, FloatArray, IntArray
 from robotd.device.state import CommandMode, Operation
 
+HEADER_NUMBERS = 8  # of the frame of a recorder
 COPY_TRIES = 2000  # tens of milliseconds; a read takes a tenth of one
 
 
@@ -54,6 +55,7 @@ class ProcessImage:
             is that of ``VALUES``, ``FLAGS`` and ``NUMBERS``. A copy of a block costs no more than
             one of an array.
         memory: all blocks in one piece, laid out by ``image_type``: one copy takes them all.
+        header, frame: room for a recorder's numbers, and with ``memory`` behind it in one piece.
         commands, measured: rows of ``values``: position and velocity as commanded; position,
             velocity and torque as measured.
         reason: the device's own words for an alarm, for a drive that does not answer, or for a
@@ -85,8 +87,11 @@ class ProcessImage:
         self.axes = axes
         self.stamp_ns = 0
         self.fresh_ns = 0
-        blocks = np.zeros(1, image_type(axes))
-        self.memory = blocks.view(np.uint8).data
+        room = np.zeros(1, [("header", "<i8", HEADER_NUMBERS), ("blocks", image_type(axes))])
+        self.frame = room.view(np.uint8).data
+        self.header = self.frame[: 8 * HEADER_NUMBERS].cast("q")
+        self.memory = self.frame[8 * HEADER_NUMBERS :]
+        blocks = room["blocks"]
         self.values: FloatArray = blocks["values"][0]
         self.setpoint: FloatArray = blocks["setpoint"][0]
         self.numbers: IntArray = blocks["numbers"][0]

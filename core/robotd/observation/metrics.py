@@ -98,7 +98,7 @@ class Metrics:
         yield GaugeMetricFamily(
             "robotd_stopped", "1: all motion is stopped until a reset.", stopped
         )
-        used = self._tap.frames.nbytes + self._tap.events.nbytes + self._tap.samples.nbytes
+        used = self._tap.nbytes
         yield GaugeMetricFamily(
             "robotd_recorder_memory_bytes", "Memory of the flight recorder.", used
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -21,22 +21,22 @@ from robotd.errors import RobotdError
 from robotd.events import MAX_BYTES, BoundedLog, Event, EventKind, EventLog, Level
 from robotd.log import get_logger
 from robotd.observation.change_detector import ChangeDetector
+from robotd.observation.io_sampler import QUEUE_BYTES, IoSampler
 from robotd.observation.plot_history import HISTORY_BYTES, PlotHistory
 from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
 from robotd.recording.message_encoders import named_values, octets_message
-from robotd.recording.recording_writer import FIELDBUS, INPUTS, OUTPUTS, RecordingInfo
+from robotd.recording.recording_writer import FIELDBUS, RecordingInfo
 from robotd.robot import Robot
 
 log = get_logger("tap")
 
 SAMPLE_PERIOD_S = 0.1
 BUS_PERIOD_SAMPLES = 10
-MAX_IO_BYTES = 256  # recorded of the inputs and of the outputs
-MAX_SAMPLES = 4096
-SAMPLE_BYTES = 2 * 2**20
+MAX_SAMPLES = 16384
+SAMPLE_BYTES = 2 * 2**20 - QUEUE_BYTES
 SAMPLE_OVERHEAD_BYTES = 200
 # 24 MiB; tests assert it.
-MAX_MEMORY_BYTES = MEMORY_BYTES + HISTORY_BYTES + MAX_BYTES + SAMPLE_BYTES
+MAX_MEMORY_BYTES = MEMORY_BYTES + HISTORY_BYTES + MAX_BYTES + SAMPLE_BYTES + QUEUE_BYTES
 _BUS_STATES = {state: number for number, state in enumerate(BusState)}
 
 NamedValues = Mapping[str, Mapping[str, float]]
@@ -59,7 +59,8 @@ class Tap:
         frames: last frames of the control loop.
         history: last minute of them, at the rate of a plot.
         events: the robot's event log.
-        samples: I/O where it changes, and the fieldbus once a second.
+        samples: I/O where it changes, in every period on a backend with a live image, else at
+            10 Hz, and the fieldbus once a second.
         fieldbus: newest state and counters of each bus and node; empty without one.
         buses: newest status of each bus; without those that could not be read.
         info: for the metadata of a recording.
@@ -80,7 +81,7 @@ class Tap:
         self._detector = ChangeDetector(robot.image, robot.axes.names)
         self._cursor = 0
         self._observed = 0
-        self._io_shown: dict[str, bytes] = {}
+        self._io = IoSampler(robot.io, robot.clock.now_ns)
         self._readers: list[Callable[[], None]] = []
         self._failing = self._was_stopped = False
         self._stop = threading.Event()
@@ -90,6 +91,12 @@ class Tap:
     def add_reader(self, read: Callable[[], None]) -> None:
         """Call ``read`` after every sample, in the tap's thread; before ``start`` only."""
         self._readers.append(read)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory in use; at most ``MAX_MEMORY_BYTES``."""
+        held = (self.frames, self.history, self.events, self.samples)
+        return sum(each.nbytes for each in held) + QUEUE_BYTES
 
     def __enter__(self) -> Self:
         robot_log.add_listener(self._log_line)
@@ -107,7 +114,7 @@ class Tap:
         """Return the observer of the control loop: copies the period that has ended."""
         robot, write = self.robot, self.frames.write
         image, mixer, connection = robot.image, robot.mixer, robot.connection
-        stats = robot.control_loop.stats
+        stats, look = robot.control_loop.stats, self._io.look
 
         def write_frame() -> None:
             start_ns, late_ns, execution_ns = stats.last
@@ -121,6 +128,8 @@ class Tap:
                 mixer.sent_ns,
                 connection.ready,
             )
+            if look is not None:
+                look(start_ns)
 
         return write_frame
 
@@ -158,10 +167,8 @@ class Tap:
 
     def _sample(self) -> None:
         now_ns = self.robot.clock.now_ns()
-        for topic, data in self._io():
-            if data != self._io_shown.get(topic):
-                self._io_shown[topic] = data
-                self._add_sample(now_ns, topic, octets_message(data))
+        for time_ns, topic, data in self._io.changes():
+            self._add_sample(time_ns, topic, octets_message(data))
         if self._observed % BUS_PERIOD_SAMPLES == 0:
             self.buses = self._read_buses()
             self.fieldbus = {
@@ -175,15 +182,6 @@ class Tap:
 
     def _add_sample(self, time_ns: int, topic: str, data: bytes) -> None:
         self.samples.add((time_ns, topic, data), SAMPLE_OVERHEAD_BYTES + len(data))
-
-    def _io(self) -> Iterator[tuple[str, bytes]]:
-        io = self.robot.io
-        sizes = [min(size, MAX_IO_BYTES) for size in io.sizes]
-        with suppress(RobotdError):  # a device that was lost just now
-            if sizes[0]:
-                yield INPUTS, io.input_bytes(0, sizes[0])
-            if sizes[1]:
-                yield OUTPUTS, io.output_bytes(0, sizes[1])
 
     def _read_buses(self) -> dict[int, BusStatus]:
         buses: dict[int, BusStatus] = {}

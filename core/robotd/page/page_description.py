@@ -10,7 +10,8 @@ from typing import Any
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import GripperSettings, RobotDescriptor
 from robotd.device.capabilities import Capability
-from robotd.observation.tap import MAX_IO_BYTES, Tap
+from robotd.observation.io_sampler import MAX_IO_BYTES
+from robotd.observation.tap import Tap
 from robotd.robot import Robot
 
 PROTOCOL = 1  # of the messages; the page asks to be loaded again when it has another one

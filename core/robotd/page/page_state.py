@@ -14,7 +14,8 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import RobotdError
 from robotd.events import Event, EventKind
-from robotd.observation.tap import MAX_IO_BYTES, Tap
+from robotd.observation.io_sampler import MAX_IO_BYTES
+from robotd.observation.tap import Tap
 from robotd.page.remedies import remedy
 from robotd.robot import Robot
 

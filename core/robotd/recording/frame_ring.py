@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mmap
 import os
-import struct
 import weakref
 from collections.abc import Callable
 from typing import Any
@@ -28,8 +27,6 @@ HEADER = (
     "due_ns",  # time at which the last setpoint that was sent is due; 0: none was sent
     "ready",  # 1: the device takes commands
 )
-_HEADER_BYTES = 8 * len(HEADER)
-_PACK = struct.Struct(f"<{len(HEADER)}q").pack_into
 
 Frames = NDArray[Any]
 """Structured array of shape (n,) with the fields of ``frame_type``."""
@@ -127,19 +124,33 @@ class FrameRing(FrameMemory):
         weakref.finalize(self, os.close, fd)
         # Written once, because the first access to a page costs the control loop 1 us or more.
         self._frames.view(np.uint8)[:] = 1
-        self.write = self._writer(image.memory)
+        self.write = self._writer(image)
 
-    def _writer(self, image: memoryview) -> Callable[..., None]:
-        """Return ``write``: a closure, because attributes would double its cost."""
-        memory, count = self._memory, self._count
+    def _writer(self, image: ProcessImage) -> Callable[..., None]:
+        """Return ``write``: a closure, because attributes would double its cost.
+
+        The header is assigned where the image is, and one copy takes both: with cold caches this
+        takes half the time of packing the header into the ring.
+        """
+        memory, count, frame, header = self._memory, self._count, image.frame, image.header
         capacity, size = self.capacity, self.type.itemsize
         written = 0
 
-        def write(*header: int) -> None:
+        def write(
+            start_ns: int,
+            stamp_ns: int,
+            fresh_ns: int,
+            late_ns: int,
+            execution_ns: int,
+            missed: int,
+            due_ns: int,
+            ready: bool,
+        ) -> None:
             nonlocal written
+            header[0], header[1], header[2], header[3] = start_ns, stamp_ns, fresh_ns, late_ns
+            header[4], header[5], header[6], header[7] = execution_ns, missed, due_ns, ready
             start = COUNT_BYTES + written % capacity * size
-            _PACK(memory, start, *header)
-            memory[start + _HEADER_BYTES : start + size] = image
+            memory[start : start + size] = frame
             written += 1
             count[0] = written
 

@@ -20,6 +20,10 @@ class CanopenIo(IoDriver):
     def output_bytes(self) -> int:
         return len(self._image.outputs)
 
+    @property
+    def live(self) -> tuple[memoryview, memoryview]:
+        return memoryview(self._image.inputs), memoryview(self._image.outputs)
+
     def read_inputs(self, byte: int, length: int) -> bytes:
         return bytes(self._image.inputs[byte : byte + length])
 

@@ -21,6 +21,10 @@ class SimIo(IoDriver):
     def output_bytes(self) -> int:
         return IMAGE_BYTES
 
+    @property
+    def live(self) -> tuple[memoryview, memoryview]:
+        return memoryview(self._simulation.io.inputs), memoryview(self._simulation.io.outputs)
+
     def read_inputs(self, byte: int, length: int) -> bytes:
         self._check(byte, length)
         with self._simulation.world.lock:

@@ -10,7 +10,9 @@ from tests.unit.observation.harness import Observed
 from robotd.errors import OperationError
 from robotd.events import EventKind, sent_by
 from robotd.observation import recorder_process
+from robotd.observation.io_sampler import IoSampler
 from robotd.recording.recording_reader import Recording, read_recording
+from robotd.recording.recording_writer import INPUTS
 
 LIMITED = """
 import resource, signal
@@ -67,6 +69,41 @@ def test_the_recorded_values_are_those_of_the_image(arm: Observed) -> None:
     np.testing.assert_array_equal(frames["values"], [*expected.values()])
     assert (np.diff(frames["stamp_ns"]) == 2_000_000).all()
     assert len(frames) == 250
+
+
+def test_an_input_of_one_period_is_recorded_in_its_period(arm: Observed) -> None:
+    injector = arm.robot.fault_injector
+    arm.robot.step(7)
+    for value in (True, False):
+        injector.set_input_bit(1, 3, value)
+        arm.robot.step(1)
+    arm.robot.io.set_output_bit(0, 2, True)
+    arm.step(0.1)
+    recording = read_recording(arm.flight.snapshot("test"))
+    (rise, risen), (fall, fallen) = recording.inputs[-2:]
+    assert (risen[1], fallen[1]) == (8, 0)
+    assert fall - rise == 2_000_000
+    assert {rise, fall} <= {*recording.frames["start_ns"].tolist()}
+    (_, before), (_, after) = recording.outputs[-2:]
+    assert (before[0], after[0]) == (0, 4)
+
+
+def test_a_backend_without_a_live_image_is_sampled(arm: Observed) -> None:
+    class Closed:
+        live = None
+        sizes = (2, 0)
+        image = b"\1\0"
+
+        def input_bytes(self, byte: int, length: int) -> bytes:
+            return self.image[byte : byte + length]
+
+    io = Closed()
+    sampler = IoSampler(io, lambda: 5)  # type: ignore[arg-type]
+    assert sampler.look is None
+    assert [*sampler.changes()] == [(5, INPUTS, b"\1\0")]
+    assert [*sampler.changes()] == []
+    io.image = b"\0\1"
+    assert [*sampler.changes()] == [(5, INPUTS, b"\0\1")]
 
 
 def test_commands_of_clients_are_recorded_also_rejected_ones(arm: Observed) -> None:

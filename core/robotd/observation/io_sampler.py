@@ -1,0 +1,78 @@
+"""Samples of the I/O image: in every period where the backend shows it, else at a lower rate."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+from robotd.device.io import Io
+from robotd.errors import RobotdError
+from robotd.recording.recording_writer import INPUTS, OUTPUTS
+
+MAX_IO_BYTES = 256  # recorded of the inputs and of the outputs
+MAX_WAITING = 1024  # changes between two calls of ``changes``
+QUEUE_BYTES = MAX_WAITING * (MAX_IO_BYTES + 128)
+
+Change = tuple[int, str, bytes]
+"""Monotonic time, topic of the recording, and the bytes of the image."""
+
+
+class IoSampler:
+    """Finds changes of inputs and outputs.
+
+    Args:
+        io: of the robot.
+        now_ns: monotonic time of the robot's clock.
+
+    Attributes:
+        look: looks for changes in a live image, at the time of the period; None without one.
+            Control-loop thread.
+    """
+
+    def __init__(self, io: Io, now_ns: Callable[[], int]) -> None:
+        self._io, self._now_ns = io, now_ns
+        self._seen: dict[str, bytes] = {}
+        self._changes: deque[Change] = deque(maxlen=MAX_WAITING)
+        self.look = self._looker()
+
+    def _looker(self) -> Callable[[int], None] | None:
+        """Return ``look``: a closure, because attributes would double its cost."""
+        if (live := self._io.live) is None:
+            return None
+        read_inputs, read_outputs = (image[:MAX_IO_BYTES].tobytes for image in live)
+        add = self._changes.append
+        inputs = outputs = b""
+
+        def look(time_ns: int) -> None:
+            nonlocal inputs, outputs
+            if (now := read_inputs()) != inputs:
+                inputs = now
+                add((time_ns, INPUTS, now))
+            if (now := read_outputs()) != outputs:
+                outputs = now
+                add((time_ns, OUTPUTS, now))
+
+        return look
+
+    def changes(self) -> Iterator[Change]:
+        """Yield the changes since the last call. Thread of the tap; the device communicates."""
+        if self.look is None:
+            self._sample()
+        while self._changes:
+            yield self._changes.popleft()
+
+    def _sample(self) -> None:
+        time_ns = self._now_ns()
+        for topic, data in self._images():
+            if data != self._seen.get(topic):
+                self._seen[topic] = data
+                self._changes.append((time_ns, topic, data))
+
+    def _images(self) -> Iterator[tuple[str, bytes]]:
+        sizes = [min(size, MAX_IO_BYTES) for size in self._io.sizes]
+        with suppress(RobotdError):  # a device that was lost just now
+            if sizes[0]:
+                yield INPUTS, self._io.input_bytes(0, sizes[0])
+            if sizes[1]:
+                yield OUTPUTS, self._io.output_bytes(0, sizes[1])

@@ -1,0 +1,35 @@
+"""The flight recorder on the engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from robotd.events import sent_by
+from robotd.observation.recorder import observed
+from robotd.recording.recording_reader import read_recording
+from robotd.robot import build_robot
+from robots import descriptor, goal
+
+
+def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+    robot = build_robot(descriptor(tmp_path), "wmx")
+    with observed(robot, flight_folder=folder) as recorder:
+        try:
+            robot.start(enable=True)
+            with sent_by("/move_group"), robot.follower.follow(goal([0.5], 0.2)) as execution:
+                assert execution.wait(10.0)
+            robot.io.set_output_bit(0, 3, True)
+            recording = read_recording(recorder.flight.snapshot("test"))
+        finally:
+            robot.shutdown()
+    frames = recording.frames
+    assert (np.diff(frames["start_ns"]) > 0).all()
+    np.testing.assert_allclose(frames["values"][-1, 2], 0.2, atol=1e-3)
+    assert np.isfinite(frames["setpoint"][:, 0]).any()
+    ((_, points),) = recording.goals
+    np.testing.assert_array_equal(points["positions"][-1], [0.2] * 6)
+    assert "/move_group" in {each.sender for each in recording.events}
+    assert recording.fieldbus
