@@ -103,6 +103,8 @@ bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench.page
 	$(say) 'tools.bench.page_control'
 	.venv/bin/python -m tools.bench.page_control
+	$(say) 'tools.bench.remote_page'
+	.venv/bin/python -m tools.bench.remote_page
 	$(say) 'tools.bench.middleware'
 	.venv/bin/python -m tools.bench.middleware
 	$(MAKE) -C plugins/wmx bench

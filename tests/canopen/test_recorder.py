@@ -14,6 +14,7 @@ from robotd.observation.tap import Tap
 from robotd.recording.explanation import explain
 from robotd.recording.recording_folder import RecordingFolder
 from robotd.recording.recording_reader import read_recording
+from robotd.recording.recording_writer import FIELDBUS
 from robotd.robot import Robot
 
 
@@ -34,7 +35,7 @@ def test_a_fault_of_a_drive_is_recorded_with_its_emergency(
             robot.follower.follow(harness.request(2.0, 1.0)) as execution,
         ):
             harness.until(lambda: harness.image.position[0] > 0.2)
-            robot.fault_injector.trip(1, 0x8611)
+            harness.inject("2 trip 0x3210")
             assert execution.wait(10.0)
         harness.until(lambda: any(each.kind is EventKind.FAULT for each in tap.events.since(0)[0]))
         recording = read_recording(flight.snapshot("test"))
@@ -43,9 +44,9 @@ def test_a_fault_of_a_drive_is_recorded_with_its_emergency(
     assert moved > 0.2
     assert (np.diff(frames["start_ns"]) > 0).all()
     assert np.median(np.diff(frames["stamp_ns"])) == 1e9 / RATE_HZ
-    assert frames["numbers"][-1, 0, 1] == 0x8611
+    assert frames["numbers"][-1, 0, 1] == 0x3210
     assert np.isfinite(frames["setpoint"][:, 0, 0]).any()  # what was sent to the drive
-    assert recording.fieldbus
+    assert FIELDBUS in {topic for _, topic, _ in tap.samples.since(0)[0]}
     text = "\n".join(explain(recording, []))
-    assert "following error" in text.partition("Events")[0]
+    assert "node 2: EMCY 0x3210 DC link over-voltage" in text.partition("Events")[0]
     assert "commanded by /move_group" in text

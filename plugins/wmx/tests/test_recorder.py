@@ -9,6 +9,7 @@ import numpy as np
 from robotd.events import sent_by
 from robotd.observation.recorder import observed
 from robotd.recording.recording_reader import read_recording
+from robotd.recording.recording_writer import FIELDBUS
 from robotd.robot import build_robot
 from robots import descriptor, goal
 
@@ -32,4 +33,4 @@ def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> Non
     ((_, points),) = recording.goals
     np.testing.assert_array_equal(points["positions"][-1], [0.2] * 6)
     assert "/move_group" in {each.sender for each in recording.events}
-    assert recording.fieldbus
+    assert FIELDBUS in {topic for _, topic, _ in recorder.tap.samples.since(0)[0]}

@@ -63,7 +63,7 @@ def _explain_code(word: str) -> ExitCode:
     """Print every meaning of a number; FAILED when there is none."""
     tables = _tables()
     numbers = _numbers(word)
-    lines = list(dict.fromkeys(line for code in numbers for line in _meanings(code, tables)))
+    lines = [*dict.fromkeys(line for code in numbers for line in _meanings(code, tables))]
     for line in lines:
         click.echo(line)
     if lines:
@@ -89,7 +89,8 @@ def _numbers(word: str) -> list[int]:
 def _meanings(code: int, tables: Sequence[CodeTable]) -> list[str]:
     """Return each meaning of a code, and below it what to do."""
     found = [(table.line(code), table.advice(code)) for table in tables if table.line(code)]
-    return [text for line, advice in found for text in (line, f"  {advice}") if text.strip()]
+    texts = [text for line, advice in found for text in (line, f"  {advice}") if text.strip()]
+    return [*dict.fromkeys(texts)]  # tables of several backends give the same advice
 
 
 def _tables() -> list[CodeTable]:

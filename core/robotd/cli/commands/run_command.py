@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,6 +66,7 @@ class RunOptions:
         metrics: port of the metrics on the loopback interface; None: not served.
         page: port of the live page there; None leaves the descriptor's own.
         page_control: the page can control the robot; None leaves the descriptor's own.
+        foxglove: port for the program Foxglove there; None: not served.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
 
@@ -83,6 +84,7 @@ class RunOptions:
     metrics: int | None
     page: int | None
     page_control: bool | None
+    foxglove: int | None
     ros_args: Sequence[str]
 
 
@@ -139,6 +141,12 @@ class RunOptions:
     default=None,
     help="Let the page jog and command the robot, with a token that is printed at the start.",
 )
+@click.option(
+    "--foxglove",
+    metavar="PORT",
+    type=click.IntRange(0, 65535),
+    help="Serve the program Foxglove at ws://127.0.0.1:PORT.",
+)
 @log_options
 @click.pass_context
 def run(ctx: click.Context, /, **options: Any) -> None:
@@ -183,7 +191,8 @@ def _observed(
     page = robot.descriptor.page if options.page is None else options.page
     if options.page_control and page is None:
         raise click.UsageError("--page-control needs --page PORT, or page: in the robot's file")
-    wanted = any(each is not None for each in (options.record, options.metrics, page))
+    ports = (options.metrics, options.foxglove, page)
+    wanted = any(each is not None for each in (options.record, *ports))
     if not (robot.descriptor.recorder.enabled or wanted):
         yield _Observation()
         return
@@ -205,6 +214,8 @@ def _observed(
             if options.page_control is not None:
                 has_control = options.page_control
             address = stack.enter_context(_page(recorder, nodes, page, has_control, faults))
+        if options.foxglove is not None:
+            stack.enter_context(_foxglove(recorder, options.foxglove))
         yield _Observation(recorder, address)
 
 
@@ -227,6 +238,15 @@ def _page(
     source = RobotSource(recorder.tap, nodes, has_control=has_control)
     with PageServer(source, port, recorder.metrics, control=control) as server:
         yield control.address(server.url) if control else server.url
+
+
+def _foxglove(recorder: Recorder, port: int) -> AbstractContextManager[object]:
+    try:
+        from robotd.page.foxglove_server import FoxgloveServer
+    except ImportError as error:
+        text = "--foxglove needs foxglove-sdk: pip install 'robotd[foxglove]'"
+        raise OperationError(text) from error
+    return FoxgloveServer(recorder.tap, port)
 
 
 def _serve(

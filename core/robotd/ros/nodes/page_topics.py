@@ -14,7 +14,6 @@ from std_msgs.msg import String, UInt8MultiArray
 
 from robotd.log import get_logger
 from robotd.observation.tap import Tap
-from robotd.page.live_samples import RATE_HZ
 from robotd.page.page_description import describe
 from robotd.page.page_feed import PageFeed
 from robotd.recording.message_encoders import octets_message, string_message
@@ -33,8 +32,9 @@ from robotd.ros.page_messages import (
 log = get_logger("page")
 
 SILENT_PERIOD_S = 0.5  # for a look whether somebody subscribes
-CHANGES_TICKS = 3  # of ``RATE_HZ``: state, events, and a look for subscribers
-STATE_TICKS = 30  # the state is repeated, as a sign of life
+RATE_HZ = 15.0  # half of the page inside the process: a sample costs more
+CHANGES_TICKS = 2  # of ``RATE_HZ``: state, events, and a look for subscribers
+STATE_TICKS = 14  # the state is repeated, as a sign of life
 INTRODUCTION = ("robot", "summary", "variant", "backend", "version", "simulated")
 
 
