@@ -1,4 +1,4 @@
-"""Samples of the I/O image: in every period where the backend shows it, else at a lower rate."""
+"""Samples of the I/O image, of every period where the backend shows it."""
 
 from __future__ import annotations
 

@@ -29,8 +29,7 @@ END_TIMEOUT_S = 2.0
 
 
 class FoxgloveServer:
-    """Publishes a robot for Foxglove: ``with FoxgloveServer(...):``. Its thread is
-    ``robotd-foxglove``.
+    """Server for Foxglove: ``with FoxgloveServer(...):``. Its thread is ``robotd-foxglove``.
 
     Nothing is computed for a topic that nobody subscribes. Clients can only read.
 
