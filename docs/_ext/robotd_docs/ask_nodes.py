@@ -33,6 +33,7 @@ ROBOTS = (
     ("baymax", None, ("-p", "publish_tf:=true", "-p", "publish_limited_velocity:=true")),
     ("mecanum_base", None, ()),
     ("mecanum_base", None, ("-p", "publish_limited_velocity:=true")),
+    ("tricycle_base", None, ()),
     ("tricycle_base", None, ("-p", "publish_limited_velocity:=true")),
 )
 COMMON = {"use_sim_time", "start_type_description_service"}  # every node of ROS has them
