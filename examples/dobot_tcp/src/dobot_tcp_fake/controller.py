@@ -13,7 +13,6 @@ from robotd_dobot_tcp.protocol import FEEDBACK, FEEDBACK_PERIOD_S, TEST_VALUE
 from dobot_tcp_fake.arm import JOINTS, Arm
 
 COMMAND = re.compile(r"\s*(\w+)\(([^()]*)\)")
-Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 
 class Controller:

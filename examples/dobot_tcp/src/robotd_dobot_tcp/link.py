@@ -114,11 +114,11 @@ class Link:
     def send_target(self, position_deg: FloatArray) -> None:
         """Send a target for all joints. Control-loop thread; never blocks."""
         motion = self._sockets["motion"]
-        with suppress(BlockingIOError):  # replies are not needed: feedback shows what happens
-            while motion.recv(4096):
-                pass
         message = protocol.servo_target(position_deg, self._options.target_period_s)
         try:
+            with suppress(BlockingIOError):  # replies are not needed: feedback shows the result
+                while motion.recv(4096):
+                    pass
             if motion.send(message) < len(message):
                 raise BlockingIOError("the controller does not read them")
         except OSError as error:
