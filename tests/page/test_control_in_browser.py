@@ -178,6 +178,17 @@ def test_a_window_that_is_left_stops_the_joint(
     page.mouse.up()
 
 
+def test_a_page_that_has_stalled_stops_the_joint_and_does_not_go_on(
+    served: Served, page: Page
+) -> None:
+    press(page, "joint1")
+    served.wait_until_moving()
+    page.evaluate("const end = performance.now() + 1500; while (performance.now() < end);")
+    says(page, "Jog stopped: page stalled")
+    served.wait_until_free()
+    page.mouse.up()
+
+
 def test_a_button_that_loses_the_focus_stops_the_joint(served: Served, page: Page) -> None:
     page.get_by_label("joint1 minus", exact=True).focus()
     page.keyboard.down("Space")
@@ -291,12 +302,11 @@ def test_a_fault_is_injected_and_recovered_from(served: Served, page: Page) -> N
 
 def test_the_pictures_of_the_documentation(served: Served, browser: Browser) -> None:
     robot, page = served.robot, open_page(browser, [])
+    positions = [0.5, -0.5, 1.0, -0.4, 0.8, 0.0]
+    request = TrajectoryRequest.from_rows(robot.joint_names, [2.0], [positions])
+    with robot.follower.follow(request) as goal:
+        goal.wait(TIMEOUT_S)
     unlock(page, served)
-    for sign in (1, -1, 1):
-        positions = [sign * 0.5, -0.5, 1.0, -0.4 * sign, 0.8, 0.0]
-        request = TrajectoryRequest.from_rows(robot.joint_names, [2.0], [positions])
-        with robot.follower.follow(request) as goal:
-            goal.wait(TIMEOUT_S)
     page.set_viewport_size({"width": 1280, "height": 1010})
     press(page, "joint1")
     served.wait_until_moving()

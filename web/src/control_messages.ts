@@ -31,6 +31,7 @@ export interface JogEnd {
   ok: boolean;
   silent: boolean; // heartbeats came late, or none came
   text: string;
+  remaining: number | null; // distance of a step that was not made
 }
 
 export interface RequestError {
@@ -51,4 +52,4 @@ export type Command =
   | { type: "output_byte"; byte: number; value: number }
   | { type: "inject"; fault: Record<string, Record<string, number | boolean>> };
 
-export type ReleaseReason = "released" | "window lost focus" | "tab hidden" | "page left";
+export type ReleaseReason = "released" | "window lost focus" | "tab hidden" | "page left" | "page stalled";

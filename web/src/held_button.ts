@@ -9,11 +9,14 @@ export interface Motion {
   step: number | null;
 }
 
+const STALL_MS = 500; // a page that has not run for so long ends its hold
+
 interface Held {
   hold: number;
   button: HTMLButtonElement;
   motion: Motion; // a step goes on after the button is released
   timer: ReturnType<typeof setInterval>;
+  beat_ms: number; // time of the last heartbeat
 }
 
 // One button is held at a time. The server stops the joint as well, when heartbeats are missing.
@@ -54,13 +57,14 @@ export class HeldButtons {
     button.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
-  // The server has ended a hold. Where heartbeats came late and the button is still held, a new hold
-  // begins: its number proves that this page is alive after the end of the one before.
-  ended({ hold, silent }: JogEnd): void {
+  // The server has ended a hold. Where heartbeats came late, and the button is still held or a step is not
+  // finished, a new hold begins: its number proves that this page is alive after the end of the one before.
+  ended({ hold, silent, remaining }: JogEnd): void {
     if (this.held?.hold !== hold) return;
-    const { button, motion } = this.held;
+    const { button, motion, beat_ms } = this.held;
     this.clear();
-    if (silent && motion.step === null) this.begin(button, motion);
+    const isAlive = performance.now() - beat_ms < STALL_MS;
+    if (silent && isAlive) this.begin(button, { ...motion, step: remaining });
   }
 
   end(reason: ReleaseReason): void {
@@ -73,11 +77,24 @@ export class HeldButtons {
     this.end("released");
     this.lastHold += 1;
     const hold = this.lastHold;
-    const beat = (): void => this.link.jog(hold, motion.joint, motion.velocity, motion.step);
-    this.held = { hold, button, motion, timer: setInterval(beat, this.heartbeat_ms) };
+    this.held = {
+      hold,
+      button,
+      motion,
+      timer: setInterval(() => this.beat(), this.heartbeat_ms),
+      beat_ms: performance.now(),
+    };
     button.classList.add("held");
     this.onStart(motion);
-    beat();
+    this.beat();
+  }
+
+  private beat(): void {
+    if (!this.held) return;
+    const { hold, motion, beat_ms } = this.held;
+    this.held.beat_ms = performance.now();
+    if (this.held.beat_ms - beat_ms > STALL_MS) this.end("page stalled");
+    else this.link.jog(hold, motion.joint, motion.velocity, motion.step);
   }
 
   private releaseButton(button: HTMLButtonElement): void {

@@ -65,7 +65,7 @@ class Release(Message):
 
     type: Literal["release"]
     hold: int
-    reason: Literal["released", "window lost focus", "tab hidden", "page left"]
+    reason: Literal["released", "window lost focus", "tab hidden", "page left", "page stalled"]
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,14 @@ class JogEnd:
         is_wanted: it was released, or reached its target.
         is_silent: its heartbeats came late, or none came.
         reason: text.
+        remaining: signed distance to the target of a step, rad or m; None without a target.
     """
 
     hold: int
     is_wanted: bool
     is_silent: bool
     reason: str
+    remaining: float | None = None
 
 
 def jog_velocities(robot: Robot) -> dict[str, float]:
@@ -182,7 +184,7 @@ class HeldJog:
 
     def _run(self, hold: _Hold, jog: Jog) -> None:
         """Worker: open the stream, and give the joint back after its end."""
-        is_silent = False
+        is_silent, remaining = False, None
         with sent_by(self._owner):
             try:
                 stream, command = self.jog(jog.joint, jog.velocity, jog.step)
@@ -190,12 +192,14 @@ class HeldJog:
                     self._begin(hold, stream, command)
                     stream.wait()
                 reason, is_silent = stream.message, stream.statistics.timeouts > 0
+                remaining = command.remaining if isinstance(command, _Step) else None
             except RobotdError as error:
                 reason = str(error)
         with self._lock:
             if self._hold is hold:
                 self._hold = None
-        self._ended(JogEnd(hold.number, reason in (RELEASED, REACHED), is_silent, reason))
+        is_wanted = reason in (RELEASED, REACHED)
+        self._ended(JogEnd(hold.number, is_wanted, is_silent, reason, remaining))
 
     def _begin(self, hold: _Hold, stream: JointStream, command: Command) -> None:
         """Let the next heartbeat move the joint; a hold that has ended meanwhile never does."""
@@ -254,9 +258,13 @@ class _Step:
                 f"{joint}: target {self._target:.4f} {unit} is outside {limits_text}"
             )
 
+    @property
+    def remaining(self) -> float:
+        """Signed distance to the target."""
+        return self._target - float(self._image.position_command[self._axis])
+
     def __call__(self, stream: JointStream) -> None:
-        missing = self._target - float(self._image.position_command[self._axis])
-        if abs(missing) < REACHED_TOLERANCE:
+        if abs(self.remaining) < REACHED_TOLERANCE:
             stream.end(REACHED)
         else:
             stream.send([self._target])

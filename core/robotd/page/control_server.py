@@ -258,8 +258,15 @@ class Controller:
 
     def _jog_ended(self, end: JogEnd) -> None:
         """Worker: say how a jog has ended."""
-        message = {"hold": end.hold, "ok": end.is_wanted, "silent": end.is_silent}
-        self._call(self._put, {"type": "jog", **message, "text": end.reason})
+        message = {
+            "type": "jog",
+            "hold": end.hold,
+            "ok": end.is_wanted,
+            "silent": end.is_silent,
+            "text": end.reason,
+            "remaining": end.remaining,
+        }
+        self._call(self._put, message)
 
     def _call(self, function: Any, *args: Any) -> None:
         """Call in the server's thread; without effect after its end."""

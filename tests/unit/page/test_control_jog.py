@@ -178,8 +178,22 @@ def test_a_client_that_goes_stops_its_joint(client: Client) -> None:
 def test_a_step_ends_at_its_target(client: Client, step: float) -> None:
     client.press(0.1, step)
     client.hold_for(abs(step) / 0.1 + 0.4, 0.1, step)
-    assert client.end() == JogEnd(1, True, False, REACHED)
+    end = client.end()
+    assert (end.is_wanted, end.is_silent, end.reason) == (True, False, REACHED)
     assert client.position == pytest.approx(step, abs=1e-4)
+
+
+def test_a_step_that_is_cut_short_tells_what_remains(client: Client) -> None:
+    client.press(0.1, 0.1)
+    client.hold_for(0.5, 0.1, 0.1)
+    client.run(0.5)
+    end = client.end()
+    assert end.is_silent
+    assert end.remaining == pytest.approx(0.1 - client.position, abs=1e-4)
+    client.press(0.1, end.remaining)
+    client.hold_for(1.2, 0.1, end.remaining)
+    assert client.end().reason == REACHED
+    assert client.position == pytest.approx(0.1, abs=1e-4)
 
 
 def test_a_step_keeps_to_the_velocity_of_the_page(client: Client) -> None:
