@@ -29,6 +29,7 @@ def options(page: int | None, folder: Path, page_control: bool | None = None) ->
         overrides=(),
         record_dir=folder,
         metrics=None,
+        foxglove=None,
         page=page,
         page_control=page_control,
         ros_args=(),
