@@ -251,7 +251,7 @@ def test_a_commissioning_that_was_left_is_resumed(drives: DrivesProcess, tmp_pat
         terminal.hold_until(b"\x1b[D", lambda degrees: degrees < 5.0)
         terminal.send(b"\n")
         terminal.answer("Write this?", "y")
-        terminal.answer("Support the load", "")
+        terminal.move_by_hand("Support the load", lambda: None, lambda _: True)
         terminal.expect("it holds")
         terminal.expect("shoulder is commissioned")
         assert terminal.wait() == 0

@@ -240,6 +240,19 @@ def test_the_scale_of_a_prismatic_joint_has_to_be_added(
     assert result.exit_code == 0, result.output
 
 
+def test_drives_of_a_backend_without_axes_in_the_descriptor_are_noted(
+    new: New, tmp_path: Path
+) -> None:
+    axes = [{"slave": number, "vendor_id": 7} for number in range(6)]
+    path = tmp_path / "bus.json"
+    path.write_text(json.dumps({"backend": "wmx", "options": {}, "axes": axes, "slaves": []}))
+    robot = new("six_axis", "--bus", str(path))
+    assert robot.backends["wmx"] == {}
+    assert robot.path is not None
+    text = robot.path.read_text("utf-8")
+    assert f"# axis 5, {robot.joint_names[5]}: {{slave: 5, vendor_id: 7}}" in text
+
+
 @pytest.mark.parametrize(
     ("content", "text"),
     [

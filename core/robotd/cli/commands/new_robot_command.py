@@ -49,7 +49,7 @@ Examples:
     "--bus",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Drives of the robot: the output of 'robotd canopen scan --json'.",
+    help="Drives of the robot: output of 'robotd canopen scan --json' or 'robotd wmx scan --json'.",
 )
 @click.option(
     "--extends",

@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
 
 from robotd.cli.wmx_doctor import diagnose
+from robotd.cli.wmx_scan import scan_network, slave_lines
 
 
 @click.group()
 def wmx() -> None:
     """Readiness of a machine for the WMX backend."""
+
+
+@wmx.command()
+@click.option(
+    "--sdk",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Root of the SDK.  [default: the one that the backend was built against]",
+)
+@click.option("--json", "as_json", is_flag=True, help="JSON, which 'new-robot --bus' reads.")
+def scan(sdk: Path | None, *, as_json: bool) -> None:
+    """List the slaves of the EtherCAT network with identity, state and supported modes.
+
+    Starts the engine unless it runs. Nothing moves and no communication is started.
+    """
+    found = scan_network(sdk)
+    if as_json:
+        click.echo(json.dumps(found, indent=2))
+        return
+    for line in slave_lines(found):
+        click.echo(line)
 
 
 @wmx.command()

@@ -22,7 +22,8 @@ class BusScan(BaseModel):
 
     Attributes:
         backend: name of the backend.
-        scale: key of the encoder scale in each item of ``axes``.
+        scale: key of the encoder scale in each item of ``axes``; None: the backend keeps neither
+            drives nor scale in the descriptor, and finds its drives in the order of the bus.
         options: keys of its section besides axes and I/O.
         axes: keys of each drive, in the order of the bus.
         io: I/O modules.
@@ -31,7 +32,7 @@ class BusScan(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
     backend: str
-    scale: str
+    scale: str | None = None
     options: dict[str, Any]
     axes: list[dict[str, Any]]
     io: list[dict[str, Any]] = []
@@ -58,6 +59,9 @@ def bus_section(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Itera
     if len(scan.axes) < len(joints):
         what = f"has {len(scan.axes)} drives, the robot has {len(joints)} axes"
         raise DescriptorError(what, path=path, key="axes")
+    if scan.scale is None:
+        yield from _remarks(scan, joints, path)
+        return
     yield f"  {scan.backend}:                              # scanned: {path.name}"
     for key, value in scan.options.items():
         yield f"    {key}: {_flow(value)}"
@@ -78,6 +82,16 @@ def bus_section(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Itera
         yield "    io:"
         for module in scan.io:
             yield f"      - {_flow(module)}"
+
+
+def _remarks(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Iterator[str]:
+    """Yield the section of a backend that finds its drives by itself, with the drives found."""
+    yield f"  # Scanned: {path.name}. Axes count in the order of the bus; their scale is in the"
+    yield "  # backend's own files (parameters_file)."
+    for number, axis in enumerate(scan.axes):
+        name = joints[number].name if number < len(joints) else "no joint"
+        yield f"  # axis {number}, {name}: {_flow(axis)}"
+    yield f"  {scan.backend}: {_flow(scan.options)}"
 
 
 def _flow(value: Mapping[str, Any] | Any) -> str:
