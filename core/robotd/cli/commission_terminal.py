@@ -78,6 +78,8 @@ class CommissionTerminal:
         with self._axis.powered(), self._axis.held_motion() as motion:
 
             def tick(velocity: float) -> None:
+                if math.isfinite(distance):  # slow, whatever + has chosen, so that it ends there
+                    velocity = max(-speed, min(speed, velocity))
                 ends = abs(motion.travel) >= distance and velocity * motion.travel > 0.0
                 motion.move(0.0 if ends else velocity)
 
@@ -144,7 +146,8 @@ class CommissionTerminal:
 
 def _await_release(key_input: KeyInput) -> None:
     """Wait until no key repeats: a held key must not answer the next question."""
-    click.echo("\rdone, release the key")
+    with suppress(OSError):
+        click.echo("\rdone, release the key")
     quiet_s = last_s = time.monotonic()
     while quiet_s - last_s < RELEASE_S and not key_input.lost:
         time.sleep(TICK_S)

@@ -31,14 +31,14 @@ def scan(root: Path | None) -> dict[str, Any]:
     device = Device()
     try:
         device.create(f"{root or _native.SDK_PATH}/", ENGINE_TIMEOUT_MS)
-        device.set_name("robotd scan")
-        slaves = list(_slaves(device))
+        try:
+            device.set_name("robotd scan")
+            slaves = list(_slaves(device))
+        finally:
+            device.close(False)
     except CallError as error:
-        raise ConnectError("the EtherCAT network cannot be scanned", {
-            f"wmx → {error.args[0]}": text_of(*error.args[1:3])
-        }) from error  # fmt: skip
-    finally:
-        device.close(False)
+        what, reason = f"wmx → {error.args[0]}", text_of(*error.args[1:3])
+        raise ConnectError("the EtherCAT network cannot be scanned", {what: reason}) from error
     axes = [slave for slave in slaves for _ in range(slave["axes"])]
     return {"backend": "wmx", "options": {}, "axes": axes, "slaves": slaves}
 

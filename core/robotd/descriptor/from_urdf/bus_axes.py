@@ -85,7 +85,7 @@ def bus_section(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Itera
 
 
 def _remarks(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Iterator[str]:
-    """Yield the section of a backend that finds its drives by itself, with the drives found."""
+    """Yield the section of a backend that finds its drives by itself, with remarks."""
     yield f"  # Scanned: {path.name}. Axes count in the order of the bus; their scale is in the"
     yield "  # backend's own files (parameters_file)."
     for number, axis in enumerate(scan.axes):
