@@ -30,6 +30,7 @@ from robotd.robot import Robot, build_robot
 
 HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
 MOVING = 0.01  # rad/s
+DRAWING_TIMEOUT_MS = 120_000  # of a page that draws by the processor while a joint moves
 pytestmark = needs_browser
 
 
@@ -306,14 +307,15 @@ def test_the_pictures_of_the_documentation(served: Served, browser: Browser) -> 
     request = TrajectoryRequest.from_rows(robot.joint_names, [2.0], [positions])
     with robot.follower.follow(request) as goal:
         goal.wait(TIMEOUT_S)
+    page.set_default_timeout(DRAWING_TIMEOUT_MS)
     unlock(page, served)
     page.set_viewport_size({"width": 1280, "height": 1010})
     press(page, "joint1")
-    served.wait_until_moving()
-    expect(page.locator("tbody[data-axis=joint1]")).to_contain_text("stream · page")
+    row, answer = page.locator("tbody[data-axis=joint1]"), page.locator("#answer")
+    expect(row).to_contain_text("stream · page", timeout=DRAWING_TIMEOUT_MS)
     keep_screenshot(page, "page-control", full_page=False)
     page.mouse.up()
-    served.wait_until_free()
+    expect(answer).to_contain_text("Jog: released", timeout=DRAWING_TIMEOUT_MS)
     page.set_viewport_size(PHONE)
     page.locator("#control").evaluate("each => each.scrollIntoView()")
     keep_screenshot(page, "page-control-phone", full_page=False)
