@@ -28,6 +28,12 @@ TIMEOUT_MS = 40_000
 DESKTOP = ViewportSize(width=1280, height=800)
 PHONE = ViewportSize(width=360, height=740)
 SCREENSHOT = Path(__file__).parents[2] / "build" / "page"
+NO_WEBGL = """(() => {
+  const own = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+    return kind.startsWith("webgl") ? null : own.call(this, kind, ...rest);
+  };
+})()"""  # several drawings by the processor would take a minute
 REASON = (
     "no Chromium (apt install chromium)"
     if CHROMIUM is None

@@ -13,6 +13,7 @@ from matplotlib.image import imread
 from playwright.sync_api import Page, expect
 from tests.page.browser import (
     DESKTOP,
+    NO_WEBGL,
     PHONE,
     chromium,
     contrasts,
@@ -30,12 +31,6 @@ from robotd.page.page_server import PageServer
 
 NODES = load_robot_descriptor("cr3a").nodes
 POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]
-NO_WEBGL = """(() => {
-  const own = HTMLCanvasElement.prototype.getContext;
-  HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-    return kind.startsWith("webgl") ? null : own.call(this, kind, ...rest);
-  };
-})()"""  # five drawings by the processor would take a minute
 BENT = 25  # least difference of a pixel in front of the background, of 255
 pytestmark = needs_browser
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import aiohttp
 import numpy as np
-from tests.page.browser import CHROMIUM, chromium, open_page
+from tests.page.browser import CHROMIUM, NO_WEBGL, chromium, open_page
 from tools.bench.recorder import move
 from tools.bench.tables import target_lines
 from tools.bench.targets import Target, at_most
@@ -52,10 +52,14 @@ async def watch(url: str) -> None:
 
 
 def watch_in_tabs(url: str, count: int) -> None:
-    """Open tabs in Chromium and leave them open; print a line when all show the robot."""
+    """Open tabs in Chromium and leave them open; print a line when all show the robot.
+
+    They do not draw in 3D, which a computer without a graphics card does with its processor.
+    """
     with chromium() as browser:
         tabs = [open_page(browser, []) for _ in range(count)]
         for tab in tabs:
+            tab.add_init_script(NO_WEBGL)
             tab.goto(url)
             tab.locator("body[data-connected=yes]").wait_for()
         print("watching", flush=True)
@@ -71,7 +75,8 @@ def watched(case: str, url: str) -> Iterator[None]:
     try:
         for viewer in viewers:
             assert viewer.stdout is not None
-            viewer.stdout.readline()
+            if not viewer.stdout.readline():
+                raise RuntimeError(f"{case}: a viewer has ended")
         time.sleep(0.5)
         yield
     finally:
