@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,6 +34,7 @@ class DobotAxes(ProfiledAxes):
         self._device, self._options = device, context.options
         self._periods = max(1, round(context.options.target_period_s / period_s))
         self._period = 0
+        self._switching = threading.Lock()  # each command sees the effect of the one before
 
     @property
     def servo_groups(self) -> Sequence[Sequence[int]]:
@@ -65,12 +67,13 @@ class DobotAxes(ProfiledAxes):
             self._device.link.send_target(np.degrees(positions))
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
-        link = self._connected()
-        if on and link.feedback is not None and link.feedback.enabled:
-            return  # "off" is always sent: another command may be enabling just now
-        link.command("EnableRobot" if on else "DisableRobot")
-        what = f"the servos to be {'on' if on else 'off'}"
-        self._device.wait_for(lambda values: values.enabled is on, timeout_s, what)
+        with self._switching:
+            link = self._connected()
+            if on and link.feedback is not None and link.feedback.enabled:
+                return
+            link.command("EnableRobot" if on else "DisableRobot")
+            what = f"the servos to be {'on' if on else 'off'}"
+            self._device.wait_for(lambda values: values.enabled is on, timeout_s, what)
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
         link = self._connected()
