@@ -23,7 +23,7 @@ installed_rclpy := $(filter-out $(CURDIR)/.venv/%,$(wildcard \
   $(addsuffix /share/rclpy/package.xml,$(subst :, ,$(AMENT_PREFIX_PATH)))))
 ifneq ($(ROS_DISTRO)$(installed_rclpy),)
   ros := installed
-  extras := dev
+  extras := page
   venv_options := --system-site-packages
   ifneq ($(ROS_DISTRO),jazzy)
     ros_error := the sourced ROS is "$(ROS_DISTRO)" and robotd needs "jazzy": source that one, or start from a shell without ROS
@@ -32,7 +32,7 @@ ifneq ($(ROS_DISTRO)$(installed_rclpy),)
   endif
 else
   ros := wheels
-  extras := ros,dev
+  extras := ros,page
   ifneq ($(findstring /opt/ros/,$(LD_LIBRARY_PATH):$(PYTHONPATH)),)
     ros_error := LD_LIBRARY_PATH or PYTHONPATH leads to /opt/ros but no ROS is sourced: start from a clean shell, or source /opt/ros/jazzy/setup.bash
   endif
@@ -44,10 +44,13 @@ endif
 stamps := .venv/.made
 base   := $(stamps)/base-$(ros)
 ready  := $(stamps)/robotd
-pip    := .venv/bin/python -m pip --quiet --disable-pip-version-check
+tools  := $(stamps)/tools
+# Modules are compiled when they are first imported: to compile all of them takes a third of the time.
+pip    := PIP_NO_COMPILE=1 .venv/bin/python -m pip --quiet --disable-pip-version-check
 modules := web/node_modules/.package-lock.json
 bundle := core/robotd/page/bundle/page.js
-say    := printf '[robotd] %s\n'
+began  := $(shell date +%s)
+say    := printf '[robotd] %3d s  %s\n' $$(($$(date +%s) - $(began)))
 
 help: ## list the commands
 	@echo 'make COMMAND [ROBOT=$(ROBOT)] [BACKEND=$(BACKEND)] [ARGS="..."] [PYTHON=$(PYTHON)]'
@@ -58,20 +61,20 @@ help: ## list the commands
 run: $(ready) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-level debug"
 	@exec .venv/bin/robotd --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
 
-test: $(ready) ## run the tests; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
+test: $(tools) ## run the tests; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
 	@$(say) 'pytest $(ARGS)'
 	exec .venv/bin/python -m pytest $(ARGS)
 
-coverage: $(ready) ## run the unit and contract tests and report their coverage
+coverage: $(tools) ## run the unit and contract tests and report their coverage
 	@$(say) 'tools.coverage $(ARGS)'
 	exec .venv/bin/python -m tools.coverage $(ARGS)
 
-backends: $(ready) ## run the conformance checks and the tests of CANopen and WMX
+backends: $(tools) ## run the conformance checks and the tests of CANopen and WMX
 	@$(say) 'pytest tests/conformance tests/canopen'
 	.venv/bin/python -m pytest tests/conformance tests/canopen $(ARGS)
 	$(MAKE) --no-print-directory -C plugins/wmx test
 
-lint: $(ready) ## check style, format, layers and types
+lint: $(tools) ## check style, format, layers and types
 	@$(say) 'ruff check'
 	.venv/bin/ruff check
 	$(say) 'ruff format --check'
@@ -81,14 +84,14 @@ lint: $(ready) ## check style, format, layers and types
 	$(say) 'mypy'
 	.venv/bin/mypy
 
-docs: $(ready) $(stamps)/docs ## build the documentation site into build/docs
+docs: $(stamps)/docs ## build the documentation site into build/docs
 	@$(say) 'sphinx: build/docs/index.html'
 	.venv/bin/python -m sphinx -q -E -W --keep-going docs build/docs $(ARGS)
 
 page: $(bundle) ## build the live page of robotd run --page; needs Node.js, or installs it into .venv
 	@:
 
-bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
+bench: $(tools) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	@$(say) 'tools.bench $(ARGS)'
 	.venv/bin/python -m tools.bench $(ARGS)
 	$(say) 'tools.bench.canopen'
@@ -109,15 +112,15 @@ bench: $(ready) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench.middleware
 	$(MAKE) -C plugins/wmx bench
 
-soak: $(ready) ## load ROBOT on BACKEND for MINUTES and see what grows
+soak: $(tools) ## load ROBOT on BACKEND for MINUTES and see what grows
 	@$(say) 'tools.endurance.soak, $(MINUTES) min'
 	exec .venv/bin/python -m tools.endurance.soak --minutes $(MINUTES) --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
 
-kill: $(ready) ## end robotd by signals TIMES times, at random moments, and start it again
+kill: $(tools) ## end robotd by signals TIMES times, at random moments, and start it again
 	@$(say) 'tools.endurance.killing, $(TIMES) times'
 	exec .venv/bin/python -m tools.endurance.killing --times $(TIMES) $(ARGS)
 
-venv: $(ready) ## make .venv or bring it up to date
+venv: $(tools) ## make .venv or bring it up to date, with the tools for tests and lint
 	@:
 
 clean: ## remove .venv and everything else that was made
@@ -136,14 +139,18 @@ $(base):
 	touch $@
 
 ifeq ($(ros),wheels)
-# The wheel is compiled again when its sources change, not when pyproject.toml does.
+# The wheel is compiled again when its sources change, not when pyproject.toml does. Other packages
+# are installed meanwhile.
 interfaces := $(stamps)/interfaces
 $(interfaces): $(base) $(shell find interfaces -type f ! -name '.*' ! -name '*~')
 	@command -v g++ >/dev/null || { echo 'robotd: no g++ here, the ROS interfaces need it once: apt install g++' >&2; exit 1; }
 	.venv/bin/python -c 'import pathlib, sys, sysconfig; header = pathlib.Path(sysconfig.get_path("include"), "Python.h"); header.exists() or sys.exit(f"robotd: no {header}, the ROS interfaces need it once: apt install python3-dev")'
 	$(say) 'compiling the ROS interfaces (about a minute, once)'
-	rm -rf .venv/wheels
-	$(pip) wheel --no-deps --wheel-dir .venv/wheels ./interfaces
+	rm -rf .venv/wheels *.egg-info
+	$(pip) wheel --no-deps --wheel-dir .venv/wheels ./interfaces &
+	trap 'kill $$! 2>/dev/null || true' EXIT
+	$(pip) install --editable '.[page]'
+	wait $$!
 	$(pip) install --no-deps --force-reinstall .venv/wheels/*.whl
 	touch $@
 endif
@@ -153,6 +160,12 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	rm -rf *.egg-info # of an earlier build: it would hide the entry points that are installed
 	$(pip) install --editable '.[$(extras)]'
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
+	touch $@
+
+# Tests, lint and the others need more than `make run`.
+$(tools): $(ready)
+	@$(say) 'installing robotd[dev] into .venv'
+	$(pip) install --editable '.[$(extras),dev]'
 	touch $@
 
 # Node.js is needed by `make page` only. Scripts of packages are not run (web/.npmrc).
@@ -169,7 +182,7 @@ $(bundle): $(modules) $(shell find web/src -type f) web/build.mjs web/tsconfig.j
 	$(npm) run --silent build
 
 # Sphinx is needed by `make docs` only.
-$(stamps)/docs: $(ready)
+$(stamps)/docs: $(tools)
 	@$(say) 'installing robotd[docs] into .venv'
 	$(pip) install --editable '.[docs]'
 	touch $@
