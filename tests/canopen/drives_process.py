@@ -94,19 +94,21 @@ class DrivesProcess:
         self.stop()
 
 
-def write_robot(folder: Path, robot: str = "cr3a", **options: float) -> Path:
+def write_robot(
+    folder: Path, robot: str = "cr3a", *, rate_hz: float = RATE_HZ, **options: float
+) -> Path:
     """A file of ``robot`` that finds its drives in the process above.
 
     Its time-outs are patient; ``options`` of canopen replace them.
     """
     bus = {"channel": GROUP, "options": {"port": PORT}}
-    section = {"bus": bus, "sync_period_s": 1 / RATE_HZ, **PATIENCE, **options}
+    section = {"bus": bus, "sync_period_s": 1 / rate_hz, **PATIENCE, **options}
     content = {
         "extends": str(load_robot_descriptor(robot).path),
         "engine": {"stale_after_s": STALE_AFTER_S},
         "default_variant": "canopen_multicast",
         "variants": {
-            "canopen_multicast": {"cycle": {"rate_hz": RATE_HZ}, "backends": {"canopen": section}}
+            "canopen_multicast": {"cycle": {"rate_hz": rate_hz}, "backends": {"canopen": section}}
         },
     }
     path = folder / f"{robot}.yaml"

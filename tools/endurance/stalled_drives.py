@@ -14,6 +14,7 @@ from robotd_canopen.options import CanopenOptions
 from robotd_canopen.simulated_robot import simulated_network
 from robotd_servo_model.world import World
 
+RATE_HZ = 250
 RECEIVE_BUFFER = 4_000_000  # bytes
 
 
@@ -27,7 +28,7 @@ def lost_frames() -> int:
 @contextmanager
 def drives(folder: Path) -> Iterator[tuple[str, World]]:
     """A CR3A's drives on UDP multicast; the robot file for them, and the motors' time."""
-    robot_file = str(write_robot(folder))
+    robot_file = str(write_robot(folder, rate_hz=RATE_HZ))
     robot = load_robot_descriptor(robot_file)
     options = validate_section(robot, "backends.canopen", CanopenOptions)
     with simulated_network(robot, options) as network:

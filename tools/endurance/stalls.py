@@ -28,11 +28,12 @@ from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 
 BLEND_SHARE = 0.1  # of the velocity limit: highest speed relative to the path, as decision 8 says
 ROUNDING = 1.05  # of the motors, which follow their commands with a lag
-REVERSAL_SHARE = 0.02  # of the velocity limit; drives that hold go on for a period by themselves
+REVERSAL_SHARE = 0.02  # of the velocity limit
 GAP_S = (0.05, 0.2)  # between two stalls
 LEAVING_NS = 300_000_000  # after a goal that failed
-HELD_NS = 50_000_000  # after a stall, in which a device that holds may still stop dead
-STALLED_NS = 5_000_000  # between two periods; the computer stalls by itself, too
+HELD_NS = 120_000_000  # after a stall; a device that holds has noted it by then, and stops dead
+STALLED_PERIODS = 1.5  # between two values; the computer stalls by itself, too
+SILENT_PERIODS = 3  # without values while the robot's process runs: the device stalls
 TICK_S = 0.001
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -49,6 +50,8 @@ class Verdict:
         acceleration: largest change of velocity over a control period, per second.
         overshoot: largest distance beyond the ends of the swing.
         reversals, leaps, jerks: numbers of events beyond the limits.
+        silences: times at which the device's own process stalled. It then gets the setpoints of all
+            that time at once; these moments are not judged.
     """
 
     stalls: int
@@ -64,6 +67,7 @@ class Verdict:
     reversals: int
     leaps: int
     jerks: int
+    silences: int
 
 
 def judge(
@@ -86,16 +90,19 @@ def judge(
     if holds:  # such a device stops dead in a stall, and is judged by how it goes on
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
     beyond = np.maximum(velocity - high, low - velocity) / joint.velocity
+    against = np.where(low >= 0.0, -velocity, np.where(high <= 0.0, velocity, 0.0))
     # A goal that failed was stopped, by the device's watchdog or the core.
     beyond[between(times_ns, data["failed_ns"], LEAVING_NS)] = 0.0
-    periods = round(1.0 / robot.cycle.rate_hz / TICK_S)
+    period_s = 1.0 / robot.cycle.rate_hz
+    periods = round(period_s / TICK_S)
     before, after = velocity[:-periods], velocity[periods:]
     change = np.abs(after - before) / (periods * TICK_S)
     if holds:
-        stopped = between(times_ns[:-periods], all_stalls_ns(data), HELD_NS)
+        stopped = between(times_ns[:-periods], all_stalls_ns(data, period_s), HELD_NS)
         change[stopped & (np.abs(after) < np.abs(before))] = 0.0
-    moving = np.abs(path) > 0.01
-    against = np.where(moving, -velocity * np.sign(path), 0.0)
+    silences_ns = all_silences_ns(data, period_s)
+    silent = between(times_ns, silences_ns, LEAVING_NS)
+    beyond[silent] = against[silent] = change[silent[periods:]] = 0.0
     return Verdict(
         stalls,
         int(data["goals"]),
@@ -110,6 +117,7 @@ def judge(
         runs(against > REVERSAL_SHARE * joint.velocity),
         runs(beyond > ROUNDING * BLEND_SHARE),
         runs(change > 2 * joint.acceleration),
+        len(silences_ns),
     )
 
 
@@ -120,11 +128,18 @@ def path_on(times_ns: np.ndarray, path_ns: np.ndarray, velocities: FloatArray) -
     return np.where(near, velocities[index], 0.0)
 
 
-def all_stalls_ns(data: dict[str, np.ndarray]) -> np.ndarray:
+def all_stalls_ns(data: dict[str, np.ndarray], period_s: float) -> np.ndarray:
     """Begin and end (k, 2) of each stall, whether it was made here or by the computer."""
     fresh_ns = data["image"][:, 0].astype(np.int64)
-    own = np.stack([fresh_ns[:-1], fresh_ns[1:]], axis=1)[np.diff(fresh_ns) > STALLED_NS]
-    return np.concatenate([data["stalls_ns"], own])
+    late = np.diff(fresh_ns) > STALLED_PERIODS * period_s * 1e9
+    return np.concatenate([data["stalls_ns"], np.stack([fresh_ns[:-1], fresh_ns[1:]], 1)[late]])
+
+
+def all_silences_ns(data: dict[str, np.ndarray], period_s: float) -> np.ndarray:
+    """Begin and end (k, 2) of the times at which periods of the robot got no new values."""
+    fresh_ns, counts = np.unique(data["image"][:, 0].astype(np.int64), return_counts=True)
+    silent = np.flatnonzero(counts[:-1] > SILENT_PERIODS)
+    return np.stack([fresh_ns[silent], fresh_ns[silent + 1]], 1)
 
 
 def between(times_ns: np.ndarray, spans_ns: np.ndarray, more_ns: int) -> np.ndarray:
