@@ -49,7 +49,8 @@ def wait_until(condition: Callable[[], object], what: str) -> None:
 
 @contextmanager
 def goal(robot: Robot, angle: float, seconds: float) -> Iterator[TrajectoryExecution]:
-    """Move every joint by ``angle``, rad, away from where it is."""
+    """Move every joint by ``angle``, rad, away from where it is, once all stand."""
+    wait_until(lambda: not robot.image.operation.any(), "the last stop has ended")
     targets = robot.image.copy().position_command + angle
     request = TrajectoryRequest.from_rows(robot.joint_names, [seconds], [targets.tolist()])
     with robot.follower.follow(request) as execution:
