@@ -9,6 +9,7 @@ from urllib.request import urlopen
 
 import click
 import pytest
+from structlog.testing import capture_logs
 
 from robotd.cli.commands.run_command import RunOptions, _observed, _page_text
 from robotd.clock.simulated import SteppedClock
@@ -77,20 +78,19 @@ def test_the_option_wins_and_works_without_the_recorder(tmp_path: Path) -> None:
     ],
 )
 def test_control_is_off_unless_the_option_or_the_descriptor_asks_for_it(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    in_file: str,
-    option: bool | None,
-    has_control: bool,
+    tmp_path: Path, in_file: str, option: bool | None, has_control: bool
 ) -> None:
     made = robot(f"page_control={in_file}")
-    with _observed(made, [], options(0, tmp_path, option), None) as observation:
+    with (
+        capture_logs() as lines,
+        _observed(made, [], options(0, tmp_path, option), None) as observation,
+    ):
         address, _, token = observation.page.partition("#token=")
         assert bool(token) is has_control
         assert ("keep it to yourself" in _page_text(observation.page)) is has_control
-        output = "".join(capsys.readouterr())
-        assert address in output  # of the log
-        assert not token or token not in output
+        log = str(lines)
+        assert address in log
+        assert not token or token not in log
 
 
 def test_control_needs_a_page(tmp_path: Path) -> None:

@@ -245,6 +245,22 @@ def test_a_robot_without_joints_is_told_so(robotd: Robotd, server: Server) -> No
     assert re.search(r"axes +2, 0 to 1$", page, re.MULTILINE)
 
 
+@pytest.mark.parametrize(
+    ("robot", "wheels"),
+    [
+        ("baymax", "differential, radius 0.09 m, 0.55 m apart"),
+        ("mecanum_base", "mecanum, radius"),
+        ("tricycle_base", "tricycle, radius 0.1 m, wheelbase 0.8 m, steers 1.2 rad"),
+    ],
+)
+def test_the_wheels_of_a_base_are_told(
+    robotd: Robotd, server: Server, robot: str, wheels: str
+) -> None:
+    page = robotd("--robot", robot).stdout
+    assert wheels in page
+    assert re.search(r"at most [\d.]+ m/s and [\d.]+ rad/s", page)
+
+
 @pytest.mark.parametrize("permitted", [True, False])
 def test_missing_real_time_priority_is_told_with_its_remedy(
     robotd: Robotd, server: Server, monkeypatch: pytest.MonkeyPatch, permitted: bool

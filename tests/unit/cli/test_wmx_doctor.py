@@ -12,6 +12,7 @@ from click.testing import Result
 from robotd.cli import wmx_machine
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.wmx_machine import Finding, check_cores, check_eni, check_sdk
+from robotd.cli.wmx_scan import slave_lines
 from robotd.descriptor import load_robot_descriptor
 from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
 
@@ -53,6 +54,26 @@ def test_the_doctor_runs_without_sdk_and_backend(robotd: Robotd, tmp_path: Path)
     assert "the backend robotd-wmx is not installed" in result.output
     assert "cr3a: wmx_parameters.xml read, 6 axes" in result.output
     assert "QuickStopDec of 100000 rad/s²" in result.output
+
+
+def test_a_scan_without_the_backend_says_how_to_install_it(robotd: Robotd) -> None:
+    result = robotd("wmx", "scan")
+    assert result.exit_code == ExitCode.PLUGIN
+    assert "pip install ./plugins/wmx" in result.output
+
+
+def test_slaves_are_shown_a_line_each() -> None:
+    slave = {
+        "master": 0, "slave": 3, "axes": 1, "vendor_id": 0x1234, "product_code": 0xAB,
+        "revision": 1, "serial": 77, "state": "Op", "modes": ["CSP", "CSV"],
+    }  # fmt: skip
+    line, count = slave_lines({"slaves": [slave]})
+    assert line == (
+        "master 0 slave   3: 1 axes, vendor 0x00001234, product 0x000000AB,"
+        " revision 0x00000001, serial 77, Op; CSP CSV"
+    )
+    assert count == "1 slave"
+    assert [*slave_lines({"slaves": []})] == ["0 slaves"]
 
 
 def test_a_complete_sdk_is_ok(sdk: Path) -> None:

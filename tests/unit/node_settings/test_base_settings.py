@@ -7,14 +7,21 @@ from typing import Any
 import pytest
 
 from robotd.control.axis_limits import base_kinematics
-from robotd.descriptor import MecanumDrive, RobotDescriptor, load_robot_descriptor
+from robotd.descriptor import (
+    MecanumDrive,
+    RobotDescriptor,
+    TricycleDrive,
+    load_robot_descriptor,
+)
 from robotd.errors import DescriptorError
 from robotd.node_settings.base_settings import read_diff_drive
 from robotd.node_settings.mecanum_settings import read_mecanum_drive
 from robotd.node_settings.parameter_reader import ParameterReader
 from robotd.node_settings.state_publisher_settings import read_state_publisher
+from robotd.node_settings.tricycle_settings import read_tricycle
 
 MECANUM = "mecanum_drive_controller"
+TRICYCLE = "tricycle_controller"
 LEVER = "kinematics.sum_of_robot_center_projection_on_X_Y_axis"
 
 
@@ -69,17 +76,49 @@ def test_parameters_of_a_mecanum_base_win_over_the_drive() -> None:
     assert (settings.odom_frame, settings.base_frame) == ("a/odom", "a/base_footprint")
 
 
+def test_a_tricycle_takes_its_limits_from_the_drive() -> None:
+    parameters, descriptor = reader("tricycle_base", TRICYCLE)
+    settings = read_tricycle(parameters, descriptor)
+    parameters.done()
+    assert settings.drive == descriptor.drive
+    assert (settings.commands, settings.odometry) == ("~/cmd_vel", "~/odom")
+    assert settings.stamped
+
+
+def test_parameters_of_a_tricycle_win_over_the_drive() -> None:
+    parameters, descriptor = reader(
+        "tricycle_base",
+        TRICYCLE,
+        wheelbase=0.9,
+        wheel_radius=0.11,
+        cmd_vel_timeout=0.3,
+        enable_odom_tf=False,
+        frame_prefix="a/",
+        **{"linear.x.max_velocity": 0.4, "angular.z.max_acceleration": 0.5},
+    )
+    settings = read_tricycle(parameters, descriptor)
+    parameters.done()
+    drive = settings.drive
+    assert isinstance(drive, TricycleDrive)
+    assert (drive.wheelbase_m, drive.wheel_radius_m, drive.command_timeout_s) == (0.9, 0.11, 0.3)
+    assert (drive.velocity_m_s, drive.angular_acceleration_rad_s2) == (0.4, 0.5)
+    assert drive.acceleration_m_s2 == 1.0
+    assert settings.transform == ""
+    assert (settings.odom_frame, settings.base_frame) == ("a/odom", "a/base_footprint")
+
+
 @pytest.mark.parametrize(
     ("robot", "node", "reason"),
     [
         ("mecanum_base", "diff_drive_controller", "cannot move a mecanum base"),
         ("baymax", MECANUM, "cannot move a differential base"),
         ("cr3a", MECANUM, "needs a drive, which cr3a has not"),
+        ("mecanum_base", TRICYCLE, "cannot move a mecanum base"),
     ],
 )
 def test_a_base_of_another_kind_is_rejected(robot: str, node: str, reason: str) -> None:
     parameters, descriptor = reader(robot, node)
-    read = read_mecanum_drive if node == MECANUM else read_diff_drive
+    read = {MECANUM: read_mecanum_drive, TRICYCLE: read_tricycle}.get(node, read_diff_drive)
     with pytest.raises(DescriptorError, match=reason):
         read(parameters, descriptor)
 
