@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Page, expect
+from scipy.spatial.transform import Rotation
 from tests.page.browser import (
     DESKTOP,
     NO_WEBGL,
@@ -22,15 +24,17 @@ from tests.page.browser import (
     needs_browser,
     open_page,
 )
-from tests.page.viewer import served_page, silent_viewer
+from tests.page.viewer import served_page, silent_viewer, wait_until
 from tests.unit.observation.harness import Observed
 
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf import read_urdf
+from robotd.device.tool_pose import tool_poses
 from robotd.page.page_server import PageServer
 
 NODES = load_robot_descriptor("cr3a").nodes
 POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]
+NUMBER = r"[+−]\d+\.\d+"
 BENT = 25  # least difference of a pixel in front of the background, of 255
 pytestmark = needs_browser
 
@@ -78,10 +82,10 @@ def shows(page: Page, joint: int, text: str) -> None:
 
 def picture(page: Page) -> np.ndarray:
     """The drawn robot: shape (height, width, 3), 0 to 255."""
-    button = page.locator("#view-reset")
-    button.evaluate("each => each.hidden = true")
+    overlay = "each => each.querySelectorAll('button, ul').forEach(own => own.hidden = {})"
+    page.locator("#view").evaluate(overlay.format("true"))
     data = page.locator("#canvas").screenshot()
-    button.evaluate("each => each.hidden = false")
+    page.locator("#view").evaluate(overlay.format("false"))
     return imread(io.BytesIO(data), format="png")[:, :, :3] * 255
 
 
@@ -132,6 +136,27 @@ def test_the_arm_is_drawn_where_its_joints_are(arm: Observed, page: Page) -> Non
     shows(page, 1, "+0.0000 rad")
     again = picture(page)
     assert np.abs(again - upright).mean() < 1.0
+
+
+def test_the_pose_of_the_tool_is_shown(arm: Observed, page: Page) -> None:
+    move(arm, POSE)
+    shows(page, 1, "+0.9000 rad")
+    urdf = arm.robot.descriptor.urdf
+    assert urdf is not None
+    positions = dict(zip(arm.robot.joint_names, POSE, strict=True))
+    (tool,) = tool_poses(arm.robot.descriptor)
+    frame = read_urdf(urdf).pose(tool.link, positions)
+    roll, pitch, yaw = Rotation.from_matrix(frame[:3, :3]).as_euler("xyz")
+    shown = page.locator("#tools li")
+    expect(shown).to_contain_text(f"{tool.link} in {tool.base}")
+
+    def numbers() -> list[float]:
+        """Position in m and angles in rad, as they are shown."""
+        return [float(each.replace("−", "-")) for each in re.findall(NUMBER, shown.inner_text())]
+
+    wait_until(lambda: numbers() == pytest.approx([*frame[:3, 3], roll, pitch, yaw], abs=2e-3))
+    move(arm, [0.0] * 6)
+    shows(page, 1, "+0.0000 rad")
 
 
 def test_a_fault_turns_its_joint_red_and_names_cause_and_remedy(arm: Observed, page: Page) -> None:

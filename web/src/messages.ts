@@ -26,6 +26,7 @@ export interface Description {
   wall_offset_s: number;
   axes: AxisDescription[];
   groups: string[]; // of joints, each with one goal at a time
+  tools: { link: string; base: string }[]; // frame of each, and the root of the URDF
   fingers: { name: string; open: number; closed: number }[];
   inputs: number; // bytes
   outputs: number;
@@ -165,6 +166,10 @@ export class Sample {
   }
   positionCommand(axis: number): number {
     return this.row(0, axis);
+  }
+  get hasPositions(): boolean {
+    for (let axis = 0; axis < this.axes; axis++) if (!Number.isFinite(this.position(axis))) return false;
+    return true;
   }
   position(axis: number): number {
     return this.row(2, axis);

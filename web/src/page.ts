@@ -10,6 +10,7 @@ import { type Description, type Message, PROTOCOL, samplesOf } from "./messages"
 import { BusPanel, EventPanel, GoalPanel, HeadPanel, IoPanel } from "./panels";
 import { Plots } from "./plots";
 import { RobotList } from "./robot_list";
+import { ToolPanel } from "./tools";
 import { Units } from "./units";
 import { View } from "./view";
 
@@ -28,6 +29,7 @@ const io = new IoPanel();
 const bus = new BusPanel();
 const events = new EventPanel();
 const robots = new RobotList();
+const tools = new ToolPanel(view, units);
 const control = new Control(units);
 let description: Description | undefined;
 let numbersDue = 0;
@@ -40,7 +42,7 @@ function describe(message: Description): void {
   }
   description = message;
   history.clear();
-  for (const part of [view, axes, plots, banners, head, goals, io, events, control]) part.describe(message);
+  for (const part of [view, axes, tools, plots, banners, head, goals, io, events, control]) part.describe(message);
   setClass(document.body, "lost", false);
   document.body.dataset["connected"] = "yes";
 }
@@ -78,6 +80,7 @@ function draw(now: number): void {
   if (sample && now >= numbersDue) {
     numbersDue = now + NUMBERS_MS;
     axes.show(sample);
+    tools.show(sample);
     goals.show(sample);
     control.show(sample);
   }

@@ -57,6 +57,14 @@ export class RobotModel {
     }
   }
 
+  // Frame of a link in the root of the URDF; undefined where there is no such link.
+  frameOf(name: string): THREE.Matrix4 | undefined {
+    const link = this.robot.links[name];
+    if (!link) return undefined;
+    link.updateWorldMatrix(true, false);
+    return this.robot.matrixWorld.clone().invert().multiply(link.matrixWorld);
+  }
+
   // Colour the link that a joint moves; returns whether something has changed.
   setFault(axis: number, on: boolean): boolean {
     const joint = this.joints[axis];

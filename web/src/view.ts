@@ -101,6 +101,11 @@ export class View {
     });
   }
 
+  // Frame of a link in the root of the URDF; undefined where the robot is not drawn.
+  frameOf(link: string): THREE.Matrix4 | undefined {
+    return this.model?.frameOf(link);
+  }
+
   draw(): void {
     if (!this.dirty || !this.renderer) return;
     this.dirty = false;

@@ -10,6 +10,7 @@ from typing import Any
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import GripperSettings, RobotDescriptor
 from robotd.device.capabilities import Capability
+from robotd.device.tool_pose import tool_poses
 from robotd.observation.io_sampler import MAX_IO_BYTES
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
@@ -44,6 +45,7 @@ def describe(
         "wall_offset_s": tap.info.offset_ns * 1e-9,
         "axes": _axes(robot),
         "groups": [*robot.groups],
+        "tools": [{"link": each.link, "base": each.base} for each in tool_poses(descriptor)],
         "fingers": _fingers(descriptor.gripper),
         "inputs": min(robot.io.sizes[0], MAX_IO_BYTES),
         "outputs": min(robot.io.sizes[1], MAX_IO_BYTES),

@@ -124,6 +124,7 @@ def test_inputs_are_shown_and_named(arm: Observed) -> None:
     assert state_of(arm.tap, [], 1)["inputs"].startswith("0008")
     described = describe(arm.tap, ["a_node"], {})
     assert described["io_names"] == {"out0.0": "close gripper"}
+    assert described["tools"] == [{"link": "link6", "base": "base_link"}]
     assert [each["name"] for each in described["fingers"]] == ["picker_1_joint", "picker_2_joint"]
 
 
