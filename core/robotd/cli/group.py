@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import os
+import sys
 import traceback
 from collections.abc import Mapping
 from importlib import import_module
@@ -36,6 +38,12 @@ class RobotdGroup(click.Group):
     def __init__(self, *args: Any, summaries: Mapping[str, str], **options: Any) -> None:
         super().__init__(*args, **options)
         self._summaries = summaries
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        try:
+            return super().main(*args, **options)
+        finally:
+            _drop_unwritable_output()
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         first_ros = args.index(ROS_ARGS) if ROS_ARGS in args else len(args)
@@ -84,6 +92,20 @@ class RobotdGroup(click.Group):
 def ros_args(ctx: click.Context) -> list[str]:
     """Return the arguments from ``--ros-args`` on, as typed; empty without it."""
     return list(ctx.meta[ROS_ARGS])
+
+
+def _drop_unwritable_output() -> None:
+    """Drop what a lost terminal did not take, so that the exit status is that of the command.
+
+    The interpreter would try to write it once more at its end, and exit with status 120.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
 
 
 def _report(error: Exception, *, debug: bool) -> None:
