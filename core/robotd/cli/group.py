@@ -95,9 +95,10 @@ def ros_args(ctx: click.Context) -> list[str]:
 
 
 def _drop_unwritable_output() -> None:
-    """Drop what a lost terminal did not take, so that the exit status is that of the command.
+    """Drop output that a lost terminal did not take.
 
-    The interpreter would try to write it once more at its end, and exit with status 120.
+    The interpreter would try to write it once more at its end, and exit with status 120 instead of
+    the command's own.
     """
     for stream in (sys.stdout, sys.stderr):
         try:
