@@ -6,7 +6,7 @@ The drive section of the robot under the node's parameters.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from robotd.descriptor import DifferentialDrive, DriveSettings, RobotDescriptor
 from robotd.errors import DescriptorError
@@ -17,7 +17,6 @@ from robotd.node_settings.parameter_reader import ParameterReader
 RATE_HZ = 10
 LIMITED_TOPIC = "~/cmd_vel_out"
 TF_TOPIC = "tf"
-ODOM_MEANING = "fixed frame of the odometry"
 TF_MEANING = "publish odom → base on tf"
 
 Kind = TypeVar("Kind", bound=DriveSettings)
@@ -86,39 +85,55 @@ def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) ->
     Raises DescriptorError where the robot has no differential drive.
     """
     drive = drive_of(parameters.node, descriptor, DifferentialDrive)
-    prefix = read_frame_prefix(parameters)
-    return BaseSettings(
+    return read_base(
+        parameters,
+        descriptor,
         drive=_drive(parameters, drive),
-        parameters_file=parameters.file("wmx_param_file_path", FILE_MEANING),
         stamped=parameters.flag("use_stamped_vel", False, "take TwistStamped instead of Twist"),
         commands=parameters.topic("cmd_vel_topic", "commands", required=True),
         echo=parameters.topic("encoder_vel_topic", "echo of the commands", required=True),
-        rate_hz=read_rate(parameters, descriptor),
         wheel_speeds=parameters.topic("encoder_omega_topic", "speeds of the wheels", required=True),
         odometry=parameters.topic("encoder_odometry_topic", "odometry", required=True),
-        odom_frame=prefix + parameters.text("odom_frame_id", "odom", ODOM_MEANING),
-        base_frame=prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
-        pose_variances=read_variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
-        twist_variances=read_variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
         transform=TF_TOPIC if parameters.flag("publish_tf", False, TF_MEANING) else "",
-        limited=read_limited_topic(parameters),
+    )
+
+
+def read_base(
+    parameters: ParameterReader,
+    descriptor: RobotDescriptor,
+    *,
+    drive: DriveSettings,
+    stamped: bool,
+    commands: str,
+    wheel_speeds: str,
+    odometry: str,
+    transform: str,
+    echo: str = "",
+) -> BaseSettings:
+    """Declare the parameters that all bases have; the others were read before."""
+    prefix = read_frame_prefix(parameters)
+    highest = int(descriptor.cycle.rate_hz)
+    limited = parameters.flag("publish_limited_velocity", False, f"publish {LIMITED_TOPIC}")
+    return BaseSettings(
+        drive=drive,
+        parameters_file=parameters.file("wmx_param_file_path", FILE_MEANING),
+        stamped=stamped,
+        commands=commands,
+        echo=echo,
+        rate_hz=parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz"),
+        wheel_speeds=wheel_speeds,
+        odometry=odometry,
+        transform=transform,
+        limited=LIMITED_TOPIC if limited else "",
+        odom_frame=prefix + parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
+        base_frame=prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
+        pose_variances=_variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
+        twist_variances=_variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
         description=parameters.description(),
     )
 
 
-def read_rate(parameters: ParameterReader, descriptor: RobotDescriptor) -> int:
-    """Declare ``rate``."""
-    highest = int(descriptor.cycle.rate_hz)
-    return parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz")
-
-
-def read_limited_topic(parameters: ParameterReader) -> str:
-    """Declare ``publish_limited_velocity``; return the topic, "" for none."""
-    meaning = f"publish {LIMITED_TOPIC}"
-    return LIMITED_TOPIC if parameters.flag("publish_limited_velocity", False, meaning) else ""
-
-
-def read_variances(
+def _variances(
     parameters: ParameterReader, name: str, default: tuple[float, ...]
 ) -> tuple[float, ...]:
     """Declare six variances, at least 0."""
@@ -136,13 +151,17 @@ def _drive(parameters: ParameterReader, drive: DifferentialDrive) -> Differentia
     """
     parameters.same_as("drive.left_axis", "left_axis", drive.left_axis, "axis of the wheel")
     parameters.same_as("drive.right_axis", "right_axis", drive.right_axis, "axis of the wheel")
-    linear = read_limits(parameters, "linear.x", "m", drive.velocity_m_s, drive.acceleration_m_s2,
-                     drive.deceleration_m_s2, drive.jerk_m_s3)  # fmt: skip
-    angular = read_limits(parameters, "angular.z", "rad", drive.angular_velocity_rad_s,
-                      drive.angular_acceleration_rad_s2, drive.angular_deceleration_rad_s2,
-                      drive.angular_jerk_rad_s3)  # fmt: skip
+    limits = read_limits(parameters, drive, "linear.x")
+    limits |= read_limits(parameters, drive, "angular.z", "angular_", "rad")
     acc_time = parameters.positive("acc_time", 1.0, "time from rest to the highest speed in s")
     dec_time = parameters.positive("dec_time", 1.0, "time from the highest speed to rest in s")
+    for speed, ramp, time_s in (
+        ("velocity_m_s", "acceleration_m_s2", acc_time),
+        ("velocity_m_s", "deceleration_m_s2", dec_time),
+        ("angular_velocity_rad_s", "angular_acceleration_rad_s2", acc_time),
+        ("angular_velocity_rad_s", "angular_deceleration_rad_s2", dec_time),
+    ):
+        limits[ramp] = min(limits[ramp], limits[speed] / time_s)
     return drive.model_copy(
         update={
             "wheel_radius_m": parameters.positive(
@@ -158,37 +177,38 @@ def _drive(parameters: ParameterReader, drive: DifferentialDrive) -> Differentia
             "command_timeout_s": parameters.positive(
                 "cmd_vel_timeout", drive.command_timeout_s, "age of a command that stops, in s"
             ),
-            "velocity_m_s": linear[0],
-            "acceleration_m_s2": min(linear[1], linear[0] / acc_time),
-            "deceleration_m_s2": min(linear[2], linear[0] / dec_time),
-            "jerk_m_s3": linear[3],
-            "angular_velocity_rad_s": angular[0],
-            "angular_acceleration_rad_s2": min(angular[1], angular[0] / acc_time),
-            "angular_deceleration_rad_s2": min(angular[2], angular[0] / dec_time),
-            "angular_jerk_rad_s3": angular[3],
+            **limits,
         }
     )
 
 
 def read_limits(
-    parameters: ParameterReader,
-    part: str,
-    unit: str,
-    velocity: float,
-    acceleration: float,
-    deceleration: float,
-    jerk: float | None,
-) -> tuple[float, float, float, float | None]:
+    parameters: ParameterReader, drive: DriveSettings, part: str, prefix: str = "", unit: str = "m"
+) -> dict[str, Any]:
     """Declare velocity, acceleration, deceleration and jerk of one part of the twist.
 
-    The names are those of ros2_controllers. A jerk of None is not limited.
+    The names are those of ros2_controllers. A jerk of 0 is not limited.
+
+    Args:
+        parameters: of the node.
+        drive: gives the defaults.
+        part: of the twist, as in the names of the parameters.
+        prefix, unit: of the fields of ``drive``.
+
+    Returns:
+        Fields of ``drive``, by name.
     """
-    highest = parameters.number(f"{part}.max_jerk", jerk or 0.0, f"in {unit}/s³; 0: no limit")
-    if highest < 0.0:
-        parameters.reject(f"{part}.max_jerk", f"{highest} is below 0")
-    return (
-        parameters.positive(f"{part}.max_velocity", velocity, f"in {unit}/s"),
-        parameters.positive(f"{part}.max_acceleration", acceleration, f"in {unit}/s²"),
-        parameters.positive(f"{part}.max_deceleration", deceleration, f"in {unit}/s²"),
-        highest or None,
-    )
+    default = getattr(drive, f"{prefix}jerk_{unit}_s3") or 0.0
+    jerk = parameters.number(f"{part}.max_jerk", default, f"in {unit}/s³; 0: no limit")
+    if jerk < 0.0:
+        parameters.reject(f"{part}.max_jerk", f"{jerk} is below 0")
+    found: dict[str, Any] = {f"{prefix}jerk_{unit}_s3": jerk or None}
+    for kind, per, shown in (
+        ("velocity", "s", "s"),
+        ("acceleration", "s2", "s²"),
+        ("deceleration", "s2", "s²"),
+    ):
+        field = f"{prefix}{kind}_{unit}_{per}"
+        name = f"{part}.max_{kind}"
+        found[field] = parameters.positive(name, getattr(drive, field), f"in {unit}/{shown}")
+    return found
