@@ -10,7 +10,6 @@ from typing import Any
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import GripperSettings, RobotDescriptor
 from robotd.device.capabilities import Capability
-from robotd.device.tool_pose import tool_poses
 from robotd.observation.io_sampler import MAX_IO_BYTES
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
@@ -34,18 +33,13 @@ def describe(
     return {
         "type": "description",
         "protocol": PROTOCOL,
-        "robot": descriptor.name,
-        "summary": descriptor.summary,
-        "variant": descriptor.variant or "",
-        "backend": robot.backend.name,
-        "version": version("robotd"),
-        "simulated": Capability.SIMULATED in robot.capabilities,
+        **identity(robot),
         "time_scale": _finite(clock.scale) if isinstance(clock, PacedClock) else 1.0,
         "rate_hz": descriptor.cycle.rate_hz,
         "wall_offset_s": tap.info.offset_ns * 1e-9,
         "axes": _axes(robot),
         "groups": [*robot.groups],
-        "tools": [{"link": each.link, "base": each.base} for each in tool_poses(descriptor)],
+        "tools": [{"link": each.link, "base": each.base} for each in robot.tools],
         "fingers": _fingers(descriptor.gripper),
         "inputs": min(robot.io.sizes[0], MAX_IO_BYTES),
         "outputs": min(robot.io.sizes[1], MAX_IO_BYTES),
@@ -55,6 +49,19 @@ def describe(
         "meshes": dict(meshes),
         "urdf_file": str(descriptor.urdf.absolute()) if descriptor.urdf else "",
         "has_control": has_control,
+    }
+
+
+def identity(robot: Robot) -> dict[str, Any]:
+    """Return what tells this robot from others."""
+    descriptor = robot.descriptor
+    return {
+        "robot": descriptor.name,
+        "summary": descriptor.summary,
+        "variant": descriptor.variant or "",
+        "backend": robot.backend.name,
+        "version": version("robotd"),
+        "simulated": Capability.SIMULATED in robot.capabilities,
     }
 
 

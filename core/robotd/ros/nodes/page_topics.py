@@ -7,14 +7,14 @@ import socket
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Self
 
 from rclpy.node import Node
 from std_msgs.msg import String, UInt8MultiArray
 
 from robotd.log import get_logger
 from robotd.observation.tap import Tap
-from robotd.page.page_description import describe
+from robotd.page.page_description import identity
 from robotd.page.page_feed import PageFeed
 from robotd.recording.message_encoders import octets_message, string_message
 from robotd.ros.nodes.ready_topic import publish_if_alive
@@ -35,7 +35,6 @@ SILENT_PERIOD_S = 0.5  # for a look whether somebody subscribes
 RATE_HZ = 15.0  # half of the page inside the process: a sample costs more
 CHANGES_TICKS = 2  # of ``RATE_HZ``: state, events, and a look for subscribers
 STATE_TICKS = 14  # the state is repeated, as a sign of life
-INTRODUCTION = ("robot", "summary", "variant", "backend", "version", "simulated")
 
 
 class PageTopics:
@@ -54,7 +53,9 @@ class PageTopics:
         self._first = node.create_publisher(UInt8MultiArray, FIRST, LATCHED)
         self._samples = node.create_publisher(UInt8MultiArray, SAMPLES, NEWEST)
         self._changes = node.create_publisher(String, CHANGES, ALL)
-        self._introduction = introduction(describe(tap, nodes, {}))
+        self._introduction = json.dumps(
+            {**identity(tap.robot), "computer": socket.gethostname()}  # as ``RemoteRobot`` of web/
+        )
         self._subscribers = 0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robotd-page-topics", daemon=True)
@@ -105,9 +106,3 @@ class PageTopics:
                 publish_if_alive(self._samples, octets_message(message))
             else:
                 publish_if_alive(self._changes, string_message(message))
-
-
-def introduction(description: dict[str, Any]) -> str:
-    """Return who answers, as JSON: keys of ``INTRODUCTION`` and the computer's name."""
-    known = {key: description[key] for key in INTRODUCTION}
-    return json.dumps({**known, "computer": socket.gethostname()})
