@@ -16,6 +16,7 @@ Command = Callable[..., Any]
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
+PORT = click.IntRange(0, 65535)  # 0: any free one
 
 
 def names(ctx: click.Context, option: click.Parameter, value: str | None) -> list[str] | None:

@@ -10,17 +10,17 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import configure_logging, log_options
+from robotd.cli.options import PORT, configure_logging, log_options
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import robot_client
 from robotd.errors import OperationError
 
-PORT = 8080
+DEFAULT_PORT = 8080
 TIMEOUT_S = 5.0
 
 
 @click.command("page")
-@click.argument("port", type=click.IntRange(0, 65535), default=PORT)
+@click.argument("port", type=PORT, default=DEFAULT_PORT)
 @log_options
 @click.pass_context
 def page(ctx: click.Context, /, *, port: int) -> None:

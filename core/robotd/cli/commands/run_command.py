@@ -17,6 +17,7 @@ from robotd.cli.installed import Installed, check_backend_overrides, load_instal
 from robotd.cli.options import (
     FILE,
     FOLDER,
+    PORT,
     configure_logging,
     log_options,
     names,
@@ -127,13 +128,13 @@ class RunOptions:
 @click.option(
     "--metrics",
     metavar="PORT",
-    type=click.IntRange(0, 65535),
+    type=PORT,
     help="Serve metrics for Prometheus at http://127.0.0.1:PORT/metrics.",
 )
 @click.option(
     "--page",
     metavar="PORT",
-    type=click.IntRange(0, 65535),
+    type=PORT,
     help="Serve the live page at http://127.0.0.1:PORT; 0: any free port, which the log names.",
 )
 @click.option(
@@ -144,7 +145,7 @@ class RunOptions:
 @click.option(
     "--foxglove",
     metavar="PORT",
-    type=click.IntRange(0, 65535),
+    type=PORT,
     help="Serve the program Foxglove at ws://127.0.0.1:PORT.",
 )
 @log_options
