@@ -53,6 +53,26 @@ def install(python: Path, package: Path) -> None:
     run(python, "-m", "pip", "install", *offline, package, cwd=package)
 
 
+def serve_and_move(process: RobotProcess) -> None:
+    """Let a robot of six joints reach 0.3 rad over DDS, and end."""
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
+    point = JointTrajectoryPoint(positions=[0.3] * 6)
+    point.time_from_start.sec = 1
+    goal.trajectory.points = [point]
+    process.wait_ready()
+    client = Client(process.domain)
+    try:
+        states = client.listen(JointState, "/joint_states")
+        result = client.send_goal(goal).result()[1]
+        assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
+        state = client.next(states)
+        assert list(state.position[:6]) == pytest.approx([0.3] * 6, abs=1e-3)
+    finally:
+        client.close()
+    assert process.end() == 0, process.output
+
+
 @pytest.fixture
 def python(tmp_path: Path) -> Path:
     """A new environment."""
@@ -102,23 +122,8 @@ def test_a_minimal_package_is_small_and_passes_at_once(python: Path, tmp_path: P
 
 @pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # of an old lark in ROS
 def test_a_generated_package_is_served(installed: Path) -> None:
-    goal = FollowJointTrajectory.Goal()
-    goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
-    point = JointTrajectoryPoint(positions=[0.3] * 6)
-    point.time_from_start.sec = 1
-    goal.trajectory.points = [point]
     with RobotProcess(backend=NAME, python=installed) as process:
-        process.wait_ready()
-        client = Client(process.domain)
-        try:
-            states = client.listen(JointState, "/joint_states")
-            result = client.send_goal(goal).result()[1]
-            assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
-            state = client.next(states)
-            assert list(state.position[:6]) == pytest.approx([0.3] * 6, abs=1e-3)
-        finally:
-            client.close()
-        assert process.end() == 0, process.output
+        serve_and_move(process)
 
 
 @pytest.mark.parametrize("options", [(), ("--minimal",)], ids=["full", "minimal"])

@@ -10,11 +10,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from control_msgs.action import FollowJointTrajectory
-from sensor_msgs.msg import JointState
-from tests.conformance.test_new_backend import install, new_environment, run
-from tests.ros.robot_process import Client, RobotProcess
-from trajectory_msgs.msg import JointTrajectoryPoint
+from tests.conformance.test_new_backend import install, new_environment, run, serve_and_move
+from tests.ros.robot_process import RobotProcess
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dobot_tcp"
 BACKEND = "dobot_tcp_fake"
@@ -71,22 +68,7 @@ def test_its_own_tests_pass(installed: Path, example: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # of an old lark in ROS
 def test_it_serves_cr3a(installed: Path) -> None:
-    goal = FollowJointTrajectory.Goal()
-    goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
-    point = JointTrajectoryPoint(positions=[0.3] * 6)
-    point.time_from_start.sec = 1
-    goal.trajectory.points = [point]
     patient = ("--set", "trajectory.path_tolerance_rad=0.3")  # the stand-in may stall, too
     robot = RobotProcess(*patient, robot="dobot_cr3a", backend=BACKEND, python=installed)
     with robot as process:
-        process.wait_ready()
-        client = Client(process.domain)
-        try:
-            states = client.listen(JointState, "/joint_states")
-            result = client.send_goal(goal).result()[1]
-            assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
-            state = client.next(states)
-            assert list(state.position[:6]) == pytest.approx([0.3] * 6, abs=1e-3)
-        finally:
-            client.close()
-        assert process.end() == 0, process.output
+        serve_and_move(process)
