@@ -17,13 +17,14 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "build" / "coverage.json"
-SOURCES = ("core/robotd", "plugins/canopen", "plugins/servo_model", "plugins/sim")
+SOURCES = ("core/robotd", "plugins/canopen", "plugins/cia402", "plugins/servo_model", "plugins/sim")
 ELSEWHERE = (
     "core/robotd/commissioning",
     "core/robotd/page",
     "core/robotd/ros",
     "core/robotd/testing",
     "plugins/canopen",
+    "plugins/cia402",
 )
 """Tested by tests/canopen, tests/page, tests/ros and tests/conformance."""
 FLOOR_PERCENT = 95.0

@@ -7,7 +7,14 @@ from graphlib import CycleError, TopologicalSorter
 import grimp
 import pytest
 
-PACKAGES = ("robotd", "robotd_canopen", "robotd_servo_model", "robotd_sim", "robotd_wmx_parameters")
+PACKAGES = (
+    "robotd",
+    "robotd_canopen",
+    "robotd_cia402",
+    "robotd_servo_model",
+    "robotd_sim",
+    "robotd_wmx_parameters",
+)
 
 
 @pytest.mark.parametrize("package", PACKAGES)

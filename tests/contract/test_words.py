@@ -14,6 +14,7 @@ PACKAGES = {
     "robotd": ROOT / "core" / "robotd",
     "lerobot_robot_robotd": ROOT / "learning" / "lerobot_robot_robotd" / "lerobot_robot_robotd",
     "robotd_canopen": ROOT / "plugins" / "canopen" / "robotd_canopen",
+    "robotd_cia402": ROOT / "plugins" / "cia402" / "robotd_cia402",
     "robotd_gym": ROOT / "learning" / "robotd_gym",
     "robotd_replay": ROOT / "plugins" / "replay" / "robotd_replay",
     "robotd_servo_model": ROOT / "plugins" / "servo_model" / "robotd_servo_model",
@@ -21,7 +22,8 @@ PACKAGES = {
     "robotd_wmx": ROOT / "plugins" / "wmx" / "robotd_wmx",
     "robotd_wmx_parameters": ROOT / "plugins" / "wmx_parameters" / "robotd_wmx_parameters",
 }
-FOLDERS = ("tests", "tools", "examples", "docs/_ext", "plugins/canopen", "plugins/wmx")
+BACKENDS = ("plugins/canopen", "plugins/cia402", "plugins/wmx")
+FOLDERS = ("tests", "tools", "examples", "docs/_ext", *BACKENDS)
 OLD_WORD = "refu" + "sed"  # "rejected" in the glossary
 MAX_WORDS = 15
 NOUN_CLAUSES = ("What", "Where", "Who", "Whoever", "Whether", "How", "Why", "Which")

@@ -29,8 +29,8 @@ from robotd_canopen.feedback import Feedback
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import plan_network
 from robotd_canopen.options import BusOptions, CanopenOptions
-from robotd_canopen.scaling import Scaling
 from robotd_canopen.sync_producer import SyncProducer
+from robotd_cia402.scaling import Scaling
 
 FRAMES = 5_000
 RUNS = 5

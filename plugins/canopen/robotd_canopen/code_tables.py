@@ -1,11 +1,10 @@
-"""Codes of CANopen for ``robotd explain``: emergencies and aborts of SDO transfers."""
+"""Codes of CANopen for ``robotd explain``: aborts of SDO transfers."""
 
 from __future__ import annotations
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from robotd.api import CodeTable, drive_remedy
-from robotd_canopen.emcy import class_text, known_texts
+from robotd.api import CodeTable
 
 _SDO_REMEDIES = {
     0x0504: "Check power, cable and id of the node; SDO transfers of two masters collide",
@@ -25,12 +24,6 @@ def sdo_remedy(code: int) -> str:
     return _SDO_REMEDIES.get(code >> 16, "")
 
 
-EMERGENCIES = CodeTable(
-    "CANopen emergency, CiA 402 error code",
-    known_texts(),
-    other=class_text,
-    remedy=drive_remedy,
-)
 SDO_ABORTS = CodeTable(
     "CANopen SDO abort",
     {code: text[0].lower() + text[1:] for code, text in SdoAbortedError.CODES.items()},

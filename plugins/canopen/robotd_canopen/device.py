@@ -16,12 +16,12 @@ from robotd.api import (
     wait_until,
 )
 from robotd_canopen.bus import Bus
-from robotd_canopen.commands import Commands
 from robotd_canopen.master import Master
 from robotd_canopen.nmt import NmtCommand
 from robotd_canopen.node import Node
 from robotd_canopen.simulated import SimulatedNetwork
 from robotd_canopen.simulated_robot import simulated_network
+from robotd_cia402.commands import Commands
 
 log = get_logger("canopen")
 
@@ -74,7 +74,7 @@ class CanopenDevice(DeviceDriver):
             return
         live = [axis for axis in master.axes if axis.node.online and axis.report.powered]
         for axis in live:
-            axis.brake(axis.layout.options.stop_deceleration_rad_s2)
+            axis.brake(axis.options.stop_deceleration_rad_s2)
         wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, master.clock)
         for axis in live:
             self._try(axis.node, partial(Commands(axis, master.clock).disable, _IDLE_S))

@@ -6,7 +6,8 @@ from functools import partial
 
 from robotd.api import FaultInjector
 from robotd_canopen.device import CanopenDevice
-from robotd_canopen.simulated import Drive, DriveNode, IoNode, SimulatedNetwork
+from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
+from robotd_cia402.simulated import Drive
 
 _SWITCHES = ("negative_limit", "positive_limit", "home_switch")  # bits of object 0x60FD
 

@@ -11,14 +11,31 @@ from numpy.typing import NDArray
 
 from robotd_canopen.bus import Handler
 from robotd_canopen.layout import AxisLayout
-from robotd_canopen.modes import OperationMode
 from robotd_canopen.pdo import Pdo
-from robotd_canopen.position_plausibility import PositionPlausibility
-from robotd_canopen.scaling import SPAN, Scaling, wrapped
+from robotd_cia402.modes import OperationMode
+from robotd_cia402.object_numbers import (
+    DEMAND,
+    ERROR_CODE,
+    MODE_DISPLAY,
+    POSITION,
+    STATUSWORD,
+    SWITCHES,
+    TORQUE,
+    VELOCITY,
+)
+from robotd_cia402.position_plausibility import PositionPlausibility
+from robotd_cia402.scaling import Scaling
 
-STATUSWORD, MODE, POSITION, DEMAND = 0x6041, 0x6061, 0x6064, 0x6062
-VELOCITY, TORQUE, ERROR_CODE, INPUTS = 0x606C, 0x6077, 0x603F, 0x60FD
-_OBJECTS = (STATUSWORD, MODE, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, INPUTS)
+_OBJECTS = (
+    STATUSWORD,
+    MODE_DISPLAY,
+    POSITION,
+    DEMAND,
+    VELOCITY,
+    TORQUE,
+    ERROR_CODE,
+    SWITCHES,
+)
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
 _REPORT_BEFORE = 0.8  # of the age at which values are stale: the error names a node, not an age
 _HORIZON = 2  # times the age at which a TPDO is stale
@@ -63,8 +80,6 @@ class Feedback:
         least = math.floor(_REPORT_BEFORE * stale_s / sync_period_s)
         self.limits: IntArray = np.maximum(self._turns * _ALLOWED_MISSES, least)
         self.syncs = 0
-        self.counts: IntArray = np.zeros(count, np.int64)  # position without the encoder's wrap
-        self._raw: IntArray = np.zeros(count, np.int64)
         self._sync_period_s = sync_period_s
 
     def handler(self, axis: int, pdo: Pdo, scaling: Scaling) -> Handler:
@@ -102,13 +117,18 @@ class Feedback:
 
     def _is_new_position(self, axis: int, slot: int) -> bool:
         """Return True if the position need not be near the one before."""
-        is_first = self._seen[slot] == _NEVER
-        return bool(is_first or self._arrived[_OBJECTS.index(MODE)][axis] == OperationMode.HOMING)
+        mode = self._arrived[_OBJECTS.index(MODE_DISPLAY)][axis]
+        return bool(self._seen[slot] == _NEVER or mode == OperationMode.HOMING)
 
     def take(self) -> None:
         """Control loop: take the values received so far."""
         self._taken[:] = self._arrived
         self.seen[:] = self._seen
+
+    def value(self, index: int, axis: int) -> int:
+        """Return object ``index`` of ``axis`` as taken last; 0 without a TPDO."""
+        column = self.columns.get(index)
+        return 0 if column is None else int(column[axis])
 
     def forget(self, axis: int) -> None:
         """Discard the values of a drive that is configured again."""
@@ -143,18 +163,3 @@ class Feedback:
         known = (self.seen != _NEVER) & ~offline[self._owners]
         last = self.seen + self._turns - 1
         return max(0, self.syncs - int(last[known].min())) if known.any() else self.syncs
-
-    def unwrap(self) -> None:
-        """Control loop: update ``counts``; an endless axis runs over 32 bits."""
-        raw = self.columns[POSITION]
-        step = raw - self._raw
-        self.counts += (step + SPAN // 2) % SPAN - SPAN // 2
-        self._raw += step
-
-    def rebase(self, axis: int) -> None:
-        """Restart ``counts`` at the position that the drive has set."""
-        self.counts[axis] = self._raw[axis] = self.columns[POSITION][axis]
-
-    def demand(self, axis: int) -> int:
-        """The drive's own position demand, without the wrap."""
-        return int(self.counts[axis]) + wrapped(int(self.columns[DEMAND][axis] - self._raw[axis]))

@@ -17,7 +17,6 @@ from robotd_canopen.object_dictionary import (
     describe,
     eds_path,
     empty_dictionary,
-    on_axis,
     read_eds,
     startup_writes,
     variable,
@@ -28,9 +27,10 @@ from robotd_canopen.options import (
     IoOptions,
     NodeOptions,
     PdoOptions,
-    parse_object,
 )
 from robotd_canopen.pdo import Direction, Pdo, axis_pdos, io_pdos, resolve
+from robotd_cia402.object_numbers import on_axis
+from robotd_cia402.options import parse_object
 
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6502)  # without these it is no CiA 402 drive

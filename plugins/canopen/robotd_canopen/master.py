@@ -16,19 +16,18 @@ from robotd.api import (
     RobotDescriptor,
     wait_until,
 )
-from robotd_canopen.axis import Axis
 from robotd_canopen.bring_up import BringUp
 from robotd_canopen.bus import Bus
-from robotd_canopen.emcy import EmergencyLog
+from robotd_canopen.canopen_axis import CanopenAxis
 from robotd_canopen.feedback import Feedback
-from robotd_canopen.image_writer import fill_image
 from robotd_canopen.io_image import IoImage
 from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.node import Node
 from robotd_canopen.options import NodeOptions
-from robotd_canopen.scaling import Scaling
 from robotd_canopen.supervision import Supervision
 from robotd_canopen.sync_producer import SyncProducer
+from robotd_cia402.emcy import EmergencyLog
+from robotd_cia402.scaling import Scaling
 
 _DRIVE, _IO = 402, 401
 _LONGEST_PERIODS = 2  # periods that one longer period counts for at most
@@ -120,7 +119,8 @@ class Master:
             self.feedback.syncs = self.sync.count
             self._transmitted = False
         self._watch(now_ns)
-        fill_image(image, self.axes, self.feedback)
+        for axis in self.axes:
+            axis.observe(image)
         self._date(image)
         if not any(axis.streaming for axis in self.axes):
             self._transmit()
@@ -160,7 +160,8 @@ class Master:
         self._transmitted = True
         for axis in self.axes:
             if axis.node.online:
-                axis.transmit(self.bus, self.layout.sync_period_s, self.sync.periods)
+                axis.transmit(self.layout.sync_period_s, self.sync.periods)
+                axis.rpdos.send(self.bus)
 
     def _date(self, image: ProcessImage) -> None:
         """Set the time of the image to the latest SYNC that all drives have answered.
@@ -187,7 +188,7 @@ class Master:
             node.online, node.fault = False, ""
         self.supervision.begin()
 
-    def _make_axes(self, robot: RobotDescriptor) -> list[Axis]:
+    def _make_axes(self, robot: RobotDescriptor) -> list[CanopenAxis]:
         joints = {joint.axis: joint for joint in robot.joints}
         axes = []
         for number, layout in enumerate(self.layout.axes):
@@ -196,7 +197,7 @@ class Master:
             node = self._add_node(layout.options, name, _DRIVE, layout.dictionary)
             known = (joint.rated_effort, joint.velocity) if joint else (None, None)
             scaling = Scaling(layout.options, *known)
-            axes.append(Axis(number, layout, node, self.feedback, scaling))
+            axes.append(CanopenAxis(number, layout, node, self.feedback, scaling))
             for pdo in layout.tpdos:
                 self.bus.subscribe(pdo.cob_id, self.feedback.handler(number, pdo, scaling))
         return axes

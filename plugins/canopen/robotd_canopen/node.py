@@ -9,12 +9,13 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import Clock, OperationError, RobotdError, wait_until
 from robotd_canopen.bus import Bus
-from robotd_canopen.emcy import Emergency, EmergencyLog, error_text
 from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
 from robotd_canopen.object_dictionary import startup_writes
 from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
-from robotd_canopen.sdo import Sdo, SdoAbort
+from robotd_canopen.sdo import Sdo
+from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.emcy import Emergency, EmergencyLog
 
 _IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 _EMCY, _HEARTBEAT = 0x080, 0x700
@@ -149,15 +150,15 @@ class Node:
             return f"no heartbeat for {self._silence_ns / 1e6:.0f} ms"
         return ""
 
+    @property
+    def emergency(self) -> Emergency | None:
+        """The emergency in force. Any thread."""
+        return self._emergencies.active.get(self.id)
+
     def emergency_text(self) -> str:
         """Return the emergency in force, with a leading comma; "" without one."""
-        active = self._emergencies.active.get(self.id)
+        active = self.emergency
         return f", {active.text}" if active is not None else ""
-
-    def alarm_text(self, error_code: int) -> str:
-        """Return why a drive is in alarm: its emergency, else object 0x603F."""
-        active = self._emergencies.active.get(self.id)
-        return active.text if active is not None else f"error code {error_text(error_code)}"
 
     @contextmanager
     def _require_unique_id(self) -> Iterator[None]:

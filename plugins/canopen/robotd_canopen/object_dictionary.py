@@ -13,15 +13,15 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 from canopen.objectdictionary.eds import import_eds
 
 from robotd.api import DescriptorError, read_limited
-from robotd_canopen.options import AxisOptions, NodeOptions, parse_object
+from robotd_canopen.options import AxisOptions, NodeOptions
+from robotd_cia402.object_numbers import on_axis
+from robotd_cia402.options import parse_object
 
 GENERIC_DRIVE = "generic_402.eds"
 GENERIC_IO = "generic_401.eds"
 MAX_BYTES = 2_000_000  # of an EDS file; the generic drive has 40 kB
 MAX_SHOWN = 200  # characters of a reason
-AXIS_STEP = 0x800  # distance of the profile objects of two axes in one drive (CiA 402-1)
 _LINE = re.compile(r"\s*($|[;#]|\[[^\]]+\]|[^=:;\s\[][^=:;]*[=:])")
-PROFILE_AREA = range(0x6000, 0xA000)
 
 
 def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
@@ -71,11 +71,6 @@ def describe(dictionary: ObjectDictionary, index: int, sub: int) -> str:
     found = variable(dictionary, index, sub)
     name = f" ({found.name})" if found is not None else ""
     return f"0x{index:04X}:{sub:02X}{name}"
-
-
-def on_axis(index: int, axis_offset: int) -> int:
-    """The number of a profile object on one axis of a multi-axis drive."""
-    return index + axis_offset * AXIS_STEP if index in PROFILE_AREA else index
 
 
 def startup_writes(options: NodeOptions) -> list[tuple[int, int, int]]:

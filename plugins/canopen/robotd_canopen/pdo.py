@@ -10,15 +10,11 @@ from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from robotd.api import OperationError
-from robotd_canopen.object_dictionary import describe, on_axis, variable
-from robotd_canopen.options import (
-    AxisOptions,
-    IoOptions,
-    PdoOptions,
-    StreamMode,
-    parse_object,
-)
+from robotd_canopen.object_dictionary import describe, variable
+from robotd_canopen.options import AxisOptions, IoOptions, PdoOptions
 from robotd_canopen.sdo import Sdo
+from robotd_cia402.object_numbers import on_axis
+from robotd_cia402.options import StreamMode, parse_object
 
 MAX_BYTES = 8
 _EVENT = 255

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from robotd.api import RobotdError
-from robotd_canopen.modes import STREAM_MODES, VELOCITY_MODES, OperationMode
+from robotd_cia402.modes import STREAM_MODES, VELOCITY_MODES, OperationMode
+from robotd_cia402.object_numbers import AXIS_STEP
 
 DRIVE, MODULE = 402, 401  # device profiles, the low half of object 0x1000
-AXIS_STEP = 0x800  # between the objects of two axes of one drive
 MAX_AXES = 8  # of one drive
 AXIS_BITS = 530  # on the wire for each SYNC, with the default PDOs
 BUS_LOAD = 0.85  # leaves a margin below ``max_bus_load``

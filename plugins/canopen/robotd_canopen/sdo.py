@@ -17,16 +17,9 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from robotd.api import DeviceTimeout, OperationError
 from robotd_canopen.bus import Bus
 from robotd_canopen.object_dictionary import describe, variable
+from robotd_cia402.cyclic_objects import SdoAbort
 
 _REQUEST, _RESPONSE = 0x600, 0x580
-
-
-class SdoAbort(OperationError):
-    """Abort by the node; ``code`` is the abort code of CiA 301."""
-
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
-        self.code = code
 
 
 class Sdo:

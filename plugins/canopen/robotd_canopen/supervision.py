@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from robotd.api import NANOSECONDS, get_logger
-from robotd_canopen.axis import Axis
 from robotd_canopen.bus import Bus
+from robotd_canopen.canopen_axis import CanopenAxis
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.node import RESET, Node
 from robotd_canopen.outage_log import OutageLog, Return, causes
@@ -28,7 +28,7 @@ class Supervision:
         self,
         bus: Bus,
         nodes: Mapping[int, Node],
-        axes: Sequence[Axis],
+        axes: Sequence[CanopenAxis],
         feedback: Feedback,
         heartbeat_timeout_s: float,
         sync_period_s: float,
@@ -73,7 +73,7 @@ class Supervision:
         self.faults.append(reason)
         del self.faults[:-_KEPT]
         for axis in self._axes:
-            axis.brake(axis.layout.options.stop_deceleration_rad_s2)
+            axis.brake(axis.options.stop_deceleration_rad_s2)
 
     def fail(self, reason: str) -> None:
         """Stop all axes for something that is not the loss of a node."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.unit.canopen.network import options, plan
 
 from robotd_canopen.feedback import POSITION, Feedback
-from robotd_canopen.scaling import Scaling
+from robotd_cia402.scaling import Scaling
 
 ONLINE = np.zeros(2, bool)
 REACH = 16_000  # counts: 100 rad/s for twice 20 SYNCs

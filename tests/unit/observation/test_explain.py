@@ -13,7 +13,7 @@ from robotd.cli import main
 from robotd.events import sent_by
 from robotd.recording.explanation import find_incident
 from robotd.recording.recording_reader import read_recording
-from robotd_canopen.code_tables import EMERGENCIES
+from robotd_cia402.code_tables import EMERGENCIES
 from robotd_sim.code_tables import DRIVE_ALARMS
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from robotd_canopen.simulated.drive import Drive, DriveModel
-from robotd_canopen.simulated.motors import Motors
 from robotd_canopen.simulated.simulated_node import OPERATIONAL, SimulatedNode
+from robotd_cia402.simulated.drive import Drive, DriveModel
+from robotd_cia402.simulated.motors import Motors
 
 _OUTPUTS, _INPUTS = 0x6200, 0x6000
 _MAX_BYTES = 8

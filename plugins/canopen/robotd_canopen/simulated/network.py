@@ -17,8 +17,8 @@ import canopen
 from robotd.api import NANOSECONDS, request_realtime
 from robotd_canopen.frame import Frame
 from robotd_canopen.simulated.device_nodes import DriveNode
-from robotd_canopen.simulated.motors import Motors
 from robotd_canopen.simulated.simulated_node import SimulatedNode
+from robotd_cia402.simulated.motors import Motors
 
 log = logging.getLogger(__name__)
 

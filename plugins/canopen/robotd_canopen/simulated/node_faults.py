@@ -5,31 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from random import Random
 
+from robotd_cia402.simulated import DriveFaults
+
 
 @dataclass
-class Faults:
-    """Faults in force for one node; the defaults are a healthy one.
+class Faults(DriveFaults):
+    """Faults in force for one node and its drives; the defaults are a healthy one.
 
     Attributes:
         silent: sends and receives nothing, as with a broken cable.
-        statusword: shown instead of the real one.
         sdo_aborts: object → abort code of every access; sub None means all subindices.
         sdo_silent: objects of which requests are not answered.
         pdo_delay_s: TPDOs are sent this much later.
         pdo_drop: part of the TPDOs that get lost, 0 to 1.
         garbled: part of its frames, PDOs and SDO responses included, replaced by garbage, 0 to 1.
-        blocked: the motor does not move.
         garbled_frames: frames replaced by garbage so far.
     """
 
     silent: bool = False
-    statusword: int | None = None
     sdo_aborts: dict[tuple[int, int | None], int] = field(default_factory=dict)
     sdo_silent: set[tuple[int, int | None]] = field(default_factory=set)
     pdo_delay_s: float = 0.0
     pdo_drop: float = 0.0
     garbled: float = 0.0
-    blocked: bool = False
     garbled_frames: int = 0
     random: Random = field(default_factory=lambda: Random(1))  # noqa: S311 - repeatable, no secret
 

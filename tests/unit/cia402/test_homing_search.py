@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd_canopen.simulated.homing_search import METHODS, Phase, Search
-from robotd_canopen.simulated.scale import Switches
+from robotd_cia402.simulated.homing_search import METHODS, Phase, Search
+from robotd_cia402.simulated.scale import Switches
 
 SWITCHES = Switches(negative_limit=-1.0, positive_limit=1.0, home=0.5, home_width=0.1)
 FAST, CREEP, STEP_S = 0.5, 0.05, 0.02

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd_canopen.options import AxisOptions
+from robotd_cia402.options import DriveOptions
 
 SPAN = 1 << 32
 _HALF = SPAN >> 1
@@ -20,7 +20,7 @@ class Scaling:
 
     def __init__(
         self,
-        options: AxisOptions,
+        options: DriveOptions,
         rated_torque_nm: float | None,
         velocity_limit: float | None = None,
     ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from robotd.api import Operation
 
 _REST_VELOCITY_RAD_S = 0.01  # measured velocity of an axis at rest
-_REST_SYNCS = 3  # SYNCs at that velocity that make a standstill
+_REST_FRAMES = 3  # frames at that velocity that make a standstill
 
 
 class Activity:
@@ -21,7 +21,7 @@ class Activity:
     def __init__(self) -> None:
         self.operation = Operation.IDLE
         self.complete = self.home_done = self.streaming = False
-        self._resting_syncs = 0
+        self._resting_frames = 0
 
     @property
     def is_idle(self) -> bool:
@@ -36,19 +36,19 @@ class Activity:
         """A stop replaces what runs; it ends at rest."""
         self.begin(Operation.STOPPING)
         self.complete = False
-        self._resting_syncs = 0
+        self._resting_frames = 0
 
     def end(self) -> None:
         """Idle from now on."""
         self.begin(Operation.IDLE)
 
     def is_at_rest(self, velocity: float, *, commanded: bool) -> bool:
-        """Control loop: the motor has been slow for some SYNCs.
+        """Control loop: the motor has been slow for some frames.
 
         Args:
             velocity: measured, rad/s or m/s.
             commanded: the setpoint still moves, so the axis does not rest.
         """
         slow = not commanded and abs(velocity) < _REST_VELOCITY_RAD_S
-        self._resting_syncs = self._resting_syncs + 1 if slow else 0
-        return self._resting_syncs >= _REST_SYNCS
+        self._resting_frames = self._resting_frames + 1 if slow else 0
+        return self._resting_frames >= _REST_FRAMES

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robotd_canopen.drive_report import DriveReport
-from robotd_canopen.state_machine import Control
+from robotd_cia402.drive_report import DriveReport
+from robotd_cia402.state_machine import Control
 
 
 class PowerStage:

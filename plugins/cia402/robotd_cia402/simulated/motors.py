@@ -14,7 +14,7 @@ from math import ceil, floor
 import numpy as np
 
 from robotd.api import NANOSECONDS, Segment
-from robotd_canopen.sync_timing import SyncTiming
+from robotd_cia402.sync_timing import SyncTiming
 from robotd_servo_model import FOREVER, Mechanics, Servo, World
 
 TICK_S = 0.001

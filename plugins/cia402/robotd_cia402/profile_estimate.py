@@ -2,7 +2,7 @@
 
 A drive that makes the ramps itself reports its demand rarely and without a velocity. The
 profile is the trapezoid of CiA 402 (object 0x6086 = 0) with the ramps that it was given, so it
-is computed here too; it starts with the SYNC at which the command takes effect.
+is computed here too; it starts with the frame with which the command takes effect.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class ProfileEstimate:
         max_deceleration: with which a drive brakes that is too fast to stop at its target.
 
     Attributes:
-        position, velocity: command at the SYNC that was sent last.
+        position, velocity: command at the frame that was sent last.
     """
 
     def __init__(self, max_deceleration: float) -> None:
@@ -53,7 +53,7 @@ class ProfileEstimate:
         self._begin(profile_to_rest(self.position, self.velocity, deceleration))
 
     def advance(self, period_s: float) -> None:
-        """Control loop: advance by the time between two SYNCs."""
+        """Control loop: advance by the time between two frames."""
         segments = self._segments
         if not segments:
             return

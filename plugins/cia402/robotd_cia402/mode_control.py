@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from robotd.api import CommandMode
-from robotd_canopen.drive_report import DriveReport
-from robotd_canopen.modes import CYCLIC, OperationMode
-from robotd_canopen.modes import VELOCITY as VELOCITY_MODES
-from robotd_canopen.set_point_handshake import Handshake, Phase
-from robotd_canopen.state_machine import Control
+from robotd_cia402.drive_report import DriveReport
+from robotd_cia402.modes import CYCLIC, OperationMode
+from robotd_cia402.modes import VELOCITY as VELOCITY_MODES
+from robotd_cia402.set_point_handshake import Handshake, Phase
+from robotd_cia402.state_machine import Control
 
 
 class ModeControl:
@@ -27,7 +27,7 @@ class ModeControl:
 
     @property
     def is_cyclic_position(self) -> bool:
-        """The setpoint is a position in each SYNC."""
+        """The setpoint is a position in each frame."""
         return self.requested in CYCLIC
 
     @property
@@ -53,7 +53,7 @@ class ModeControl:
             self.bits |= Control.HALT
 
     def begin_target(self) -> None:
-        """Worker: hand a new target over; the control loop does it, SYNC by SYNC."""
+        """Worker: hand a new target over; the control loop does it, frame by frame."""
         in_mode = self.requested is OperationMode.PROFILE_POSITION
         self._handshake.begin(halted=in_mode and bool(self.bits & Control.HALT))
         self.bits = self._handshake.bits
@@ -65,7 +65,7 @@ class ModeControl:
         self.bits = self._handshake.bits
 
     def advance_target(self, report: DriveReport, period_s: float) -> Phase | None:
-        """Control loop: one SYNC of the handshake; the phase that begins with it, None: none."""
+        """Control loop: one frame of the handshake; the phase that begins with it, None: none."""
         before = self._handshake.phase
         in_mode = report.displayed_mode == OperationMode.PROFILE_POSITION
         self._handshake.advance(report.statusword, in_mode=in_mode, period_s=period_s)

@@ -1,7 +1,7 @@
 """One axis, composed from its parts, and its work in each control period.
 
 Each part is the only writer of its own fields: ``DriveReport`` (received), ``PowerStage``,
-``ModeControl``, ``Setpoint``, ``Activity``, ``ProfileEstimate``, ``RpdoWriter`` (sent) and
+``ModeControl``, ``Setpoint``, ``Activity``, ``ProfileEstimate``, ``OutputValues`` (sent) and
 ``DriveObjects`` (sent by SDO). Workers give commands (``commands.py``), one at a time for each
 axis; the control loop acts on them. Nothing here blocks.
 """
@@ -11,24 +11,22 @@ from __future__ import annotations
 import threading
 
 from robotd.api import CommandMode, Operation, ProcessImage, Profile, get_logger
-from robotd_canopen.activity import Activity
-from robotd_canopen.bus import Bus
-from robotd_canopen.drive_objects import DriveObjects
-from robotd_canopen.drive_report import DriveReport
-from robotd_canopen.feedback import Feedback
-from robotd_canopen.layout import AxisLayout
-from robotd_canopen.mode_control import ModeControl
-from robotd_canopen.modes import OperationMode, rest_mode
-from robotd_canopen.node import Node
-from robotd_canopen.power_stage import PowerStage
-from robotd_canopen.profile_estimate import ProfileEstimate
-from robotd_canopen.rpdo_writer import RpdoWriter
-from robotd_canopen.scaling import Scaling
-from robotd_canopen.set_point_handshake import Phase
-from robotd_canopen.setpoint import Setpoint
-from robotd_canopen.state_machine import Control, DriveState, Status
+from robotd_cia402.activity import Activity
+from robotd_cia402.cyclic_objects import CyclicObjects
+from robotd_cia402.drive_objects import DriveObjects
+from robotd_cia402.drive_report import DriveReport
+from robotd_cia402.mode_control import ModeControl
+from robotd_cia402.modes import OperationMode, rest_mode
+from robotd_cia402.options import DriveOptions
+from robotd_cia402.output_values import OutputValues
+from robotd_cia402.power_stage import PowerStage
+from robotd_cia402.profile_estimate import ProfileEstimate
+from robotd_cia402.scaling import Scaling
+from robotd_cia402.set_point_handshake import Phase
+from robotd_cia402.setpoint import Setpoint
+from robotd_cia402.state_machine import Control, DriveState, Status
 
-log = get_logger("canopen")
+log = get_logger("cia402")
 
 _GENERIC_ERROR = 0x1000  # of a drive that has no number for its fault
 
@@ -37,35 +35,34 @@ class Axis:
     """Axis ``number`` of the robot.
 
     Attributes:
-        layout, node, scaling: options and PDOs, the drive's node, and its units.
+        options, drive, scaling: its section, the objects of its drive, and the drive's units.
         lock: held by the worker whose command runs.
-        report, power, mode, setpoint, activity, estimate, rpdos, objects: the parts.
+        report, power, mode, setpoint, activity, estimate, outputs, objects: the parts.
     """
 
     def __init__(
-        self, number: int, layout: AxisLayout, node: Node, feedback: Feedback, scaling: Scaling
+        self, number: int, options: DriveOptions, drive: CyclicObjects, scaling: Scaling
     ) -> None:
-        options = layout.options
-        self.number, self.layout, self.node, self.scaling = number, layout, node, scaling
+        self.number, self.options, self.drive, self.scaling = number, options, drive, scaling
         self.lock = threading.RLock()
-        self.report = DriveReport(number, layout, node, feedback, scaling)
+        self.report = DriveReport(drive, scaling)
         self.power = PowerStage()
         self.mode = ModeControl(rest_mode(options, CommandMode.POSITION))
         self.setpoint = Setpoint(options.stop_deceleration_rad_s2)
         self.activity = Activity()
         self.estimate = ProfileEstimate(options.quick_stop_deceleration_rad_s2)
-        self.rpdos = RpdoWriter(layout, scaling)
-        self.objects = DriveObjects(layout, node.sdo)
+        self.outputs = OutputValues(drive, scaling)
+        self.objects = DriveObjects(drive)
 
     @property
     def streaming(self) -> bool:
         """Setpoints come from ``AxisDriver.stream``."""
         return self.activity.streaming
 
-    def transmit(self, bus: Bus, period_s: float, periods: int = 1) -> None:
-        """Control loop: this SYNC's RPDOs, to take effect with the next SYNC.
+    def transmit(self, period_s: float, periods: int = 1) -> None:
+        """Control loop: put the outputs of the next cyclic frame.
 
-        ``periods`` have passed since the SYNC before; the drive's own profiles have advanced.
+        ``periods`` have passed since the frame before; the drive's own profiles have advanced.
         """
         self.estimate.advance(periods * period_s)
         self._advance(period_s)
@@ -73,7 +70,7 @@ class Axis:
         interpolated = self.mode.requested is OperationMode.INTERPOLATED_POSITION
         if interpolated and self.report.powered:
             word |= Control.ENABLE_INTERPOLATION
-        self.rpdos.send(bus, word, self.mode, self.setpoint)
+        self.outputs.put(word, self.mode, self.setpoint)
 
     def observe(self, image: ProcessImage) -> None:
         """Control loop: act on the drive's report, and write this axis' part of ``image``."""
@@ -133,7 +130,7 @@ class Axis:
         self.hold()
 
     def _advance(self, period_s: float) -> None:
-        """Compute the setpoint of the next SYNC, unless it is streamed."""
+        """Compute the setpoint of the next frame, unless it is streamed."""
         operation, setpoint = self.activity.operation, self.setpoint
         if operation is Operation.POSITION:
             self._advance_target(period_s)
@@ -153,7 +150,7 @@ class Axis:
         if phase is Phase.ASKING:
             self.estimate.begin_planned()
         elif phase is Phase.FAILED:
-            log.error("the drive does not take the target", node=self.node.name)
+            log.error("the drive does not take the target", node=self.drive.name, axis=self.number)
             self.hold()
 
     def _watch_power(self) -> None:
@@ -189,6 +186,10 @@ class Axis:
 
     def _fill(self, image: ProcessImage) -> None:
         number, report, activity = self.number, self.report, self.activity
+        if report.known:
+            image.position[number] = report.position
+            image.velocity[number] = report.velocity
+            image.torque[number] = report.torque
         alarm = report.in_alarm
         image.offline[number] = not report.known
         image.servo_on[number] = report.powered
@@ -219,9 +220,9 @@ class Axis:
 
     def _reason(self) -> str:
         """Return why the axis cannot move, beginning with the node; "" if it can."""
-        node = self.node
-        if not self.report.known:
-            return f"node {node.id}: {node.fault or 'its PDOs have not come yet'}"
-        if self.report.in_alarm:
-            return f"node {node.id}: {node.alarm_text(self.report.error_code)}"
-        return f"node {node.id}: {self.power.lost}" if self.power.lost else ""
+        name, report = self.drive.name, self.report
+        if not report.known:
+            return f"{name}: {self.drive.fault or 'its PDOs have not come yet'}"
+        if report.in_alarm:
+            return f"{name}: {report.alarm_text}"
+        return f"{name}: {self.power.lost}" if self.power.lost else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from robotd.api import CommandMode
-from robotd_canopen.options import AxisOptions, StreamMode, VelocityMode
+from robotd_cia402.options import DriveOptions, StreamMode, VelocityMode
 
 
 class OperationMode(IntEnum):
@@ -37,14 +37,14 @@ CYCLIC = frozenset(STREAM_MODES.values())
 VELOCITY = frozenset(VELOCITY_MODES.values())
 
 
-def rest_mode(options: AxisOptions, command: CommandMode) -> OperationMode:
+def rest_mode(options: DriveOptions, command: CommandMode) -> OperationMode:
     """Return the mode of an axis without a command."""
     if command is CommandMode.VELOCITY:
         return VELOCITY_MODES[options.velocity_mode]
     return STREAM_MODES[options.stream_mode]
 
 
-def needed_modes(options: AxisOptions) -> dict[OperationMode, str]:
+def needed_modes(options: DriveOptions) -> dict[OperationMode, str]:
     """Return the modes that the drive must support, with the option that needs each."""
     return {
         STREAM_MODES[options.stream_mode]: "stream_mode",

@@ -17,13 +17,13 @@ from robotd.api import (
     RobotdError,
     wait_until,
 )
-from robotd_canopen.axis import Axis
-from robotd_canopen.modes import CYCLIC, STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
-from robotd_canopen.state_machine import TOWARDS_ENABLED, Control, DriveState, Status
+from robotd_cia402.axis import Axis
+from robotd_cia402.modes import CYCLIC, STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
+from robotd_cia402.state_machine import TOWARDS_ENABLED, Control, DriveState, Status
 
 _HERE = (35, 37)  # homing methods that take the present position
 _STEP_S = 1.0  # for a change of mode or a handshake
-_FRESH_SYNCS = 5  # after which every value is from after the event
+_FRESH_FRAMES = 5  # after which every value is from after the event
 
 
 class Commands:
@@ -84,13 +84,13 @@ class Commands:
             axis.power.command(Control.DISABLE_VOLTAGE)
             axis.power.lost = ""
             if not cleared:
-                text = f"the alarm is still there after {timeout_s:g} s: {self.alarm_text()}"
+                text = f"the alarm is still there after {timeout_s:g} s: {axis.report.alarm_text}"
                 raise self._error(DeviceTimeout, text)
 
     def set_mode(self, mode: CommandMode) -> None:
         axis = self._axis
         with axis.lock:
-            requested = rest_mode(axis.layout.options, mode)
+            requested = rest_mode(axis.options, mode)
             if axis.report.powered:
                 self._recover()
                 self._enter(requested)
@@ -107,11 +107,11 @@ class Commands:
                 return
             self._recover()
             if axis.mode.command_mode is CommandMode.VELOCITY:
-                ramp = axis.layout.options.stop_deceleration_rad_s2
+                ramp = axis.options.stop_deceleration_rad_s2
                 self._write_ramps(Profile(0.0, ramp, ramp))
                 self._enter(self._rest_mode())
             else:
-                self._enter(STREAM_MODES[axis.layout.options.stream_mode])
+                self._enter(STREAM_MODES[axis.options.stream_mode])
             axis.setpoint.velocity = 0.0
 
     def begin_stream(self) -> None:
@@ -128,7 +128,7 @@ class Commands:
             if not axis.streaming:
                 return
             if abs(axis.setpoint.velocity) > 1e-3:
-                axis.brake(axis.layout.options.stop_deceleration_rad_s2)
+                axis.brake(axis.options.stop_deceleration_rad_s2)
                 return
             axis.hold()
             axis.activity.complete = True
@@ -152,7 +152,7 @@ class Commands:
             setpoint = axis.setpoint
             setpoint.acceleration = profile.acceleration
             setpoint.deceleration = profile.deceleration
-            mode = VELOCITY_MODES[axis.layout.options.velocity_mode]
+            mode = VELOCITY_MODES[axis.options.velocity_mode]
             if mode is OperationMode.PROFILE_VELOCITY:
                 self._write_ramps(profile)
             if axis.mode.requested is not mode:
@@ -167,7 +167,7 @@ class Commands:
 
     def home(self, timeout_s: float) -> None:
         """Homing mode with the configured method; 35 and 37 do not move."""
-        axis, options = self._axis, self._axis.layout.options
+        axis, options = self._axis, self._axis.options
         with axis.lock:
             self._require_power()
             self._recover()
@@ -184,8 +184,8 @@ class Commands:
                 self._run_homing(timeout_s)
             finally:
                 axis.mode.clear_bits()
-                seen = axis.report.syncs
-                self._wait(lambda: axis.report.syncs > seen + _FRESH_SYNCS, _STEP_S)
+                seen = axis.report.frames
+                self._wait(lambda: axis.report.frames > seen + _FRESH_FRAMES, _STEP_S)
                 axis.report.rebase()
                 axis.setpoint.position = axis.report.position
                 axis.mode.requested = self._rest_mode()
@@ -197,30 +197,26 @@ class Commands:
         """Controlled stop; the control loop does the rest."""
         axis = self._axis
         streamed = axis.activity.operation is Operation.STREAM
-        ramp = axis.layout.options.stop_deceleration_rad_s2
+        ramp = axis.options.stop_deceleration_rad_s2
         axis.brake(ramp if streamed else axis.setpoint.deceleration)
 
     def quick_stop(self) -> None:
         """The drive's own quick stop; the axis stays powered."""
         axis = self._axis
         if not axis.activity.is_idle:
-            axis.brake(axis.layout.options.quick_stop_deceleration_rad_s2)
+            axis.brake(axis.options.quick_stop_deceleration_rad_s2)
             axis.power.command(Control.QUICK_STOP)
 
     def require_online(self) -> None:
-        node = self._axis.node
-        if not node.online:
-            raise self._error(NotReady, node.fault or "offline")
-
-    def alarm_text(self) -> str:
-        """Return why the drive is in alarm."""
-        return self._axis.node.alarm_text(self._axis.report.error_code)
+        drive = self._axis.drive
+        if not drive.online:
+            raise self._error(NotReady, drive.fault or "offline")
 
     def _run_homing(self, timeout_s: float) -> None:
         axis, report, activity = self._axis, self._axis.report, self._axis.activity
         activity.begin(Operation.HOMING)
         axis.mode.bits = int(Control.START_HOMING)
-        started = self._wait(lambda: bool(axis.rpdos.controlword & Control.START_HOMING), _STEP_S)
+        started = self._wait(lambda: bool(axis.outputs.controlword & Control.START_HOMING), _STEP_S)
         done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
 
         def failed() -> bool:
@@ -238,14 +234,14 @@ class Commands:
 
     def _error(self, kind: type[RobotdError], text: str) -> RobotdError:
         """Return an error of this axis that names its node."""
-        return kind(f"node {self._axis.node.id}: {text}", axis=self._axis.number)
+        return kind(f"{self._axis.drive.name}: {text}", axis=self._axis.number)
 
     def _was_sent(self, word: int) -> bool:
-        return self._axis.rpdos.controlword == word
+        return self._axis.outputs.controlword == word
 
     def _rest_mode(self) -> OperationMode:
         """Mode of an axis without a command."""
-        return rest_mode(self._axis.layout.options, self._axis.mode.command_mode)
+        return rest_mode(self._axis.options, self._axis.mode.command_mode)
 
     def _next_state(self, timeout_s: float) -> bool:
         """One transition towards operation enabled."""
@@ -298,17 +294,18 @@ class Commands:
             raise self._error(NotReady, f"the servo is off{lost}")
 
     def _require_no_alarm(self) -> None:
-        if self._axis.report.in_alarm:
-            raise self._error(NotReady, f"the drive is in alarm: {self.alarm_text()}")
+        report = self._axis.report
+        if report.in_alarm:
+            raise self._error(NotReady, f"the drive is in alarm: {report.alarm_text}")
 
     def _status(self) -> str:
         axis = self._axis
-        if not axis.node.online:
-            return axis.node.fault
+        if not axis.drive.online:
+            return axis.drive.fault
         return f"statusword 0x{axis.report.statusword:04X} ({axis.report.state.value})"
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Wait for ``condition``; False at once when the node is lost."""
         axis = self._axis
-        met = wait_until(lambda: condition() or not axis.node.online, timeout_s, self._clock)
-        return met and axis.node.online and condition()
+        met = wait_until(lambda: condition() or not axis.drive.online, timeout_s, self._clock)
+        return met and axis.drive.online and condition()

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from robotd_canopen.simulated.mode_motion import Mode, Motion
-from robotd_canopen.simulated.motors import Motors
-from robotd_canopen.simulated.node_faults import Faults
-from robotd_canopen.simulated.scale import NO_SWITCHES, Scale, Switches
-from robotd_canopen.simulated.statusword import TRANSITIONS, State, command, resets_fault
+from robotd_cia402.simulated.drive_dictionary import AXIS_STEP, Objects
+from robotd_cia402.simulated.drive_faults import DriveFaults
+from robotd_cia402.simulated.mode_motion import Mode, Motion
+from robotd_cia402.simulated.motors import Motors
+from robotd_cia402.simulated.scale import NO_SWITCHES, Scale, Switches
+from robotd_cia402.simulated.statusword import TRANSITIONS, State, command, resets_fault
 
-_STEP = 0x800  # from one axis of a drive to the next
 _REMOTE, _TARGET_REACHED, _LIMIT, _MODE_BIT, _ERROR_BIT = 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13
 _FOLLOWING_ERROR, _REFERENCE_LIMIT = 0x8611, 0x8612
 _NO_WINDOW = 0xFFFFFFFF
@@ -40,20 +40,29 @@ class DriveModel:
 
 
 class Drive:
-    """One axis. ``values`` are the node's objects, ``emergency`` sends an EMCY of it."""
+    """One axis, advanced once for each cyclic frame: ``sample``, outputs stored, ``sync``.
+
+    Used by the thread of the simulation alone.
+
+    Args:
+        values: objects of the drive, shared with its bus model; it holds ``drive_defaults``.
+        machine: the motors.
+        faults: injected from outside.
+        emergency: sends an emergency, given error code and error register; 0: error reset.
+    """
 
     def __init__(
         self,
         model: DriveModel,
-        values: dict[tuple[int, int], int],
+        values: Objects,
         machine: Motors,
-        faults: Faults,
+        faults: DriveFaults,
         emergency: Callable[[int, int], None],
     ) -> None:
         self.state = State.SWITCH_ON_DISABLED
         self._model, self._values, self._machine, self._faults = model, values, machine, faults
         self._emergency = emergency
-        self._offset = model.axis_offset * _STEP
+        self._offset = model.axis_offset * AXIS_STEP
         self.motion = Motion(model.motor, model.scale, machine, self.get, model.switches)
         self.closed_switches = 0  # bits of object 0x60FD, wherever the motor is
         self._controlword = 0

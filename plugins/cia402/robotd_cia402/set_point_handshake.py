@@ -1,12 +1,12 @@
-"""The new-set-point handshake of the profile position mode (CiA 402-2, 10.3), SYNC by SYNC."""
+"""The new-set-point handshake of the profile position mode (CiA 402-2, 10.3), frame by frame."""
 
 from __future__ import annotations
 
 from enum import Enum, auto
 
-from robotd_canopen.state_machine import Control, Status
+from robotd_cia402.state_machine import Control, Status
 
-_LOW_SYNCS = 2  # frames with the bit low before it may rise again
+_LOW_FRAMES = 2  # frames with the bit low before it may rise again
 _LIMIT_S = 1.0
 
 _IMMEDIATELY = int(Control.CHANGE_IMMEDIATELY)
@@ -33,7 +33,7 @@ class Handshake:
     def __init__(self) -> None:
         self.phase = Phase.DONE
         self.bits = 0
-        self._syncs = 0
+        self._frames = 0
         self._halted = 0
 
     def begin(self, *, halted: bool) -> None:
@@ -48,16 +48,16 @@ class Handshake:
         self._enter(Phase.DONE)
 
     def advance(self, status: int, *, in_mode: bool, period_s: float) -> None:
-        """Advance by one SYNC, with the statusword of the drive.
+        """Advance by one frame, with the statusword of the drive.
 
         ``in_mode``: the drive displays profile position mode.
         """
         if self.phase in (Phase.DONE, Phase.FAILED):
             return
-        self._syncs += 1
+        self._frames += 1
         acknowledged = bool(status & Status.ACKNOWLEDGE)
         match self.phase:
-            case Phase.ENTERING if in_mode and not acknowledged and self._syncs > _LOW_SYNCS:
+            case Phase.ENTERING if in_mode and not acknowledged and self._frames > _LOW_FRAMES:
                 self.bits |= Control.NEW_SET_POINT
                 self._enter(Phase.ASKING)
             case Phase.ASKING if acknowledged:
@@ -65,7 +65,7 @@ class Handshake:
                 self._enter(Phase.RELEASING)
             case Phase.RELEASING if not acknowledged:
                 self._enter(Phase.DONE)
-            case _ if self._syncs * period_s > _LIMIT_S:
+            case _ if self._frames * period_s > _LIMIT_S:
                 self.bits = _IMMEDIATELY | int(Control.HALT)
                 self._enter(Phase.FAILED)
             case _:
@@ -73,4 +73,4 @@ class Handshake:
 
     def _enter(self, phase: Phase) -> None:
         self.phase = phase
-        self._syncs = 0
+        self._frames = 0

@@ -1,6 +1,6 @@
 import pytest
 
-from robotd_canopen.emcy import Emergency, EmergencyLog, error_text
+from robotd_cia402.emcy import Emergency, EmergencyLog, error_text
 
 
 @pytest.mark.parametrize(

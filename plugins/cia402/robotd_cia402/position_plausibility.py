@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robotd_canopen.scaling import Scaling, wrapped
+from robotd_cia402.scaling import Scaling, wrapped
 
 
 class PositionPlausibility:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from robotd.api import Profile, Segment, profile_to_position, profile_to_rest, profile_to_velocity
-from robotd_canopen.simulated.homing_search import METHODS, Phase, Search
-from robotd_canopen.simulated.motors import Motors
-from robotd_canopen.simulated.scale import Scale, Switches
+from robotd_cia402.simulated.homing_search import METHODS, Phase, Search
+from robotd_cia402.simulated.motors import Motors
+from robotd_cia402.simulated.scale import Scale, Switches
 
 _SET_POINT, _IMMEDIATE, _RELATIVE, _HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
 _HERE = (35, 37)  # homing methods that take the present position

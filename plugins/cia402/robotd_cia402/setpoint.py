@@ -1,4 +1,4 @@
-"""Setpoint of one axis: the position and velocity that the next RPDOs carry."""
+"""Setpoint of one axis: the position and velocity that the next frame carries."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Setpoint:
     Workers set targets and ramps while no motion is under way; the control loop follows them.
 
     Attributes:
-        position, velocity: setpoint of the next SYNC; NaN before the first report of the drive.
+        position, velocity: setpoint of the next frame; NaN before the first report of the drive.
         target_velocity: velocity to reach along the ramps.
         target_counts: target of a profile position move, not wrapped.
         acceleration, deceleration: ramps of the velocity; the latter also of the running stop.

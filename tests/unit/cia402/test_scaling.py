@@ -3,12 +3,12 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd_canopen.options import AxisOptions
-from robotd_canopen.scaling import SPAN, Scaling, wrapped
+from robotd_cia402.options import DriveOptions
+from robotd_cia402.scaling import SPAN, Scaling, wrapped
 
 
 def scaling(polarity: int = 1, rated: float | None = None) -> Scaling:
-    options = AxisOptions(axis=0, node=1, counts_per_rad=1000.0, polarity=polarity)
+    options = DriveOptions(axis=0, counts_per_rad=1000.0, polarity=polarity)
     return Scaling(options, rated)
 
 

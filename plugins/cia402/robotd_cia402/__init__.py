@@ -1,0 +1,5 @@
+"""CiA 402 drives on any fieldbus: what the CANopen and EtherCAT backends share.
+
+A backend implements ``CyclicObjects`` for each axis; ``Axis`` and ``Commands`` control the drive
+through it. ``simulated`` holds the drives' side, which shares no code with the rest.
+"""

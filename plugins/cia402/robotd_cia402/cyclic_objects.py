@@ -1,0 +1,82 @@
+"""Objects of one drive axis on a fieldbus: the protocol that a backend implements."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Protocol
+
+from robotd.api import OperationError
+from robotd_cia402.emcy import Emergency
+
+
+class SdoAbort(OperationError):
+    """SDO transfer aborted by the node; ``code`` is the code of CiA 301."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class CyclicObjects(Protocol):
+    """Objects of one axis: values in the cyclic frames, SDO transfers and emergencies.
+
+    ``index`` is the number of an object in the profile, such as 0x6041, without the offset of a
+    multi-axis drive. Values are integers in the drive's units, signed if the object's type is.
+    The time of received values is not part of it: the backend dates the whole process image.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the node that begins error texts, ``node 2``."""
+
+    @property
+    def online(self) -> bool:
+        """True for a node that is configured and has not been lost since. Any thread."""
+
+    @property
+    def fault(self) -> str:
+        """Cause of the loss of the node; "" while it is online. Any thread."""
+
+    @property
+    def complete(self) -> bool:
+        """True once every cyclic input has come since the node was configured. Control loop."""
+
+    @property
+    def frames(self) -> int:
+        """Cyclic frames sent so far; a value may be one frame old. Any thread."""
+
+    @property
+    def emergency(self) -> Emergency | None:
+        """Emergency in force; None without one. Any thread."""
+
+    @property
+    def outputs(self) -> Sequence[int]:
+        """Objects in the cyclic frames to the drive; they never change."""
+
+    @property
+    def inputs(self) -> Collection[int]:
+        """Objects in the cyclic frames from the drive; they never change."""
+
+    def put(self, index: int, value: int) -> None:
+        """Set an output for the next cyclic frame, and those after it. Control loop.
+
+        Only objects in ``outputs`` are set.
+        """
+
+    def get(self, index: int) -> int:
+        """Return the input that the control loop has taken last. Any thread.
+
+        0 before it has come, and for an object that is not in ``inputs``.
+        """
+
+    def has(self, index: int) -> bool:
+        """Return True if the drive has the optional object ``index``. Worker."""
+
+    def read(self, index: int, sub: int = 0) -> int:
+        """Read an object by SDO. Worker. Raises SdoAbort, DeviceTimeout, OperationError."""
+
+    def write(self, index: int, sub: int, value: int) -> None:
+        """Write an object by SDO. Worker. Raises SdoAbort, DeviceTimeout, OperationError."""
+
+    def forget(self) -> None:
+        """Discard the inputs: the drive has been configured anew. Worker."""

@@ -1,0 +1,52 @@
+"""Set-up of a drive axis before its first cyclic frame: supported modes and option codes."""
+
+from __future__ import annotations
+
+import math
+
+from robotd.api import OperationError
+from robotd_cia402.axis import Axis
+from robotd_cia402.modes import needed_modes
+
+_HALT_RAMP, _QUICK_STOP_STAYS, _FAULT_ON_LOSS = 1, 6, 1  # 0x605D, 0x605A, 0x6007
+
+
+def set_up(axis: Axis, period_s: float) -> None:
+    """Check the supported modes and write the option codes. Nothing moves. Worker.
+
+    Args:
+        axis: its node is configured; what is known of its state is forgotten.
+        period_s: between two cyclic frames, the interpolation time period (object 0x60C2).
+
+    Raises OperationError naming the option that needs a mode, SdoAbort and DeviceTimeout.
+    """
+    options, drive = axis.options, axis.drive
+    supported = drive.read(0x6502)
+    for mode, what in needed_modes(options).items():
+        if not supported & mode.support_bit:
+            raise OperationError(
+                f"modes: {what} needs {mode.name.lower()}, which object 0x6502"
+                f" (0x{supported:08X}) does not offer"
+            )
+    quick = axis.scaling.ramp_units(options.quick_stop_deceleration_rad_s2)
+    value, exponent = interpolation_period(period_s)
+    for index, sub, number in (
+        (0x6007, 0, _FAULT_ON_LOSS),
+        (0x605A, 0, _QUICK_STOP_STAYS),
+        (0x605D, 0, _HALT_RAMP),
+        (0x6085, 0, quick),
+        (0x60C2, 1, value),
+        (0x60C2, 2, exponent),
+    ):
+        if drive.has(index):
+            drive.write(index, sub, number)
+    axis.forget()
+
+
+def interpolation_period(period_s: float) -> tuple[int, int]:
+    """Return object 0x60C2, value (1 byte) and power of ten, as exactly as they allow."""
+    for exponent in range(-6, 1):
+        value = period_s / 10.0**exponent
+        if value <= 255 and math.isclose(value, round(value), rel_tol=1e-6):
+            return round(value), exponent
+    return max(1, min(255, round(period_s * 1000))), -3

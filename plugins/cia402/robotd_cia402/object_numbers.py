@@ -1,0 +1,17 @@
+"""Numbers of profile objects (CiA 402-2), and their place on the axes of a drive."""
+
+from __future__ import annotations
+
+CONTROLWORD, STATUSWORD = 0x6040, 0x6041
+MODE, MODE_DISPLAY = 0x6060, 0x6061
+DEMAND, POSITION, VELOCITY, TORQUE = 0x6062, 0x6064, 0x606C, 0x6077
+TARGET_POSITION, TARGET_VELOCITY, INTERPOLATION = 0x607A, 0x60FF, 0x60C1
+ERROR_CODE, SWITCHES = 0x603F, 0x60FD
+
+AXIS_STEP = 0x800  # distance of the profile objects of two axes in one drive (CiA 402-1)
+PROFILE_AREA = range(0x6000, 0xA000)
+
+
+def on_axis(index: int, axis_offset: int) -> int:
+    """The number of a profile object on one axis of a multi-axis drive."""
+    return index + axis_offset * AXIS_STEP if index in PROFILE_AREA else index

@@ -1,0 +1,117 @@
+"""Options of one CiA 402 axis on any fieldbus; keys end in their unit."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import StrEnum
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{4}(:[0-9]{1,3})?$")]
+
+
+class Section(BaseModel):
+    """Base of the sections: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class StreamMode(StrEnum):
+    """Mode of operation for trajectories."""
+
+    CSP = "csp"  # cyclic synchronous position
+    IP = "ip"  # interpolated position, for drives that have only that
+
+
+class VelocityMode(StrEnum):
+    """Mode of operation for velocity commands."""
+
+    PV = "pv"  # profile velocity: the drive makes the ramps
+    CSV = "csv"  # cyclic synchronous velocity: the ramps are sent with each frame
+
+
+class SdoWrite(Section):
+    """One object that is written while the node starts."""
+
+    object: ObjectName = Field(description="Object, `0x6085` or `0x607D:1`.")
+    value: int = Field(description="Value in the object's own unit.")
+
+
+class Identity(Section):
+    """Expected object 0x1018; null is not compared."""
+
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+
+
+class SimulatedSwitches(Section):
+    """Switches of a simulated axis, rad (or m) of the joint from power-on; null: none."""
+
+    negative_limit_rad: float | None = Field(None, description="Closed here and below.")
+    positive_limit_rad: float | None = Field(None, description="Closed here and above.")
+    home_rad: float | None = Field(None, description="Middle of the home switch.")
+    home_width_rad: Positive = Field(0.02, description="Width of the home switch.")
+
+
+class DriveOptions(Section):
+    """One axis of a drive: modes, scale, homing and ramps."""
+
+    axis: int = Field(ge=0, description="Axis of the robot.")
+    axis_offset: int = Field(
+        0, ge=0, le=7, description="Axis within a multi-axis drive: objects are moved by 0x800."
+    )
+    counts_per_rad: Positive = Field(description="Encoder counts per rad (or m) of the joint.")
+    polarity: int = Field(1, description="1 or -1: which way the drive counts.")
+    velocity_per_rad_s: Positive | None = Field(
+        None, description="Drive's velocity units per rad/s; null: counts per second."
+    )
+    acceleration_per_rad_s2: Positive | None = Field(
+        None, description="Drive's acceleration units per rad/s²; null: counts per second²."
+    )
+    stream_mode: StreamMode = Field(StreamMode.CSP, description="Mode of trajectories.")
+    velocity_mode: VelocityMode = Field(VelocityMode.PV, description="Mode of velocity commands.")
+    homing_method: int = Field(
+        37, ge=-128, le=37, description="35 and 37 take the present position, others move."
+    )
+    homing_speed_rad_s: Positive = Field(0.1, description="Speed towards the switch.")
+    homing_creep_rad_s: Positive = Field(0.02, description="Speed towards the edge.")
+    homing_acceleration_rad_s2: Positive = Field(1.0, description="Ramp of homing.")
+    stop_deceleration_rad_s2: Positive = Field(
+        10.0, description="Ramp of a controlled stop that no command gave one."
+    )
+    quick_stop_deceleration_rad_s2: Positive = Field(40.0, description="Ramp of a quick stop.")
+    simulated_switches: SimulatedSwitches = Field(
+        SimulatedSwitches(), description="Switches of the simulated axis."
+    )
+
+    @model_validator(mode="after")
+    def _polarity(self) -> Self:
+        if self.polarity not in (1, -1):
+            raise ValueError(f"polarity {self.polarity} is not 1 or -1")
+        return self
+
+
+def with_axis_defaults(data: Any) -> Any:
+    """Lay each item of ``axes`` over ``axis_defaults``, in a section before it is checked."""
+    if not isinstance(data, dict):
+        return data
+    defaults, axes = data.get("axis_defaults"), data.get("axes")
+    if not isinstance(defaults, dict) or not isinstance(axes, list | tuple):
+        return data
+    merged = [{**defaults, **axis} if isinstance(axis, dict) else axis for axis in axes]
+    return {**data, "axes": merged}
+
+
+def given_twice(values: Any) -> list[Any]:
+    """Return the values that occur more than once."""
+    return [value for value, count in Counter(values).items() if count > 1]
+
+
+def parse_object(name: str) -> tuple[int, int]:
+    """Parse ``0x60C1:1`` to (0x60C1, 1); without a subindex it is 0."""
+    index, _, sub = name.partition(":")
+    return int(index, 16), int(sub or 0)

@@ -1,0 +1,36 @@
+"""Model of a simulated drive axis from the options of a robot's axis."""
+
+from __future__ import annotations
+
+from robotd_cia402.options import DriveOptions
+from robotd_cia402.simulated import DriveModel, Scale, Switches
+
+_RATED_NM = 100.0  # where the descriptor has no rated torque
+
+
+def drive_model(motor: int, axis: DriveOptions, rated_torque_nm: float | None) -> DriveModel:
+    """Return the simulated axis that ``axis`` describes.
+
+    Args:
+        motor: its number in the ``Motors`` of the simulation.
+        rated_torque_nm: N·m (or N) of the joint; None: 100.
+    """
+    counts = axis.counts_per_rad
+    scale = Scale(
+        counts,
+        axis.velocity_per_rad_s or counts,
+        axis.acceleration_per_rad_s2 or counts,
+        axis.polarity,
+    )
+    rated_nm = rated_torque_nm or _RATED_NM
+    return DriveModel(motor, scale, axis.axis_offset, rated_nm, _switches(axis))
+
+
+def _switches(axis: DriveOptions) -> Switches:
+    """Convert the switches from the direction of the joint to that of the drive."""
+    given = axis.simulated_switches
+    ends = given.negative_limit_rad, given.positive_limit_rad
+    if axis.polarity > 0:
+        return Switches(*ends, given.home_rad, given.home_width_rad)
+    low, high, home = (None if one is None else -one for one in (*reversed(ends), given.home_rad))
+    return Switches(low, high, home, given.home_width_rad)
