@@ -130,7 +130,7 @@ class Feedback:
         return 0 if column is None else column[axis]
 
     def _columns(self) -> dict[int, list[int]]:
-        """Copy what has arrived, as integers: six axes read about forty of them in a period."""
+        """Copy what has arrived as integers; numpy elements cost more to read."""
         return dict(zip(_OBJECTS, self._arrived.tolist(), strict=False))
 
     def forget(self, axis: int) -> None:
