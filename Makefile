@@ -69,9 +69,9 @@ coverage: $(tools) ## run the unit and contract tests and report their coverage
 	@$(say) 'tools.coverage $(ARGS)'
 	exec .venv/bin/python -m tools.coverage $(ARGS)
 
-backends: $(tools) ## run the conformance checks and the tests of CANopen and WMX
-	@$(say) 'pytest tests/conformance tests/canopen'
-	.venv/bin/python -m pytest tests/conformance tests/canopen $(ARGS)
+backends: $(tools) ## run the conformance checks and the tests of CANopen, EtherCAT and WMX
+	@$(say) 'pytest tests/conformance tests/canopen tests/ethercat'
+	.venv/bin/python -m pytest tests/conformance tests/canopen tests/ethercat $(ARGS)
 	$(MAKE) --no-print-directory -C plugins/wmx test
 
 lint: $(tools) ## check style, format, layers and types

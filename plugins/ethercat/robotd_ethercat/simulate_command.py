@@ -1,0 +1,114 @@
+"""``robotd ethercat simulate``: slaves on a virtual cable, or on a network interface."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+# Without root, a namespace can be made before modules with threads of their own are loaded only.
+
+if TYPE_CHECKING:
+    from robotd_ethercat.simulated import Bus, Line
+
+MASTER, SLAVES = "ecat0", "slaves0"
+SECOND_MASTER, SECOND_SLAVES = "ecat1", "slaves1"
+
+
+@click.command()
+@click.option("--robot", metavar="NAME|FILE", help="The robot.")
+@click.option("--variant", metavar="NAME", help="Variant of the robot.")
+@click.option("--generic", type=click.IntRange(1, 199), metavar="N", help="N generic slaves.")
+@click.option("--redundant", is_flag=True, help="Connect the other end of the line, too.")
+@click.option("--interface", metavar="NAME", help="Serve a network interface of this computer.")
+@click.option("--exit-on-eof", is_flag=True, help="End with the standard input.")
+def simulate(
+    robot: str | None,
+    variant: str | None,
+    generic: int | None,
+    interface: str | None,
+    *,
+    redundant: bool,
+    exit_on_eof: bool,
+) -> None:
+    """Simulate EtherCAT slaves in this process until Ctrl-C.
+
+    By default on a virtual cable in a network namespace of its own; a master opens the interface
+    "ecat0" there. Reads faults from the standard input, one per line: "help" lists them.
+    """
+    if (robot is None) == (generic is None):
+        raise click.UsageError("give either --robot or --generic")
+    if interface is not None and redundant:
+        raise click.UsageError("--redundant is for virtual cables only")
+    try:
+        place, ends = _prepare(interface, redundant=redundant)
+    except OSError as error:
+        from robotd_ethercat.bus_namespace import missing_rights
+
+        raise click.ClickException(missing_rights() or str(error)) from error
+    name, line, priority = _line(robot, variant, generic, redundant=redundant)
+    from robotd.api import request_realtime
+    from robotd_ethercat.simulated import Bus
+
+    bus = Bus(line, *ends)
+    click.echo(f"{name}: {len(line.slaves)} slaves on {place}; 'help' lists faults")
+    threading.Thread(target=_read_commands, args=(bus, exit_on_eof), daemon=True).start()
+    request_realtime(priority)
+    gc.freeze()
+    try:
+        bus.run()
+    except KeyboardInterrupt:
+        return
+    finally:
+        bus.close()
+
+
+def _prepare(interface: str | None, *, redundant: bool) -> tuple[str, Sequence[str]]:
+    """Make the cables; return the place of the master, and the interfaces of the slaves."""
+    from robotd_ethercat.simulated.virtual_cable import make_cable, new_namespace
+
+    if interface is not None:
+        return interface, [interface]
+    new_namespace()
+    make_cable(MASTER, SLAVES)
+    ends, place = [SLAVES], MASTER
+    if redundant:
+        make_cable(SECOND_MASTER, SECOND_SLAVES)
+        ends, place = [SLAVES, SECOND_SLAVES], f"{MASTER} and {SECOND_MASTER}"
+    return f"{place} of /proc/{os.getpid()}/ns/net", ends
+
+
+def _line(
+    robot: str | None, variant: str | None, generic: int | None, *, redundant: bool
+) -> tuple[str, Line, int]:
+    """Return name, slaves and real-time priority."""
+    import time
+
+    from robotd_ethercat.simulated import GenericSlave, Line
+
+    if generic is not None:
+        now_ns = time.monotonic_ns()
+        slaves = [GenericSlave(now_ns) for _ in range(generic)]
+        return "generic", Line(slaves, redundant=redundant), 0
+    raise click.UsageError("--robot is not available yet; use --generic")
+
+
+def _read_commands(bus: Bus, exit_on_eof: bool) -> None:
+    from robotd_ethercat.simulated.fault_commands import HELP, inject
+
+    for text in sys.stdin:
+        if text.strip() == "help":
+            click.echo(HELP)
+        elif text.strip():
+            bus.call(lambda text=text: click.echo(inject(bus.line, text)))  # type: ignore[misc]
+    if exit_on_eof:
+        bus.stop()
+
+
+if __name__ == "__main__":
+    simulate()

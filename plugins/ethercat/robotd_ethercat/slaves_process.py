@@ -1,0 +1,101 @@
+"""Simulated slaves in a process of their own: start, stop, inject faults."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+from robotd_ethercat.simulate_command import MASTER, SECOND_MASTER
+
+_STARTED = re.compile(r": \d+ slaves on .* of (/proc/\d+/ns/net);")
+
+
+class SlavesProcess:
+    """``robotd ethercat simulate`` as a child process; ends with its parent.
+
+    Any thread, one at a time. Usable as a context.
+
+    Args:
+        arguments: of the command, such as ``["--generic", "3"]`` or ``["--robot", "cr3a"]``.
+
+    Attributes:
+        interface, redundant_interface: network interfaces for the master.
+    """
+
+    interface = MASTER
+    redundant_interface = SECOND_MASTER
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        self._arguments = list(arguments)
+        self._process: subprocess.Popen[str] | None = None
+        self._namespace: Path | None = None
+
+    @property
+    def namespace(self) -> Path:
+        """Network namespace of the bus, for ``run_in_namespace``. Raises RuntimeError."""
+        if self._namespace is None:
+            raise RuntimeError("the simulated slaves were not started; call start()")
+        return self._namespace
+
+    @property
+    def running(self) -> bool:
+        """True from ``start`` to ``stop``, while the process has not ended by itself."""
+        return self._process is not None and self._process.poll() is None
+
+    def start(self) -> None:
+        """Power on; returns when the slaves are on the bus. Raises RuntimeError."""
+        command = [sys.executable, "-m", "robotd_ethercat.simulate_command", "--exit-on-eof"]
+        process = subprocess.Popen(  # noqa: S603 - our own command
+            [*command, *self._arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            bufsize=1,
+        )
+        answer = "" if process.stdout is None else process.stdout.readline()
+        started = _STARTED.search(answer)
+        if started is None:
+            process.kill()
+            rest, _ = process.communicate()
+            raise RuntimeError(f"no simulated slaves: {(answer + rest).strip()}")
+        self._process = process
+        self._namespace = Path(started.group(1))
+
+    def stop(self) -> None:
+        """Power off: kill the process. Twice is not an error."""
+        process, self._process, self._namespace = self._process, None, None
+        if process is not None:
+            process.kill()
+            process.communicate()
+
+    def inject(self, text: str) -> str:
+        """Carry out a fault command; return ``ok`` or a value.
+
+        Raises ValueError for a command that is not understood, RuntimeError if the process ended.
+        """
+        process = self._process
+        if process is None or process.stdin is None or process.stdout is None:
+            raise RuntimeError("the simulated slaves are not running; call start()")
+        try:
+            process.stdin.write(text + "\n")
+            process.stdin.flush()
+            answer = process.stdout.readline().strip()
+        except BrokenPipeError:
+            answer = ""
+        if not answer:
+            raise RuntimeError("the process of the simulated slaves has ended")
+        if answer.startswith("not understood"):
+            raise ValueError(answer)
+        return answer
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
