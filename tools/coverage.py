@@ -24,7 +24,6 @@ ELSEWHERE = (
     "core/robotd/ros",
     "core/robotd/testing",
     "plugins/canopen",
-    "plugins/cia402",
 )
 """Tested by tests/canopen, tests/page, tests/ros and tests/conformance."""
 FLOOR_PERCENT = 95.0

@@ -104,6 +104,22 @@ def test_baymax_parameter_file(tmp_path: Path) -> None:
     assert (tmp_path / "again.xml").read_bytes() == robot.parameters_file.read_bytes()
 
 
+@pytest.mark.parametrize("name", ["baymax", "cr3a"])
+def test_ethercat_has_the_scales_of_the_parameter_file(name: str) -> None:
+    robot = load_robot_descriptor(name)
+    assert robot.parameters_file is not None
+    parameters = read_wmx_parameters(robot.parameters_file)
+    section = robot.backends["ethercat"]
+    for item in section["axes"]:
+        keys = {**section.get("axis_defaults", {}), **item}
+        counts, per_unit = (
+            parameters[f"AxisGearRatio{part}"][item["axis"]]
+            for part in ("Numerator", "Denominator")
+        )
+        assert keys["counts_per_rad"] == pytest.approx(counts / per_unit, rel=1e-9)
+        assert keys["polarity"] == parameters["AxisPolarity"][item["axis"]]
+
+
 def test_baymax_urdf_has_the_wheels_of_the_descriptor() -> None:
     robot = load_robot_descriptor("baymax")
     assert robot.urdf is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -87,6 +88,15 @@ class TestTutorial:
             _, result = client.send_goal(goal({"slide": 0.3}, 2), action=action).result()
         assert result.error_string == "slide at 2.000 s: position 0.3 m exceeds 0.25 m"
         assert f"robotd: error: {result.error_string}" in PAGE
+
+    def test_its_status_has_names_and_units(self, press: RobotProcess) -> None:
+        first, second = json.loads(robotd(press.domain, "status", "--json"))["axes"]
+        assert (first["name"], first["unit"]) == ("turntable", "rad")
+        assert (second["name"], second["unit"]) == ("slide", "m")
+        lines = robotd(press.domain, "status").splitlines()
+        (slide,) = (line for line in lines if " slide " in line)
+        assert " m/s " in slide
+        assert "rad" not in slide
 
     def test_a_robot_is_made_from_the_description_of_a_running_one(
         self, press: RobotProcess, tmp_path: Path

@@ -43,7 +43,7 @@ def jog_by_keys(ros_args: Sequence[str], timeout_s: float, speed: float) -> Exit
             Interrupt(hangup=True) as interrupt,
             KeyInput(sys.stdin.fileno()) as key_input,
         ):
-            keys = JogKeys(len(jog.names), speed)
+            keys = JogKeys(len(jog.identities), speed)
             try:
                 with suppress(OSError), Live(auto_refresh=False) as live:  # of a lost terminal
                     sender, screen = _Sender(jog, keys), _Screen(live, jog, keys)
@@ -91,23 +91,23 @@ class _Screen:
         if now_s - self._shown_s >= SHOW_S:
             self._shown_s = now_s
             state = self._jog.state()
-            self._live.update(jog_view(self._jog.names, state, self._keys), refresh=True)
+            self._live.update(jog_view(state, self._keys), refresh=True)
 
 
-def jog_view(names: Sequence[str], state: JogState, keys: JogKeys) -> Group:
+def jog_view(state: JogState, keys: JogKeys) -> Group:
     """Return the view of one state."""
     table = Table("", "joint", "servo", box=None, header_style="dim")
     table.add_column("position", justify="right")
     table.add_column("velocity", justify="right")
-    for axis, name in zip(state.axes or (), names, strict=False):
+    for axis in state.axes or ():
         chosen = axis.axis == keys.joint
         servo = "ALARM" if axis.alarm else "on" if axis.servo_on else "off"
         table.add_row(
             str(axis.axis + 1),
-            Text(name, style="bold" if chosen else ""),
+            Text(axis.name, style="bold" if chosen else ""),
             Text(servo, style="" if servo == "on" else "yellow"),
-            f"{axis.position:+.4f}",
-            f"{axis.velocity:+.4f}",
+            f"{axis.position:+.4f} {axis.unit}",
+            f"{axis.velocity:+.4f} {axis.unit}/s",
             style="reverse" if chosen else "",
         )
     return Group(

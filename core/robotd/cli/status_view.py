@@ -41,19 +41,19 @@ def _head(report: LiveReport) -> Table:
 
 
 def _axes(report: LiveReport) -> Table:
-    table = Table("axis", "servo", "alarm", box=None, header_style="dim")
+    table = Table("axis", "name", "servo", "alarm", box=None, header_style="dim")
     for heading in ("position", "velocity", "torque", "following error"):
         table.add_column(heading, justify="right")
     for each in report.axes or ():
-        torque = "-" if each.torque is None else f"{each.torque:+.2f} N·m"
         table.add_row(
             str(each.axis),
+            each.name,
             Text("on", style="green") if each.servo_on else Text("off", style="yellow"),
             Text("ALARM", style="bold red") if each.alarm else "-",
-            f"{each.position:+.4f}",
-            f"{each.velocity:+.4f}",
-            torque,
-            f"{each.position_command - each.position:+.5f}",
+            f"{each.position:+.4f} {each.unit}",
+            f"{each.velocity:+.4f} {each.unit}/s",
+            each.effort,
+            f"{each.position_command - each.position:+.5f} {each.unit}",
         )
     return table
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from robotd.descriptor import DifferentialDrive
@@ -10,6 +11,11 @@ from robotd.export.export_input import ExportInput
 STATE = "manipulator_state"
 BASE = "diff_drive_controller"
 PARAMETER = "isaacsim_joint_topic"
+MULTIPLIERS = (
+    "wheel_separation_multiplier",
+    "left_wheel_radius_multiplier",
+    "right_wheel_radius_multiplier",
+)
 
 
 def topic_map(source: ExportInput) -> str:
@@ -34,6 +40,8 @@ def topic_map(source: ExportInput) -> str:
         }
     )
     remarks = ["Nodes of the action graph in Isaac Sim. Units: rad, m, rad/s, m/s."]
+    if isinstance(drive, DifferentialDrive) and BASE in source.descriptor.nodes:
+        remarks += _calibration(source, drive)
     return source.document(remarks, {"action_graph": entries})
 
 
@@ -60,6 +68,14 @@ def _base(source: ExportInput, drive: DifferentialDrive) -> dict[str, Any]:
             source.parameter(BASE, "wheel_to_wheel", drive.wheel_separation_m)
         ),
     }
+
+
+def _calibration(source: ExportInput, drive: DifferentialDrive) -> Iterator[str]:
+    """Explain the multipliers that calibrate the real wheels, where there are any."""
+    factors = {name: source.parameter(BASE, name, getattr(drive, name)) for name in MULTIPLIERS}
+    if any(factor != 1.0 for factor in factors.values()):
+        named = ", ".join(f"{name} {factor:g}" for name, factor in factors.items())
+        yield f"The wheels of the twin have their nominal size: {named} calibrate the real ones."
 
 
 def _nothing(source: ExportInput) -> str:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from robotd.control.axis_limits import axis_names
+from robotd.control.axis_limits import axis_limits, axis_names
 from robotd.descriptor import RobotDescriptor
 from robotd.node_settings.parameter_reader import ParameterReader
 
 
 def read_core_motion(parameters: ParameterReader, descriptor: RobotDescriptor) -> str:
-    """Declare ``axis_names``, for clients to read, and ``frame_prefix``, which is returned."""
+    """Declare what clients read of the axes, and ``frame_prefix``, which is returned."""
     names = axis_names(descriptor)
     parameters.same_as("joints", "axis_names", names, "names of the axes by index")
+    units = [limits.unit for limits in axis_limits(descriptor)]
+    parameters.same_as("joints", "axis_units", units, "rad or m of the axes by index")
     return read_frame_prefix(parameters)
 
 

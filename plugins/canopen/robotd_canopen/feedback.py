@@ -54,7 +54,7 @@ class Feedback:
     has nothing to answer.
 
     Attributes:
-        columns: object → array of shape (n,), as the control loop has taken it.
+        columns: object → values of the n axes, as the control loop has taken them.
         pdos: the synchronous TPDOs of all axes, as (axis, PDO).
         seen: number of the SYNC after which each of ``pdos`` came last, -1: never; likewise.
         limits: SYNCs without it after which each of ``pdos`` is stale.
@@ -64,8 +64,7 @@ class Feedback:
     def __init__(self, axes: Sequence[AxisLayout], sync_period_s: float, stale_s: float) -> None:
         count = len(axes)
         self._arrived: IntArray = np.zeros((len(_OBJECTS) + 1, count), np.int64)
-        self._taken = self._arrived.copy()
-        self.columns: dict[int, IntArray] = dict(zip(_OBJECTS, self._taken, strict=False))
+        self.columns = self._columns()
         self._complete = [False] * count
         self.pdos = [
             (number, pdo)
@@ -122,13 +121,17 @@ class Feedback:
 
     def take(self) -> None:
         """Control loop: take the values received so far."""
-        self._taken[:] = self._arrived
+        self.columns = self._columns()
         self.seen[:] = self._seen
 
     def value(self, index: int, axis: int) -> int:
         """Return object ``index`` of ``axis`` as taken last; 0 without a TPDO."""
         column = self.columns.get(index)
-        return 0 if column is None else int(column[axis])
+        return 0 if column is None else column[axis]
+
+    def _columns(self) -> dict[int, list[int]]:
+        """Copy what has arrived as integers; numpy elements cost more to read."""
+        return dict(zip(_OBJECTS, self._arrived.tolist(), strict=False))
 
     def forget(self, axis: int) -> None:
         """Discard the values of a drive that is configured again."""

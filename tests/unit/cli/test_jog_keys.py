@@ -122,7 +122,7 @@ def test_keys_of_a_terminal_come_without_a_line_and_its_loss_is_noticed() -> Non
 def test_the_view_names_the_joint_and_why_nothing_moves() -> None:
     stream = io.StringIO()
     Console(file=stream, width=100).print(
-        jog_view(["joint1"], JogState(None, "motion is stopped: x"), JogKeys(1, 0.1))
+        jog_view(JogState(None, "motion is stopped: x"), JogKeys(1, 0.1))
     )
     assert "speed 0.1" in stream.getvalue()
     assert "motion is stopped: x" in stream.getvalue()

@@ -47,7 +47,8 @@ def robots_of_a_plugin(install: Install, tmp_path: Path) -> Path:
 
 def test_robots_are_listed_with_their_variants_the_default_first(robotd: Robotd) -> None:
     cr3a = rows(robotd("robots", "--json"))["cr3a"]
-    assert cr3a["variants"] == ["intel", "orin", "canopen_simulated", "canopen_multicast"]
+    simulated = ["canopen_simulated", "canopen_multicast", "ethercat_simulated"]
+    assert cr3a["variants"] == ["intel", "orin", *simulated]
     assert cr3a["problem"] is None
     assert Path(cr3a["path"]).is_file()
     text = robotd("robots").stdout

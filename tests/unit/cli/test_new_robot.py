@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,10 @@ def targets(robot: Robot) -> list[float]:
     return found
 
 
+def goal(names: Sequence[str], wanted: Mapping[str, float]) -> TrajectoryRequest:
+    return TrajectoryRequest.from_rows(names, [MOTION_S], [[wanted[name] for name in names]])
+
+
 def drive(robot: Robot) -> None:
     """Command the base until its thread has claimed the wheels and they turn."""
     assert robot.base is not None
@@ -68,13 +73,17 @@ def test_it_moves_on_the_simulation(new: New, shape: str) -> None:
     assert descriptor.path is not None
     with open_robot(descriptor.path, clock=SteppedClock()) as robot:
         if robot.joint_names:
-            wanted = targets(robot)
-            request = TrajectoryRequest.from_rows(robot.joint_names, [MOTION_S], [wanted])
-            with robot.follower.follow(request) as execution:
+            wanted = dict(zip(robot.joint_names, targets(robot), strict=True))
+            with ExitStack() as stack:  # the groups move at the same time
+                executions = [
+                    stack.enter_context(group.follower.follow(goal(group.joint_names, wanted)))
+                    for group in robot.groups.values()
+                ]
                 robot.step(round((MOTION_S + 2.0) * descriptor.cycle.rate_hz))
-                assert execution.outcome is Outcome.SUCCEEDED, execution.message
+                for execution in executions:
+                    assert execution.outcome is Outcome.SUCCEEDED, execution.message
             measured = robot.image.position[list(robot.joint_axes)]
-            assert measured == pytest.approx(wanted, abs=0.01)
+            assert measured == pytest.approx(list(wanted.values()), abs=0.01)
         if robot.base is not None:
             drive(robot)
             assert abs(robot.base.pose.y) < 1e-6
@@ -183,6 +192,28 @@ def test_two_arms_are_listed_arm_by_arm(new: New) -> None:
     assert len(np.unique(names)) == 13
 
 
+def test_branches_of_the_tree_become_groups(new: New) -> None:
+    robot = new("two_arms")
+    assert {name: len(group.joints) for name, group in robot.groups.items()} == {
+        "torso": 1,
+        "left": 6,
+        "right": 6,
+    }
+    assert robot.groups["left"].joints[0] == "left_joint1"
+
+
+def test_all_joints_are_one_group_on_demand(new: New) -> None:
+    robot = new("two_arms", "--no-groups")
+    assert robot.groups == {}
+    server = robot.ros_parameters["follow_joint_trajectory_server"]
+    assert server == {"joint_trajectory_action": "two_arms_arm_controller/follow_joint_trajectory"}
+
+
+@pytest.mark.parametrize("shape", sorted({*SHAPES} - {"two_arms"}))
+def test_a_single_chain_has_no_groups(new: New, shape: str) -> None:
+    assert new(shape, "--gripper", "axis").groups == {}
+
+
 def test_the_tutorial_shows_the_errors_of_its_robot(robotd: Robotd, tmp_path: Path) -> None:
     page = (Path(__file__).parents[3] / "docs/tutorial/own-robot.md").read_text(encoding="utf-8")
     text = page.partition("```xml\n")[2].partition("```")[0]
@@ -223,6 +254,39 @@ def test_scanned_drives_are_given_to_the_joints(new: New, tmp_path: Path) -> Non
     assert robot.path is not None
     assert "# no joint: {node: 16, counts_per_rad: 1000.0}" in robot.path.read_text("utf-8")
     assert load_backend("canopen").context(robot) is not None
+
+
+def test_a_bus_alone_is_a_robot_with_a_joint_for_each_drive(robotd: Robotd, tmp_path: Path) -> None:
+    path = bus(tmp_path, 3)
+    result = robotd("new-robot", "axes", "--bus", path, "--into", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    robot = load_robot_descriptor(tmp_path / "axes")
+    assert robot.joint_names == ("node10", "node11", "node12")
+    assert robot.urdf is None
+    assert [axis["node"] for axis in robot.backends["canopen"]["axes"]] == [10, 11, 12]
+    assert load_backend("canopen").context(robot) is not None
+    assert robot.path is not None
+    with open_robot(robot.path, clock=SteppedClock()) as moving:
+        step = TrajectoryRequest.from_rows(robot.joint_names, [MOTION_S], [[0.5, -0.5, 0.2]])
+        with moving.follower.follow(step) as execution:
+            moving.step(round((MOTION_S + 2.0) * robot.cycle.rate_hz))
+            assert execution.outcome is Outcome.SUCCEEDED, execution.message
+
+
+def test_axes_of_one_drive_and_drives_without_a_number_have_names_too(
+    robotd: Robotd, tmp_path: Path
+) -> None:
+    axes = [{"slave": 0}, {"slave": 0}, {"vendor_id": 7}]
+    path = tmp_path / "bus.json"
+    path.write_text(json.dumps({"backend": "wmx", "options": {}, "axes": axes}))
+    robotd("new-robot", "axes", "--bus", str(path), "--into", str(tmp_path))
+    assert load_robot_descriptor(tmp_path / "axes").joint_names == ("slave0", "slave0_2", "joint3")
+
+
+def test_an_empty_bus_is_no_robot(robotd: Robotd, tmp_path: Path) -> None:
+    result = robotd("new-robot", "axes", "--bus", bus(tmp_path, 0), "--into", str(tmp_path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "bus.json: axes: has 0 drives, a robot has 1 to 128" in result.stderr
 
 
 def test_the_scale_of_a_prismatic_joint_has_to_be_added(

@@ -223,7 +223,7 @@ def test_the_page_tells_everything(robotd: Robotd, server: Server) -> None:
     for text in (
         "cr3a on sim",
         "Dobot CR3A",
-        "intel (available: orin, canopen_simulated, canopen_multicast)",
+        "intel (available: orin, canopen_simulated, canopen_multicast, ethercat_simulated)",
         "sim: simulated",
         "500 Hz",
         "joint3  axis 2  -2.86 to +2.86 rad  3.14 rad/s  12.57 rad/s²",

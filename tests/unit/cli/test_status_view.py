@@ -16,9 +16,13 @@ def shown(report: LiveReport) -> str:
     return stream.getvalue()
 
 
-def axis(number: int, *, alarm: bool = False) -> AxisReport:
+def axis(
+    number: int, *, alarm: bool = False, unit: str = "rad", torque: float | None = None
+) -> AxisReport:
     return AxisReport(
         axis=number,
+        name=f"joint{number + 1}",
+        unit=unit,
         servo_on=not alarm,
         alarm=alarm,
         home_done=False,
@@ -29,7 +33,7 @@ def axis(number: int, *, alarm: bool = False) -> AxisReport:
         position_command=0.5,
         position=0.25,
         velocity=-0.1,
-        torque=None,
+        torque=torque,
     )
 
 
@@ -40,9 +44,16 @@ def test_axes_and_parts_are_shown_with_their_state() -> None:
     assert lines[0].startswith("ready")
     assert "1.2 s on its path" in lines[1]
     first, second = (line for line in lines if "+0.2500" in line)
-    assert first.split() == ["0", "on", "-", "+0.2500", "-0.1000", "-", "+0.25000"]
-    assert second.split()[:3] == ["2", "off", "ALARM"]
+    assert first.split()[:6] == ["0", "joint1", "on", "-", "+0.2500", "rad"]
+    assert first.split()[6:] == ["-0.1000", "rad/s", "-", "+0.25000", "rad"]
+    assert second.split()[:4] == ["2", "joint3", "off", "ALARM"]
     assert "amplifier alarm 34321" in text
+
+
+def test_a_prismatic_axis_is_in_m_and_n() -> None:
+    text = shown(LiveReport(True, (axis(0, unit="m", torque=12.0),), (), {}))
+    line = next(line for line in text.splitlines() if "joint1" in line)
+    assert line.split()[4:] == ["+0.2500", "m", "-0.1000", "m/s", "+12.00", "N", "+0.25000", "m"]
 
 
 def test_goals_of_several_groups_are_shown_with_their_actions() -> None:

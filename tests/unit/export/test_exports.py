@@ -220,6 +220,16 @@ def test_isaac_gets_the_wheels_of_a_base(baymax: RobotDescriptor) -> None:
     assert base["wheel_distance_m"] == baymax.drive.wheel_separation_m
 
 
+def test_isaac_is_told_of_a_calibration_of_the_real_wheels(baymax: RobotDescriptor) -> None:
+    assert "calibrate" not in EXPORTS["isaac"](ExportInput(baymax))
+    assert baymax.drive is not None
+    drive = baymax.drive.model_copy(update={"wheel_separation_multiplier": 1.02})
+    text = EXPORTS["isaac"](ExportInput(baymax.model_copy(update={"drive": drive})))
+    assert "wheel_separation_multiplier 1.02, left_wheel_radius_multiplier 1," in text
+    base, _ = yaml.safe_load(text)["action_graph"]
+    assert base["wheel_distance_m"] == drive.wheel_separation_m
+
+
 def test_the_urdf_is_the_file(cr3a: RobotDescriptor) -> None:
     assert cr3a.urdf is not None
     assert EXPORTS["urdf"](ExportInput(cr3a)) == cr3a.urdf.read_text(encoding="utf-8")

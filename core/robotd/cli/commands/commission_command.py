@@ -35,6 +35,9 @@ def commission(ctx: click.Context, /, **options: Any) -> None:
     Identity, direction, scale, homing, limits, following error and brake, one joint at a time. The
     changes of the robot's file are shown and written on confirmation only. Nothing moves without a
     key held. Ctrl-C leaves; the next call goes on with the first open step.
+
+    For joints on backends that keep scale and direction in the descriptor, such as canopen. WMX
+    keeps them in its parameter file, and wheels of a base have no joints: not supported.
     """
     if ctx.get_parameter_source("log_level") is ParameterSource.DEFAULT:
         ctx.meta["log_level"] = "warning"  # the log would run into the questions

@@ -19,7 +19,7 @@ from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import client_options, robot_client
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.files import read_limited
-from robotd.descriptor.from_urdf import Choices, robot_files
+from robotd.descriptor.from_urdf import Choices, bus_robot_files, robot_files
 from robotd.descriptor.from_urdf.joint_roles import GripperDrive
 from robotd.descriptor.urdf import parse_urdf
 from robotd.descriptor.urdf.urdf_reader import MAX_BYTES
@@ -31,6 +31,7 @@ Examples:
   robotd new-robot rover --urdf rover.urdf --wheels left_wheel,right_wheel --wheel-radius 0.1
   robotd canopen scan --json > bus.json
   robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
+  robotd new-robot axes --bus bus.json   # without a URDF: a joint for each drive
   robotd new-robot my_arm --urdf my_arm.urdf --package
   robotd new-robot cell7 --extends cr3a
   robotd new-robot my_arm                # the URDF that a running system publishes
@@ -43,13 +44,15 @@ Examples:
     "--urdf",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="URDF of the robot; by default the topic /robot_description of a running system.",
+    help="URDF of the robot; without --bus the default is the topic /robot_description of a running"
+    " system.",
 )
 @click.option(
     "--bus",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Drives of the robot: output of 'robotd canopen scan --json' or 'robotd wmx scan --json'.",
+    help="Drives of the robot: output of 'robotd canopen scan --json' or 'robotd wmx scan --json'."
+    " Without --urdf they are the robot: one joint for each drive.",
 )
 @click.option(
     "--extends",
@@ -84,6 +87,9 @@ Examples:
 )
 @click.option("--no-base", is_flag=True, help="No joint is a wheel.")
 @click.option(
+    "--no-groups", is_flag=True, help="All joints are one group; by default each branch is one."
+)
+@click.option(
     "--gripper",
     type=click.Choice([*map(str, GripperDrive)]),
     default=str(GripperDrive.OUTPUT),
@@ -105,7 +111,7 @@ Examples:
 def new_robot(
     ctx: click.Context, /, *, name: str, into: Path, package: bool, **options: Any
 ) -> None:
-    """Write a robot's folder from its URDF, ready to run on the simulation.
+    """Write a robot's folder from its URDF or its drives, ready for the simulation.
 
     Limits, names, gripper, wheels and drive models are taken from the URDF; comments in robot.yaml
     explain each choice. Every problem of the URDF is reported with its line, and nothing is
@@ -122,6 +128,8 @@ def new_robot(
         raise OperationError(f"folder {top} exists already")
     if options["extends"]:
         files = {"robot.yaml": _extension(name, options["extends"])}
+    elif options["bus"] and not options["urdf"]:
+        files = bus_robot_files(name, options["bus"], options["ramp_s"])
     else:
         text, path = _urdf_text(options["urdf"], ros_args(ctx), options["timeout_s"])
         urdf = parse_urdf(text, path)
@@ -166,6 +174,7 @@ def _choices(options: Mapping[str, Any]) -> Choices:
         wheels=tuple(options["wheels"] or ()),
         wheel_radius_m=options["wheel_radius_m"],
         base=not options["no_base"],
+        groups=not options["no_groups"],
         gripper=GripperDrive(options["gripper"]),
         ramp_s=options["ramp_s"],
     )

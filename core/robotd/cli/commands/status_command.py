@@ -91,7 +91,7 @@ def _watch(ros_args: Sequence[str], timeout_s: float) -> ExitCode:
 
 
 def _table(axes: Sequence[AxisReport]) -> list[str]:
-    rows = [("axis", "servo", "alarm", "position", "velocity", "torque", "switches")]
+    rows = [("axis", "name", "servo", "alarm", "position", "velocity", "torque", "switches")]
     for axis in axes:
         switches = [
             name
@@ -102,15 +102,15 @@ def _table(axes: Sequence[AxisReport]) -> list[str]:
             )
             if active
         ]
-        torque = "-" if axis.torque is None else f"{axis.torque:+.2f} N·m"
         rows.append(
             (
                 str(axis.axis),
+                axis.name,
                 "on" if axis.servo_on else "off",
                 "ALARM" if axis.alarm else "-",
-                f"{axis.position:+.4f} rad",
-                f"{axis.velocity:+.4f} rad/s",
-                torque,
+                f"{axis.position:+.4f} {axis.unit}",
+                f"{axis.velocity:+.4f} {axis.unit}/s",
+                axis.effort,
                 ", ".join(switches) or "-",
             )
         )

@@ -7,14 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from robotd.descriptor.files import read_limited
+from robotd.descriptor.section import MAX_AXES
 from robotd.descriptor.urdf import UrdfJoint
 from robotd.errors import DescriptorError
 
 MAX_BYTES = 1_000_000
+DRIVE_NUMBERS = ("node", "slave")  # keys of a scanned axis that name its drive
+HALF_TURN_RAD = 3.14
+SLOW_RAD_S = 0.2
 
 
 class BusScan(BaseModel):
@@ -48,6 +53,31 @@ def read_bus_scan(path: Path) -> BusScan:
         raise DescriptorError(f"is no bus scan: {first['msg']}", path=path, key=key) from None
     except ValueError as error:  # JSON, or not UTF-8
         raise DescriptorError(f"is no bus scan: {error}", path=path) from None
+
+
+def bus_joints(scan: BusScan, path: Path) -> tuple[UrdfJoint, ...]:
+    """Return a joint for each drive, called as the drive: ``node3``, or ``slave0``.
+
+    The second axis of a drive is ``node3_2``. Nothing else is known: they turn, slowly.
+    Raises DescriptorError: no drive, or more than a robot may have.
+    """
+    if not 1 <= len(scan.axes) <= MAX_AXES:
+        what = f"has {len(scan.axes)} drives, a robot has 1 to {MAX_AXES}"
+        raise DescriptorError(what, path=path, key="axes")
+    names: list[str] = []
+    for number, axis in enumerate(scan.axes):
+        known = (f"{key}{axis[key]}" for key in DRIVE_NUMBERS if key in axis)
+        name = next(known, f"joint{number + 1}")
+        count = 1 + sum(each.split("_")[0] == name for each in names)
+        names.append(name if count == 1 else f"{name}_{count}")
+    return tuple(map(_unknown_joint, names))
+
+
+def _unknown_joint(name: str) -> UrdfJoint:
+    return UrdfJoint(
+        name, 0, "revolute", "base", name, np.eye(4), np.array([0.0, 0.0, 1.0]),
+        lower=-HALF_TURN_RAD, upper=HALF_TURN_RAD, velocity=SLOW_RAD_S, effort=None, mimic=None,
+    )  # fmt: skip
 
 
 def bus_section(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Iterator[str]:

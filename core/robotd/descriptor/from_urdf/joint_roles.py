@@ -34,6 +34,7 @@ class Choices:
         wheel_radius_m: None: from the wheels' cylinders.
         base: False takes no joint for a wheel.
         gripper: actuator of the fingers.
+        groups: propose joint groups where the tree has branches.
         ramp_s: time to full speed, from which the accelerations follow.
     """
 
@@ -41,6 +42,7 @@ class Choices:
     wheel_radius_m: float | None = None
     base: bool = True
     gripper: GripperDrive = GripperDrive.OUTPUT
+    groups: bool = True
     ramp_s: float = 0.25
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from robotd.descriptor.from_urdf.bus_axes import bus_section, read_bus_scan
+from robotd.descriptor.from_urdf.bus_axes import bus_joints, bus_section, read_bus_scan
 from robotd.descriptor.from_urdf.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
+from robotd.descriptor.from_urdf.joint_chains import propose_groups
 from robotd.descriptor.from_urdf.joint_roles import Choices, Fingers, Roles, assign_roles
 from robotd.descriptor.section import MAX_AXES
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
@@ -21,6 +22,18 @@ BASE_RAMP_S = 0.5
 WIDTH = 96  # of comments
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node")
 
+_URDF_LIMITS = (
+    "Order and limits are those of the URDF; axes are numbered in this order: replace them by"
+    " the numbers of the drives. A URDF has no accelerations: full speed is reached in"
+    " {ramp_s:g} s. rated_torque_nm (rated_force_n), the drive's 100 %, is in no URDF."
+)
+_BUS_LIMITS = (
+    "A bus tells neither names nor limits: joints are called as their drives and turn half a turn"
+    " to each side, slowly, reaching full speed in {ramp_s:g} s. Replace names and limits by those"
+    " of the machine; a linear axis has type: prismatic and the keys lower_m, upper_m,"
+    " velocity_m_s, acceleration_m_s2. 'robotd commission' finds scale, direction and limits of"
+    " drives whose backend keeps them in this file."
+)
 _UNITS = {"prismatic": ("m", "m_s", "m_s2")}
 _TURNING = ("rad", "rad_s", "rad_s2")
 
@@ -51,41 +64,68 @@ def robot_files(
         raise DescriptorError("no joint moves: there is nothing to drive", path=path)
     if count > MAX_AXES:
         raise DescriptorError(f"{count} joints move, the limit is {MAX_AXES}", path=path)
-    parts = [
-        _head(name, urdf, path),
-        _joints(roles, choices),
-        _base(roles),
-        _gripper(urdf, roles.fingers),
-        _passive(roles),
-        _nodes(roles),
-        _ros_parameters(name, roles),
-        _backends(urdf, roles, bus),
-    ]
-    lines = "\n".join("\n".join(part) + "\n" for part in filter(None, map(list, parts)))
-    return {"robot.yaml": lines.encode(), f"{name}.urdf": text}
+    groups = propose_groups(urdf, roles.arm) if choices.groups else {}
+    joints = [*roles.arm, *(roles.base.joints if roles.base else ())]
+    return {
+        "robot.yaml": _text(
+            [*_head(name, urdf.name or name, path), f"urdf: {name}.urdf"],
+            _joints(roles.arm, choices.ramp_s, _URDF_LIMITS),
+            _groups(groups),
+            _base(roles),
+            _gripper(urdf, roles.fingers),
+            _passive(roles),
+            _nodes(roles),
+            _ros_parameters(name, roles, groups),
+            _backends(per_axis(urdf, joints), joints, bus),
+        ),
+        f"{name}.urdf": text,
+    }
 
 
-def _head(name: str, urdf: UrdfRobot, path: Path) -> Iterator[str]:
+def bus_robot_files(name: str, bus: Path, ramp_s: float) -> dict[str, bytes]:
+    """Return the files of a robot that is known by its drives alone: ``robot.yaml``.
+
+    Args:
+        name: of the robot.
+        bus: result of a bus scan, see ``BusScan``.
+        ramp_s: time to full speed.
+
+    Raises DescriptorError: no scan, no drive, or too many.
+    """
+    joints = bus_joints(read_bus_scan(bus), bus)
+    roles = Roles(joints, None, None, ())
+    return {
+        "robot.yaml": _text(
+            _head(name, name, bus),
+            _joints(joints, ramp_s, _BUS_LIMITS),
+            _nodes(roles),
+            _ros_parameters(name, roles, {}),
+            _backends({}, joints, bus),
+        )
+    }
+
+
+def _text(*parts: Iterable[str]) -> bytes:
+    """Return the parts that are not empty, with a blank line between them."""
+    return "\n".join("\n".join(part) + "\n" for part in filter(None, map(list, parts))).encode()
+
+
+def _head(name: str, title: str, path: Path) -> Iterator[str]:
     yield f"# Made by 'robotd new-robot {name}' from {path.name}; edit it from here on."
     yield "# Keys: docs/reference/descriptor.md. Check changes by: robotd check --robot FOLDER"
     yield "schema: 1"
     yield f"name: {name}"
-    yield f"summary: {_quoted(f'{urdf.name or name}, from {path.name}')}"
+    yield f"summary: {_quoted(f'{title}, from {path.name}')}"
     yield "backend: sim                            # replaced by --backend on the command line"
-    yield f"urdf: {name}.urdf"
 
 
-def _joints(roles: Roles, choices: Choices) -> Iterator[str]:
-    if not roles.arm:
+def _joints(joints: Sequence[UrdfJoint], ramp_s: float, origin: str) -> Iterator[str]:
+    if not joints:
         return
-    yield from _comment(
-        "Order and limits are those of the URDF; axes are numbered in this order: replace them by"
-        " the numbers of the drives. A URDF has no accelerations: full speed is reached in"
-        f" {choices.ramp_s:g} s. rated_torque_nm (rated_force_n), the drive's 100 %, is in no URDF."
-    )
+    yield from _comment(origin.format(ramp_s=ramp_s))
     yield "joints:"
-    for axis, joint in enumerate(roles.arm):
-        yield f"  - {{{', '.join(_joint(joint, axis, choices.ramp_s))}}}"
+    for axis, joint in enumerate(joints):
+        yield f"  - {{{', '.join(_joint(joint, axis, ramp_s))}}}"
 
 
 def _joint(joint: UrdfJoint, axis: int, ramp_s: float) -> Iterator[str]:
@@ -102,6 +142,18 @@ def _joint(joint: UrdfJoint, axis: int, ramp_s: float) -> Iterator[str]:
     yield f"acceleration_{acceleration}: {_rounded(speed / ramp_s)}"
 
 
+def _groups(groups: Mapping[str, Sequence[UrdfJoint]]) -> Iterator[str]:
+    if not groups:
+        return
+    yield from _comment(
+        "The branches of the tree. Each group has goals and streams of its own, at the same time as"
+        " the others; without groups, or with --no-groups, all joints are one."
+    )
+    yield "groups:"
+    for name, joints in groups.items():
+        yield f"  {name}: {{joints: [{', '.join(joint.name for joint in joints)}]}}"
+
+
 def _base(roles: Roles) -> Iterator[str]:
     base = roles.base
     if base is None:
@@ -114,7 +166,8 @@ def _base(roles: Roles) -> Iterator[str]:
     origin = "assumed: the URDF has none" if base.is_assumed else "the URDF's"
     yield from _comment(
         f"Wheels {left.name} and {right.name}. Speeds and ramps of the base are moderate ones, to"
-        " be replaced by those of the machine; the wheels' speed limits both parts of a twist."
+        " be replaced by those of the machine; the wheels' speed limits both parts of a twist. The"
+        " base moves independently of the joints and is no group."
     )
     yield "drive:"
     yield "  kind: differential                    # mecanum has other keys: robots/mecanum_base"
@@ -186,14 +239,20 @@ def _nodes(roles: Roles) -> Iterator[str]:
         yield f"  - {node}"
 
 
-def _ros_parameters(name: str, roles: Roles) -> Iterator[str]:
+def _ros_parameters(
+    name: str, roles: Roles, groups: Mapping[str, Sequence[UrdfJoint]]
+) -> Iterator[str]:
     yield "# Names that clients use; everything else has a default (docs/reference/ros-surface.md)."
     yield "ros_parameters:"
     if roles.arm:
         yield "  manipulator_state:"
         yield "    encoder_joint_topic: joint_states"
         yield "  follow_joint_trajectory_server:"
-        yield f"    joint_trajectory_action: {name}_arm_controller/follow_joint_trajectory"
+        if not groups:
+            yield f"    joint_trajectory_action: {name}_arm_controller/follow_joint_trajectory"
+        for group in groups:
+            action = f"{group}_controller/follow_joint_trajectory"
+            yield f"    {group}.joint_trajectory_action: {action}"
         if roles.fingers:
             yield "    wmx_gripper_topic: wmx/set_gripper"
     if roles.base:
@@ -207,9 +266,9 @@ def _ros_parameters(name: str, roles: Roles) -> Iterator[str]:
         yield "    publish_tf: true                    # odom to base, as Nav2 needs it"
 
 
-def _backends(urdf: UrdfRobot, roles: Roles, bus: Path | None) -> Iterator[str]:
-    joints = [*roles.arm, *(roles.base.joints if roles.base else ())]
-    lists = per_axis(urdf, joints)
+def _backends(
+    lists: Mapping[str, Sequence[float]], joints: Sequence[UrdfJoint], bus: Path | None
+) -> Iterator[str]:
     yield "backends:"
     yield "  sim:                                  # a figure per axis; kg and N if prismatic"
     reasons: Mapping[str, str] = {
@@ -223,7 +282,7 @@ def _backends(urdf: UrdfRobot, roles: Roles, bus: Path | None) -> Iterator[str]:
             yield f"    {reasons[key]}"
         yield f"    {key}: [{', '.join(map(_number, values))}]"
     if not lists:
-        yield "    bandwidth_hz: 50.0                  # the default; the URDF has no masses"
+        yield "    bandwidth_hz: 50.0                  # the default; no masses are known"
     if bus is not None:
         yield from bus_section(read_bus_scan(bus), joints, bus)
 

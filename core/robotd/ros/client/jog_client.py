@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from rcl_interfaces.srv import GetParameters
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64, String
 from wmx_ros2_message.msg import AxisState, AxisVelocity
@@ -14,9 +13,14 @@ from wmx_ros2_message.msg import AxisState, AxisVelocity
 from robotd.errors import OperationError
 from robotd.ros.client.operator_client import SPEED, STOPPED, motion_hindrance
 from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
-from robotd.ros.client.status_client import AXIS_STATE, AxisReport, axis_reports
+from robotd.ros.client.status_client import (
+    AXIS_STATE,
+    AxisIdentity,
+    AxisReport,
+    axis_reports,
+    read_axes,
+)
 
-NODE = "wmx_core_motion_node"
 JOG = "wmx/axis/jog"
 RAMP_S = 0.2  # to the speed, of axes in velocity mode
 AT_REST = 0.01  # rad/s or m/s
@@ -39,19 +43,19 @@ class JogClient:
     """Publisher of jogs, and the state of the axes. One thread.
 
     Attributes:
-        names: of the axes, by index.
+        identities: of the axes, by index.
     """
 
     def __init__(
         self,
         client: RosClient,
-        names: list[str],
+        identities: tuple[AxisIdentity, ...],
         publisher: Publisher,
         axes: Listener,
         stopped: Listener,
         speed: Listener,
     ) -> None:
-        self.names = names
+        self.identities = identities
         self._client, self._publisher = client, publisher
         self._axes, self._stopped, self._speed = axes, stopped, speed
         self._jogged: set[int] = set()
@@ -74,7 +78,7 @@ class JogClient:
         axes = self._axes.newest
         stopped = self._stopped.newest.data if self._stopped.newest else ""
         speed = self._speed.newest.data if self._speed.newest else 1.0
-        reports = None if axes is None else axis_reports(axes)
+        reports = None if axes is None else axis_reports(axes, self.identities)
         return JogState(reports, motion_hindrance(stopped, speed))
 
     def wait_at_rest(self) -> None:
@@ -97,15 +101,14 @@ def jog_client(client: RosClient) -> Iterator[JogClient]:
         DeviceTimeout: no robot with the node ``wmx_core_motion_node`` answers.
         OperationError: motion is stopped or paused.
     """
-    response = client.call(GetParameters, f"{NODE}/get_parameters", names=["axis_names"])
-    names = list(response.values[0].string_array_value) if response.values else []
+    identities = read_axes(client)
     publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
     with (
         client.listen(AxisState, AXIS_STATE) as axes,
         client.listen(String, STOPPED, LATCHED) as stopped,
         client.listen(Float64, SPEED, LATCHED) as speed,
     ):
-        jog = JogClient(client, names, publisher, axes, stopped, speed)
+        jog = JogClient(client, identities, publisher, axes, stopped, speed)
         for listener in (axes, stopped, speed):
             listener.wait()
         client.wait(publisher.get_subscription_count, f"subscription of {JOG}")

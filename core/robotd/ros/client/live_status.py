@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -20,9 +20,11 @@ from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
 from robotd.ros.client.status_client import (
     AXIS_STATE,
     TOOL_POSE,
+    AxisIdentity,
     AxisReport,
     ToolReport,
     axis_reports,
+    published_axes,
     tool_reports,
 )
 
@@ -88,7 +90,9 @@ class LiveStatus:
         diagnostics: Listener,
         goals: Mapping[str, GoalProgress],
         tools: Listener,
+        identities: Sequence[AxisIdentity],
     ) -> None:
+        self._identities = identities
         self._ready, self._axes, self._diagnostics = ready, axes, diagnostics
         self._goals, self._tools = goals, tools
 
@@ -101,7 +105,8 @@ class LiveStatus:
             PartReport(each.name.rpartition(": ")[2], each.level[0], each.message)
             for each in statuses
         )
-        reports = axis_reports(axes) if is_ready and axes is not None else None
+        has_axes = is_ready and axes is not None and self._identities
+        reports = axis_reports(axes, self._identities) if has_axes else None
         running = {action: goal.path_s for action, goal in self._goals.items()}
         goals_s = {action: path_s for action, path_s in running.items() if path_s is not None}
         tools = tool_reports(self._tools.newest) if is_ready and self._tools.newest else ()
@@ -124,4 +129,4 @@ def live_status(client: RosClient) -> Iterator[LiveStatus]:
             )
             for action, _ in action_servers(client.node)
         }
-        yield LiveStatus(ready, axes, diagnostics, goals, tools)
+        yield LiveStatus(ready, axes, diagnostics, goals, tools, published_axes(client))

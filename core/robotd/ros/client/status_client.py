@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
+from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
@@ -22,10 +23,20 @@ from robotd.ros.client.ros_client import LATCHED, RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
 
 GRIPPER = "wmx/set_gripper"
+AXIS_NODE = "wmx_core_motion_node"
 AXIS_STATE = "wmx/axis/state"
 TOOL_POSE = f"{OPERATOR_NODE}/tool_pose"
 FAULT = "wmx/engine/get_fault"
 DESCRIPTION = "robot_description"
+EFFORT_UNITS = {"rad": "N·m", "m": "N"}
+
+
+@dataclass(frozen=True)
+class AxisIdentity:
+    """Name and unit, ``rad`` or ``m``, of an axis."""
+
+    name: str
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -33,10 +44,14 @@ class AxisReport:
     """Measured state of one axis; rad and N·m, or m and N when linear.
 
     Attributes:
+        name: of its joint or wheel.
+        unit: ``rad`` or ``m``.
         torque: None where the drive does not tell.
     """
 
     axis: int
+    name: str
+    unit: str
     servo_on: bool
     alarm: bool
     home_done: bool
@@ -48,6 +63,11 @@ class AxisReport:
     position: float
     velocity: float
     torque: float | None
+
+    @property
+    def effort(self) -> str:
+        """The torque or force for people."""
+        return "-" if self.torque is None else f"{self.torque:+.2f} {EFFORT_UNITS[self.unit]}"
 
 
 @dataclass(frozen=True)
@@ -149,11 +169,8 @@ def read_report(client: RosClient) -> RobotReport:
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
         reason, remedy = _fault(client)
-        # One node of a robot may be heard of before the other.
-        published = is_ready and wait_until(
-            lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
-        )
-        reports = axis_reports(axes.wait()) if published else None
+        identities = published_axes(client) if is_ready else ()
+        reports = axis_reports(axes.wait(), identities) if identities else None
         return RobotReport(
             state,
             is_ready,
@@ -240,9 +257,28 @@ def set_servos(client: RosClient, axes: Sequence[int], on: bool) -> str:
     return str(client.call(SetAxis, "wmx/axis/set_on", index=index, data=data).message)
 
 
-def axis_reports(message: AxisState) -> tuple[AxisReport, ...]:
+def read_axes(client: RosClient) -> tuple[AxisIdentity, ...]:
+    """Return names and units of the axes. Raises DeviceTimeout without ``wmx_core_motion_node``."""
+    parameters = ["axis_names", "axis_units"]
+    response = client.call(GetParameters, f"{AXIS_NODE}/get_parameters", names=parameters)
+    names, units = (each.string_array_value for each in response.values)
+    return tuple(map(AxisIdentity, names, units))
+
+
+def published_axes(client: RosClient) -> tuple[AxisIdentity, ...]:
+    """Return names and units of the axes; empty where their state is not published."""
+    # One node of a robot may be discovered before the other.
+    is_published = wait_until(
+        lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
+    )
+    return read_axes(client) if is_published else ()
+
+
+def axis_reports(message: AxisState, axes: Sequence[AxisIdentity]) -> tuple[AxisReport, ...]:
     """The parallel arrays of the message, axis by axis."""
     columns = zip(
+        (each.name for each in axes),
+        (each.unit for each in axes),
         message.servo_on,
         message.amp_alarm,
         message.home_done,

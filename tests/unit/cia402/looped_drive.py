@@ -1,0 +1,137 @@
+"""A CiA 402 axis and a simulated drive without a bus between them, on the simulated clock."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robotd.api import NANOSECONDS, ProcessImage
+from robotd.clock.simulated import SteppedClock
+from robotd_cia402.axis import Axis
+from robotd_cia402.commands import Commands
+from robotd_cia402.cyclic_objects import CyclicObjects, SdoAbort
+from robotd_cia402.drive_setup import set_up
+from robotd_cia402.emcy import Emergency
+from robotd_cia402.object_numbers import (
+    CONTROLWORD,
+    DEMAND,
+    ERROR_CODE,
+    INTERPOLATION,
+    MODE,
+    MODE_DISPLAY,
+    POSITION,
+    STATUSWORD,
+    SWITCHES,
+    TARGET_POSITION,
+    TARGET_VELOCITY,
+    TORQUE,
+    VELOCITY,
+    on_axis,
+)
+from robotd_cia402.options import DriveOptions
+from robotd_cia402.scaling import Scaling
+from robotd_cia402.simulated import Drive, DriveFaults, Motors, drive_defaults
+from robotd_cia402.simulated_axis import drive_model
+
+PERIOD_S = 0.004
+PERIOD_NS = round(PERIOD_S * NANOSECONDS)
+SUPPORTED_MODES, UNKNOWN_OBJECT = 0x6502, 0x06020000
+
+
+class LoopedObjects:
+    """``CyclicObjects`` of a drive in this process; a frame is one ``exchange``."""
+
+    name = "node 1"
+
+    def __init__(self, axis_offset: int) -> None:
+        self.online, self.fault = True, ""
+        self.complete, self.frames = False, 0
+        self.emergency: Emergency | None = None
+        self.outputs = (CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, INTERPOLATION)
+        self.inputs = (
+            STATUSWORD, MODE_DISPLAY, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, SWITCHES,
+        )  # fmt: skip
+        self.values = drive_defaults(axes=2)  # the drive's side
+        self.written: list[tuple[int, int, int]] = []
+        self._offset = axis_offset
+        self._sent: dict[int, int] = {}
+        self._taken: dict[int, int] = {}
+
+    def put(self, index: int, value: int) -> None:
+        self._sent[index] = value
+
+    def get(self, index: int) -> int:
+        return self._taken.get(index, 0)
+
+    def has(self, index: int) -> bool:
+        return (on_axis(index, self._offset), 0) in self.values
+
+    def read(self, index: int, sub: int = 0) -> int:
+        key = on_axis(index, self._offset), sub
+        if key not in self.values:
+            raise SdoAbort(f"{self.name}: no object 0x{index:04X}", UNKNOWN_OBJECT)
+        return self.values[key]
+
+    def write(self, index: int, sub: int, value: int) -> None:
+        self.written.append((index, sub, value))
+        self.values[on_axis(index, self._offset), sub] = value
+
+    def forget(self) -> None:
+        self.complete = False
+
+    def send(self) -> None:
+        """Outputs as the frame carries them, interpolation data at subindex 1."""
+        for index, value in self._sent.items():
+            sub = 1 if index == INTERPOLATION else 0
+            self.values[on_axis(index, self._offset), sub] = value
+        self.frames += 1
+
+    def take(self) -> None:
+        for index in self.inputs:
+            self._taken[index] = self.values[on_axis(index, self._offset), 0]
+        self.complete = True
+
+
+class LoopedDrive:
+    """An axis, its commands and its drive; sleeping on ``clock`` exchanges frames."""
+
+    def __init__(self, **options: Any) -> None:
+        section = DriveOptions.model_validate({"axis": 0, "counts_per_rad": 1e5, **options})
+        self.clock = SteppedClock()
+        self.objects = LoopedObjects(section.axis_offset)
+        drive: CyclicObjects = self.objects
+        self.axis = Axis(0, section, drive, Scaling(section, rated_torque_nm=50.0))
+        self.commands = Commands(self.axis, self.clock)
+        self.image = ProcessImage(1)
+        self.faults = DriveFaults()
+        self.motors = Motors([0.0], self.clock.now_ns())
+        self.drive = Drive(
+            drive_model(0, section, 50.0),
+            self.objects.values,
+            self.motors,
+            self.faults,
+            self._on_emergency,
+        )
+        self.drive.power_on()
+        set_up(self.axis, PERIOD_S)
+        self.clock.attach(PERIOD_NS, self._period)
+
+    def run(self, seconds: float) -> None:
+        self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * NANOSECONDS))
+
+    def _period(self, due_ns: int) -> int:
+        if self.objects.online:
+            self._exchange()
+        self.axis.observe(self.image)
+        self.axis.transmit(PERIOD_S)
+        return due_ns + PERIOD_NS
+
+    def _exchange(self) -> None:
+        self.motors.synchronise(self.clock.now_ns(), PERIOD_S)
+        self.drive.sample(PERIOD_S)
+        self.objects.send()
+        self.drive.sync(PERIOD_S)
+        self.objects.take()
+
+    def _on_emergency(self, code: int, register: int) -> None:
+        emergency = Emergency(self.clock.now_ns(), 1, code, register, bytes(5))
+        self.objects.emergency = None if emergency.is_reset else emergency

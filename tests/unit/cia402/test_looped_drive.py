@@ -1,0 +1,243 @@
+"""Commands of the CiA 402 layer on a simulated drive, without a bus: the protocol is enough."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from tests.unit.cia402.looped_drive import SUPPORTED_MODES, LoopedDrive
+
+from robotd.api import CommandMode, DeviceTimeout, NotReady, Operation, OperationError, Profile
+from robotd_cia402.drive_setup import interpolation_period, set_up
+from robotd_cia402.modes import OperationMode
+from robotd_cia402.state_machine import DriveState
+
+FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
+
+
+@pytest.fixture
+def on() -> LoopedDrive:
+    """A drive with its servo on, at rest."""
+    made = LoopedDrive()
+    made.commands.enable(1.0)
+    return made
+
+
+def idle(looped: LoopedDrive, limit_s: float = 5.0) -> None:
+    """Run until the axis has no operation."""
+    periods = round(limit_s / 0.02)
+    for _ in range(periods):
+        looped.run(0.02)
+        if looped.axis.activity.is_idle:
+            return
+    pytest.fail(f"still {looped.axis.activity.operation.name} after {limit_s} s")
+
+
+def test_servo_on_and_off(on: LoopedDrive) -> None:
+    assert on.axis.report.state is DriveState.OPERATION_ENABLED
+    assert on.axis.report.displayed_mode == OperationMode.CYCLIC_POSITION
+    on.commands.disable(1.0)
+    on.run(0.02)
+    assert not on.axis.report.powered
+    assert not on.image.servo_on[0]
+
+
+def test_a_move_reaches_its_target_and_shows_its_profile(on: LoopedDrive) -> None:
+    on.commands.move(0.5, FAST)
+    on.run(0.25)
+    assert on.image.operation[0] == Operation.POSITION
+    assert on.image.velocity_command[0] == pytest.approx(1.0)
+    idle(on)
+    assert on.axis.activity.complete
+    assert on.drive.position == pytest.approx(0.5, abs=1e-3)
+    assert on.image.position_command[0] == pytest.approx(0.5, abs=1e-5)
+
+
+def test_a_stop_brakes_a_move_before_its_target(on: LoopedDrive) -> None:
+    on.commands.move(2.0, FAST)
+    on.run(0.5)
+    on.commands.stop()
+    idle(on)
+    assert 0.2 < on.drive.position < 1.0
+    assert not on.axis.activity.complete
+
+
+@pytest.mark.parametrize("velocity_mode", ["pv", "csv"])
+def test_a_jog_moves_at_its_speed_until_it_is_stopped(velocity_mode: str) -> None:
+    looped = LoopedDrive(velocity_mode=velocity_mode)
+    looped.commands.enable(1.0)
+    looped.commands.jog(FAST)
+    looped.run(1.0)
+    assert looped.image.velocity[0] == pytest.approx(1.0, abs=0.05)
+    looped.commands.jog(Profile(velocity=0.0, acceleration=5.0, deceleration=5.0))
+    idle(looped)
+    assert looped.image.velocity_command[0] == 0.0
+
+
+@pytest.mark.parametrize("stream_mode", ["csp", "ip"])
+def test_streamed_setpoints_are_followed(stream_mode: str) -> None:
+    looped = LoopedDrive(stream_mode=stream_mode)
+    looped.commands.enable(1.0)
+    looped.commands.prepare_stream()
+    looped.commands.begin_stream()
+    for step in range(100):
+        looped.axis.follow(0.001 * step, 0.25)
+        looped.run(0.004)
+    looped.axis.follow(0.1, 0.0)
+    looped.run(0.2)
+    looped.commands.end_stream()
+    assert looped.axis.activity.complete
+    assert looped.drive.position == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_quick_stop_keeps_the_power_and_the_next_move_leaves_it(on: LoopedDrive) -> None:
+    on.commands.move(2.0, FAST)
+    on.run(0.5)
+    on.commands.quick_stop()
+    on.run(0.1)
+    assert on.axis.report.state is DriveState.QUICK_STOP_ACTIVE
+    idle(on)
+    on.commands.move(0.0, FAST)
+    idle(on)
+    assert on.drive.position == pytest.approx(0.0, abs=1e-3)
+
+
+def test_homing_at_the_present_position_sets_zero_without_motion(on: LoopedDrive) -> None:
+    on.commands.move(0.3, FAST)
+    idle(on)
+    on.commands.home(5.0)
+    on.run(0.02)
+    assert on.image.position[0] == pytest.approx(0.0, abs=1e-3)
+    assert on.image.position_command[0] == pytest.approx(0.0, abs=1e-3)
+    assert on.image.home_done[0]
+
+
+def test_homing_searches_the_switch() -> None:
+    looped = LoopedDrive(homing_method=19, simulated_switches={"home_rad": 0.05})
+    looped.commands.enable(1.0)
+    looped.commands.home(10.0)
+    looped.run(0.5)
+    assert looped.image.home_done[0]
+    assert looped.motors.position(0) == pytest.approx(0.04, abs=5e-3)
+
+
+def test_homing_without_a_switch_names_the_limit() -> None:
+    looped = LoopedDrive(homing_method=19)
+    looped.commands.enable(1.0)
+    with pytest.raises(DeviceTimeout, match=r"node 1: homing did not end within 0.5 s"):
+        looped.commands.home(0.5)
+
+
+def test_an_unsupported_homing_method_fails() -> None:
+    looped = LoopedDrive(homing_method=1)
+    looped.commands.enable(1.0)
+    with pytest.raises(OperationError, match="homing failed"):
+        looped.commands.home(5.0)
+
+
+def test_a_trip_switches_off_with_the_emergency_and_is_cleared(on: LoopedDrive) -> None:
+    on.drive.trip(0x3210)
+    on.run(0.5)
+    assert on.image.amp_alarm[0]
+    assert on.image.alarm_code[0] == 0x3210
+    assert "EMCY 0x3210 DC link over-voltage" in on.image.reason[0]
+    with pytest.raises(NotReady, match="the drive is in alarm: EMCY 0x3210"):
+        on.commands.move(1.0, FAST)
+    on.commands.clear_alarm(1.0)
+    on.run(0.02)
+    assert not on.image.amp_alarm[0]
+    assert not on.axis.report.powered  # nothing switches on by itself
+    on.commands.enable(1.0)
+
+
+def test_a_blocked_motor_trips_by_its_following_error(on: LoopedDrive) -> None:
+    on.objects.values[0x6065, 0] = 1000
+    on.faults.blocked = True
+    on.commands.move(1.0, FAST)
+    on.run(1.0)
+    assert on.image.alarm_code[0] == 0x8611
+
+
+def test_a_statusword_that_never_changes_ends_in_a_time_out() -> None:
+    looped = LoopedDrive()
+    looped.faults.statusword = 0x0240
+    with pytest.raises(DeviceTimeout, match=r"did not go on within 0.5 s, statusword 0x0240"):
+        looped.commands.enable(0.5)
+
+
+def test_a_lost_node_is_offline_with_its_cause(on: LoopedDrive) -> None:
+    on.objects.online, on.objects.fault = False, "no frame for 20 ms"
+    on.run(0.02)
+    assert on.image.offline[0]
+    assert on.image.reason[0] == "node 1: no frame for 20 ms"
+    with pytest.raises(NotReady, match="node 1: no frame for 20 ms"):
+        on.commands.move(1.0, FAST)
+
+
+def test_a_node_that_returns_holds_its_position(on: LoopedDrive) -> None:
+    on.commands.move(1.0, FAST)
+    on.run(0.3)
+    on.objects.online = False
+    on.run(0.1)
+    assert on.axis.activity.is_idle
+    on.objects.online = True
+    on.axis.resume()
+    on.run(0.1)
+    assert on.image.velocity_command[0] == 0.0
+
+
+def test_the_second_axis_of_a_drive_has_objects_of_its_own() -> None:
+    looped = LoopedDrive(axis_offset=1, polarity=-1)
+    looped.commands.enable(1.0)
+    looped.commands.move(0.2, FAST)
+    idle(looped)
+    assert looped.objects.values[0x6864, 0] == pytest.approx(-20_000, abs=200)
+    assert looped.objects.values[0x6064, 0] == 0
+
+
+def test_an_endless_axis_runs_over_32_bits() -> None:
+    looped = LoopedDrive(counts_per_rad=1e9)
+    looped.commands.enable(1.0)
+    for target in (1.5, 3.0):  # 3e9 counts, beyond 2³¹
+        looped.commands.move(target, FAST)
+        idle(looped)
+    assert looped.image.position[0] == pytest.approx(3.0, abs=1e-3)
+
+
+def test_the_command_mode_is_kept_for_the_next_stream(on: LoopedDrive) -> None:
+    on.commands.set_mode(CommandMode.VELOCITY)
+    on.run(0.02)
+    assert on.image.mode[0] == CommandMode.VELOCITY
+    assert on.axis.report.displayed_mode == OperationMode.PROFILE_VELOCITY
+
+
+def test_torque_is_in_newton_metres_of_the_joint(on: LoopedDrive) -> None:
+    on.commands.jog(FAST)
+    on.run(1.0)
+    assert on.image.torque[0] == pytest.approx(on.drive.torque, abs=0.1)
+    assert not math.isnan(on.image.torque[0])
+
+
+def test_a_missing_mode_names_the_option() -> None:
+    looped = LoopedDrive()
+    looped.objects.values[SUPPORTED_MODES, 0] = 1 << 7
+    with pytest.raises(OperationError, match="velocity_mode needs profile_velocity"):
+        set_up(looped.axis, 0.004)
+
+
+def test_option_codes_are_written_where_the_drive_has_them() -> None:
+    looped = LoopedDrive()
+    del looped.objects.values[0x605D, 0]
+    looped.objects.written.clear()
+    set_up(looped.axis, 0.002)
+    written = {index for index, _, _ in looped.objects.written}
+    assert written == {0x6007, 0x605A, 0x6085, 0x60C2}
+    assert (0x60C2, 1, 200) in looped.objects.written  # 200 × 10⁻⁵ s
+    assert (0x60C2, 2, -5) in looped.objects.written
+
+
+def test_the_interpolation_period_is_exact_where_it_can_be() -> None:
+    for period_s in (0.001, 0.002, 0.004, 0.0025, 0.05):
+        value, exponent = interpolation_period(period_s)
+        assert value * 10.0**exponent == pytest.approx(period_s)
+    assert interpolation_period(1 / 300) == (3, -3)
