@@ -18,15 +18,14 @@ from robotd_canopen.options import BusOptions
 from robotd_canopen.scan_report import (
     DRIVE,
     MODULE,
-    FoundAxis,
     FoundModule,
     axis_section,
     module_section,
-    read_axes,
     read_module,
     sync_period_s,
 )
 from robotd_canopen.sdo import Sdo
+from robotd_cia402.drive_scan import FoundAxis, read_axes
 
 _LAST_NODE = 127
 _DUPLICATE = ", DUPLICATE ID: several responses to one request"

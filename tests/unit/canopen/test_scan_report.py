@@ -10,7 +10,8 @@ from robotd.api import OperationError
 from robotd_canopen.bus_scan import FoundNode, scan_sections
 from robotd_canopen.nmt import NmtState
 from robotd_canopen.options import CanopenOptions
-from robotd_canopen.scan_report import Read, axis_section, read_axes, read_module
+from robotd_canopen.scan_report import axis_section, read_module
+from robotd_cia402.drive_scan import Read, read_axes
 from robotd_cia402.modes import OperationMode
 
 IDENTITY = (0x1234, 0x42, 1, 99)
