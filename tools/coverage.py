@@ -17,15 +17,23 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "build" / "coverage.json"
-SOURCES = ("core/robotd", "plugins/canopen", "plugins/cia402", "plugins/servo_model", "plugins/sim")
+SOURCES = (
+    "core/robotd",
+    "plugins/canopen",
+    "plugins/cia402",
+    "plugins/ethercat",
+    "plugins/servo_model",
+    "plugins/sim",
+)
 ELSEWHERE = (
     "core/robotd/commissioning",
     "core/robotd/page",
     "core/robotd/ros",
     "core/robotd/testing",
     "plugins/canopen",
+    "plugins/ethercat",
 )
-"""Tested by tests/canopen, tests/page, tests/ros and tests/conformance."""
+"""Tested by tests/canopen, tests/ethercat, tests/page, tests/ros and tests/conformance."""
 FLOOR_PERCENT = 95.0
 """Lowest accepted coverage of the other packages."""
 

@@ -1,15 +1,157 @@
-"""``robotd ethercat``: simulate the slaves of a robot."""
+"""``robotd ethercat``: scan a bus, access objects, show mappings, check a machine, simulate."""
 
 from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
 
 import click
 
 from robotd_ethercat.simulate_command import simulate
 
+# No more is imported at module level: other commands must not load pysoem.
+
+_MARKS = {"ok": "ok     ", "warning": "warning", "failed": "FAILED "}
+
+
+def _bus_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    return click.option(
+        "--interface", default="eth0", show_default=True, help="Network interface of the bus."
+    )(command)
+
+
+class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 8.2
+    """Decimal, or hexadecimal with 0x."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        try:
+            return value if isinstance(value, int) else int(value, 0)
+        except ValueError:
+            self.fail(f"{value!r} is not a number", param, ctx)
+
+
+NUMBER = _Number()
+SLAVE = click.IntRange(0, 198)
+
 
 @click.group()
 def ethercat() -> None:
-    """EtherCAT: simulated slaves."""
+    """EtherCAT networks: scan, objects, mappings, machine, simulated slaves.
+
+    Not while a robot runs on the interface: two masters disturb each other.
+    """
+
+
+@ethercat.command()
+@_bus_option
+@click.option("--json", "as_json", is_flag=True, help="JSON, which 'new-robot --bus' reads.")
+def scan(interface: str, *, as_json: bool) -> None:
+    """List the slaves in the order of the cable, with identity, state and supported modes.
+
+    The slaves go to PreOp; nothing moves.
+    """
+    from robotd_ethercat.bus_scan import open_bus, scan_bus, scan_sections
+
+    with open_bus(interface) as bus:
+        found = scan_bus(bus)
+    if as_json:
+        click.echo(json.dumps(scan_sections(found, interface), indent=2))
+        return
+    for slave in found:
+        click.echo(str(slave))
+    click.echo(f"{len(found)} slave{'' if len(found) == 1 else 's'} on {interface}")
+
+
+@ethercat.command()
+@_bus_option
+@click.argument("slave", type=SLAVE)
+def pdo(interface: str, slave: int) -> None:
+    """Show the assigned PDOs of SLAVE and their objects, as rx_pdos and tx_pdos name them."""
+    from robotd_ethercat.bus_scan import open_bus, pdos_of, slave_of
+    from robotd_ethercat.mapping import Assignment, size_bytes
+
+    with open_bus(interface) as bus:
+        assignments = pdos_of(slave_of(bus, slave))
+    for assignment, pdos in assignments.items():
+        outputs = assignment is Assignment.OUTPUTS
+        key, way = ("rx_pdos", "to") if outputs else ("tx_pdos", "of")
+        click.echo(f"{key}: 0x{assignment:04X}, {size_bytes(pdos)} bytes {way} the slave")
+        for one in pdos:
+            click.echo(f"  0x{one.index:04X}")
+            for entry in one.entries:
+                click.echo(f"    {entry}")
+
+
+@ethercat.group()
+def sdo() -> None:
+    """Read and write objects of a slave, without a running robot ('robotd sdo')."""
+
+
+@sdo.command("read")
+@_bus_option
+@click.argument("slave", type=SLAVE)
+@click.argument("index", type=NUMBER)
+@click.argument("sub", type=NUMBER, default=0)
+def read(interface: str, slave: int, index: int, sub: int) -> None:
+    """Print object INDEX:SUB of SLAVE: raw bytes, as a number, and as text."""
+    from robotd.api import object_text
+    from robotd_ethercat.bus_scan import open_bus, slave_of
+
+    with open_bus(interface) as bus:
+        click.echo(object_text(slave_of(bus, slave).upload(index, sub)))
+
+
+@sdo.command("write")
+@_bus_option
+@click.argument("slave", type=SLAVE)
+@click.argument("index", type=NUMBER)
+@click.argument("sub", type=NUMBER)
+@click.argument("value", type=NUMBER)
+@click.option("--size", type=click.IntRange(1, 8), help="Bytes; by default as long as it reads.")
+def write(interface: str, slave: int, index: int, sub: int, value: int, size: int | None) -> None:
+    """Write VALUE to object INDEX:SUB of SLAVE, and print the value read back."""
+    from robotd.api import object_text
+    from robotd_ethercat.bus_scan import open_bus, slave_of
+
+    with open_bus(interface) as bus:
+        access = slave_of(bus, slave)
+        length = size or len(access.upload(index, sub))
+        access.download(index, sub, (value % (1 << 8 * length)).to_bytes(length, "little"))
+        click.echo(object_text(access.upload(index, sub)))
+
+
+@ethercat.command()
+@_bus_option
+@click.option("--slaves", is_flag=True, help="Also look for slaves; they go to PreOp.")
+@click.pass_context
+def doctor(ctx: click.Context, interface: str, *, slaves: bool) -> None:
+    """Check permissions, kernel, cores and the settings of the interface; exit 1 on a failure."""
+    from robotd_ethercat.machine_check import Finding, check_machine
+
+    failed = False
+
+    def show(finding: Finding) -> None:
+        nonlocal failed
+        failed |= finding.verdict == "failed"
+        advice = f": {finding.advice}" if finding.advice else ""
+        click.echo(f"{_MARKS[finding.verdict]}  {finding.what}{advice}")
+
+    for finding in check_machine(interface):
+        show(finding)
+    if slaves and not failed:
+        from robotd_ethercat.bus_scan import open_bus, scan_bus
+
+        with open_bus(interface) as bus:
+            found = scan_bus(bus)
+        for slave in found:
+            healthy = slave.state == "PreOp"
+            show(Finding("ok" if healthy else "failed", str(slave)))
+        if not found:
+            show(Finding("failed", "no slave answers", "check power and the cable to its IN port"))
+    ctx.exit(1 if failed else 0)
 
 
 ethercat.add_command(simulate)

@@ -1,0 +1,111 @@
+"""Cyclic exchange of process data: send, receive and decode, with the working counter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from robotd_ethercat.io_image import IoImage
+from robotd_ethercat.slave import Slave
+from robotd_ethercat.soem import NO_FRAME, Soem
+
+_LIVE_TIMEOUT_US = 100  # the frame was sent a period ago: it is here, or it is lost
+_FIRST_TIMEOUT_US = 2000
+
+
+@dataclass
+class Counters:
+    """Frames since the start or the last reset.
+
+    Attributes:
+        lost: frames that did not come back.
+        incomplete: frames that not all slaves have processed.
+    """
+
+    sent: int = 0
+    received: int = 0
+    lost: int = 0
+    incomplete: int = 0
+
+
+class Exchange:
+    """Process data of all slaves. Control loop; a worker while the bus is brought up.
+
+    A frame is sent at the end of a period and received at the beginning of the next one: it is
+    waiting then, so that the control loop does not wait for it.
+
+    Attributes:
+        frames: frames sent.
+        good_frames: frames that came back from every slave that is online.
+        bad_in_row: frames in a row, lost or incomplete.
+        sent_ns: monotonic time at which the last frame was sent; the inputs are of that time.
+        needed: working counter of the slaves that are online.
+        working_counter: of the last frame; -1 if it did not come back.
+    """
+
+    def __init__(self, bus: Soem, slaves: Sequence[Slave], io: IoImage) -> None:
+        self.frames = self.good_frames = self.bad_in_row = self.sent_ns = 0
+        self.needed = 0
+        self.working_counter = NO_FRAME
+        self.counters = Counters()
+        self._bus, self._slaves, self._io = bus, slaves, io
+        self._drives: list[tuple[Slave, Any]] = []
+        self._in_flight = False
+
+    def begin(self) -> None:
+        """Worker: the slaves are configured; send outputs of all, receive from all."""
+        self._drives = [
+            (slave, self._bus.slaves[slave.number]) for slave in self._slaves if slave.is_drive
+        ]
+        self._io.begin(self._bus.slaves)
+        self.needed = self._bus.expected_counter
+        self.bad_in_row, self._in_flight = 0, False
+
+    def count_online(self) -> None:
+        """Update ``needed`` after a slave was lost or has come back."""
+        self.needed = sum(slave.counter for slave in self._slaves if slave.online)
+
+    @property
+    def in_flight(self) -> bool:
+        """A frame was sent and not received yet."""
+        return self._in_flight
+
+    def send(self, now_ns: int) -> None:
+        """Encode and send the outputs of all slaves."""
+        for slave, raw in self._drives:
+            raw.output = slave.image.pack()
+        self._io.pack()
+        self._bus.send()
+        self.sent_ns, self._in_flight = now_ns, True
+        self.frames += 1
+        self.counters.sent += 1
+
+    def receive(self, timeout_us: int = _LIVE_TIMEOUT_US) -> bool:
+        """Receive the frame sent last and decode the inputs; False if it is lost or incomplete.
+
+        While frames are lost, the interpreter lock is released: the wait may take 4 ms.
+        """
+        self._in_flight = False
+        self.working_counter = counter = self._bus.receive(
+            timeout_us, release_gil=self.bad_in_row > 0
+        )
+        if counter < self.needed or counter <= 0:
+            self.bad_in_row += 1
+            if counter <= 0:
+                self.counters.lost += 1
+            else:
+                self.counters.incomplete += 1
+            return False
+        self.bad_in_row = 0
+        self.counters.received += 1
+        for slave, raw in self._drives:
+            slave.image.take(raw.input)
+        self._io.take()
+        self.good_frames += 1
+        return True
+
+    def run_once(self, now_ns: int) -> bool:
+        """Worker: one frame there and back, while no control loop exchanges."""
+        self.send(now_ns)
+        return self.receive(_FIRST_TIMEOUT_US)

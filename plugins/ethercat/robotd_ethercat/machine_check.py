@@ -1,0 +1,140 @@
+"""Readiness of a machine and of a network interface for EtherCAT: ``robotd ethercat doctor``."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import re
+import shutil
+import socket
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from robotd_ethercat.soem import INSTALL
+
+NETWORK = Path("/sys/class/net")
+REALTIME, ISOLATED = Path("/sys/kernel/realtime"), Path("/sys/devices/system/cpu/isolated")
+_OFFLOADS = ("generic-receive-offload", "large-receive-offload", "tcp-segmentation-offload")
+_COALESCING = re.compile(r"^(rx|tx)-usecs:\s*(\d+)", re.MULTILINE)
+_TOOL_S = 5.0
+
+
+class Finding(NamedTuple):
+    """One line of the report. ``verdict``: ok, warning or failed."""
+
+    verdict: str
+    what: str
+    advice: str = ""
+
+
+def check_machine(interface: str) -> Iterator[Finding]:
+    """Yield all findings that need no slave."""
+    yield _library()
+    yield _permission()
+    yield _kernel()
+    yield _cores()
+    if interface not in {name for _, name in socket.if_nameindex()}:
+        known = ", ".join(name for _, name in socket.if_nameindex())
+        yield Finding("failed", f"no interface {interface!r}", f"available: {known}")
+        return
+    yield from _link(interface)
+    yield from _settings(interface)
+
+
+def _library() -> Finding:
+    if importlib.util.find_spec("pysoem") is None:
+        return Finding("failed", "pysoem is not installed", INSTALL)
+    import pysoem
+
+    return Finding("ok", f"pysoem {pysoem.__version__}, which contains SOEM")
+
+
+def _permission() -> Finding:
+    try:
+        socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()
+    except PermissionError:
+        advice = "run as root, or sudo setcap cap_net_raw,cap_sys_nice+ep on the interpreter"
+        return Finding("failed", "CAP_NET_RAW missing: no raw sockets", advice)
+    return Finding("ok", "raw sockets allowed")
+
+
+def _kernel() -> Finding:
+    release = platform.release()
+    if REALTIME.exists():
+        return Finding("ok", f"real-time kernel, Linux {release}")
+    advice = "fit for 250 to 500 Hz; for 1 kHz install a kernel with PREEMPT_RT"
+    return Finding("warning", f"no real-time kernel, Linux {release}", advice)
+
+
+def _cores() -> Finding:
+    count = os.cpu_count() or 1
+    isolated = ISOLATED.read_text().strip() if ISOLATED.exists() else ""
+    if isolated:
+        return Finding("ok", f"{count} cores, isolated: {isolated}")
+    advice = "isolcpus= and cycle.cpu keep other programs from the core of the control loop"
+    return Finding("warning" if count > 1 else "failed", f"{count} cores, none isolated", advice)
+
+
+def _link(interface: str) -> Iterator[Finding]:
+    folder = NETWORK / interface
+    state = _read(folder / "operstate")
+    if state == "down":
+        advice = f"connect the cable of the first slave; sudo ip link set {interface} up"
+        yield Finding("failed", f"{interface} is down", advice)
+    else:
+        yield Finding("ok", f"{interface} is {'up' if state == 'up' else 'present'}")
+    speed = _read(folder / "speed")
+    if speed.isdigit() and speed != "100":
+        advice = "EtherCAT runs at 100 Mbit/s: is a slave connected, and no switch between?"
+        yield Finding("warning", f"{interface} runs at {speed} Mbit/s", advice)
+    driver = folder / "device" / "driver"
+    if driver.exists():
+        yield Finding("ok", f"driver {driver.resolve().name}")
+    addresses = _tool("ip", "-brief", "address", "show", "dev", interface).split()[2:]
+    if any("." in address for address in addresses):
+        advice = "other traffic delays the frames: remove the address, and let no DHCP run on it"
+        yield Finding("warning", f"{interface} has address {addresses[0]}", advice)
+
+
+def _settings(interface: str) -> Iterator[Finding]:
+    """Offloads and IRQ coalescing, by ``ethtool``."""
+    if shutil.which("ethtool") is None:
+        yield Finding(
+            "warning", "no ethtool: offloads and coalescing unknown", "apt install ethtool"
+        )
+        return
+    features = _tool("ethtool", "-k", interface)
+    active = [name for name in _OFFLOADS if re.search(rf"^{name}: on", features, re.MULTILINE)]
+    if active:
+        advice = f"they delay frames: sudo ethtool -K {interface} gro off lro off tso off"
+        yield Finding("warning", f"offloads on: {', '.join(active)}", advice)
+    else:
+        yield Finding("ok", "offloads off")
+    waits = {kind: int(us) for kind, us in _COALESCING.findall(_tool("ethtool", "-c", interface))}
+    if any(waits.values()):
+        text = ", ".join(f"{kind} {us} µs" for kind, us in waits.items())
+        advice = f"each frame waits so long: sudo ethtool -C {interface} rx-usecs 0 tx-usecs 0"
+        yield Finding("warning", f"IRQ coalescing: {text}", advice)
+    elif waits:
+        yield Finding("ok", "no IRQ coalescing")
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text().strip()
+    except OSError:
+        return ""
+
+
+def _tool(*command: str) -> str:
+    """Output of a command line tool; "" where it fails."""
+    try:
+        done = subprocess.run(  # noqa: S603 - fixed commands, an interface that exists
+            command, capture_output=True, text=True, timeout=_TOOL_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout

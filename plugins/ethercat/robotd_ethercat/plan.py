@@ -1,0 +1,109 @@
+"""Plan of the bus, from the descriptor section: every error that can be found without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from robotd.api import DescriptorError, RobotDescriptor
+from robotd_cia402.object_numbers import (
+    CONTROLWORD,
+    MODE,
+    MODE_DISPLAY,
+    POSITION,
+    STATUSWORD,
+    TARGET_POSITION,
+    TARGET_VELOCITY,
+    on_axis,
+)
+from robotd_cia402.options import StreamMode, VelocityMode, parse_object
+from robotd_ethercat.options import AxisOptions, EthercatOptions, PdoOptions, SlaveOptions
+
+_SECTION = "backends.ethercat"
+_NAMES = {
+    CONTROLWORD: "controlword",
+    MODE: "modes of operation",
+    TARGET_POSITION: "target position",
+    TARGET_VELOCITY: "target velocity",
+    STATUSWORD: "statusword",
+    MODE_DISPLAY: "modes of operation display",
+    POSITION: "position actual value",
+}
+NEEDED_INPUTS = (STATUSWORD, MODE_DISPLAY, POSITION)
+
+
+@dataclass(frozen=True)
+class BusPlan:
+    """The bus as it is configured. ``axes`` in the order of the robot's axes."""
+
+    options: EthercatOptions
+    axes: tuple[AxisOptions, ...]
+    period_s: float
+
+    @property
+    def bus_name(self) -> str:
+        """Name of the bus for messages."""
+        return "simulated slaves" if self.options.simulated else self.options.interface
+
+    @property
+    def slaves(self) -> dict[int, list[SlaveOptions]]:
+        """Options of each configured slave by its place; several for a multi-axis drive."""
+        found: dict[int, list[SlaveOptions]] = {}
+        for options in (*self.axes, *self.options.io):
+            found.setdefault(options.slave, []).append(options)
+        return dict(sorted(found.items()))
+
+
+def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
+    """Raises DescriptorError with every problem."""
+    problems: list[DescriptorError] = []
+    given = {axis.axis for axis in options.axes}
+    problems += [
+        _error(robot, "axes", f"axis {axis} of the robot has no drive")
+        for axis in sorted(set(range(robot.axes)) - given)
+    ]
+    for axis in sorted(given - set(range(robot.axes))):
+        what = f"axis {axis} does not exist, the robot has axes 0 to {robot.axes - 1}"
+        problems.append(_error(robot, "axes", what))
+    for number, drive in enumerate(options.axes):
+        key = f"axes.{number}"
+        if drive.stream_mode is not StreamMode.CSP:
+            what = f"{drive.stream_mode.value!r} is a mode of CANopen drives, EtherCAT takes 'csp'"
+            problems.append(_error(robot, f"{key}.stream_mode", what))
+        pdos = (("rx_pdos", needed_outputs(drive)), ("tx_pdos", NEEDED_INPUTS))
+        for name, needed in pdos:
+            given_pdos: tuple[PdoOptions, ...] = getattr(drive, name)
+            problems += [
+                _error(robot, f"{key}.{name}", text)
+                for text in _missing(given_pdos, needed, drive.axis_offset)
+            ]
+    if problems:
+        raise DescriptorError.join(problems)
+    ordered = tuple(sorted(options.axes, key=lambda drive: drive.axis))
+    return BusPlan(options, ordered, 1 / robot.cycle.rate_hz)
+
+
+def needed_outputs(drive: AxisOptions) -> tuple[int, ...]:
+    """Objects that the cyclic frames to a drive must hold."""
+    cyclic = drive.velocity_mode is VelocityMode.CSV
+    velocity = (TARGET_VELOCITY,) if cyclic else ()
+    return (CONTROLWORD, MODE, TARGET_POSITION, *velocity)
+
+
+def missing_text(missing: Iterable[int], axis_offset: int) -> str:
+    """``0x6060 (modes of operation), 0x607A (target position)``."""
+    names = [f"0x{on_axis(base, axis_offset):04X} ({_NAMES[base]})" for base in missing]
+    return ", ".join(names)
+
+
+def _missing(pdos: tuple[PdoOptions, ...], needed: Iterable[int], axis_offset: int) -> list[str]:
+    """Problems of PDOs whose contents are all given; the others are checked on the bus."""
+    if not pdos or any(not pdo.objects for pdo in pdos):
+        return []
+    held = {parse_object(name)[0] for pdo in pdos for name in pdo.objects}
+    missing = [base for base in needed if on_axis(base, axis_offset) not in held]
+    return [f"no PDO holds {missing_text(missing, axis_offset)}"] if missing else []
+
+
+def _error(robot: RobotDescriptor, key: str, what: str) -> DescriptorError:
+    return DescriptorError(what, path=robot.path, key=f"{_SECTION}.{key}")

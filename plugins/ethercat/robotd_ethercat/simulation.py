@@ -1,0 +1,63 @@
+"""Simulated slaves of a robot, started with its device: option ``simulated``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from tempfile import NamedTemporaryFile
+
+from robotd.api import ConnectError, RobotDescriptor
+from robotd_ethercat.bus_namespace import missing_rights, run_in_namespace
+from robotd_ethercat.plan import BusPlan
+from robotd_ethercat.slaves_process import SlavesProcess
+
+
+class Simulation:
+    """The slaves of the plan, in a process and on a virtual cable of their own. Worker threads."""
+
+    def __init__(self, robot: RobotDescriptor, plan: BusPlan) -> None:
+        efforts = {joint.axis: joint.rated_effort for joint in robot.joints}
+        self._section = {
+            "name": robot.name,
+            "rate_hz": robot.cycle.rate_hz,
+            "options": plan.options.model_dump(mode="json"),
+            "rated_torque_nm": {str(axis): effort for axis, effort in efforts.items()},
+        }
+        self._redundant = plan.options.redundant_interface is not None
+        self._slaves: SlavesProcess | None = None
+
+    def start(self) -> None:
+        """Power on. Raises ConnectError naming what this computer lacks."""
+        if self._slaves is not None:
+            return
+        if (missing := missing_rights()) is not None:
+            raise ConnectError("no simulated slaves", {"ethercat": missing})
+        with NamedTemporaryFile("w", suffix=".json") as file:
+            json.dump(self._section, file)
+            file.flush()
+            redundant = ["--redundant"] if self._redundant else []
+            slaves = SlavesProcess(["--section", file.name, *redundant])
+            try:
+                slaves.start()
+            except RuntimeError as error:
+                raise ConnectError("no simulated slaves", {"ethercat": str(error)}) from error
+        self._slaves = slaves
+
+    def stop(self) -> None:
+        """Power off. Twice is not an error."""
+        slaves, self._slaves = self._slaves, None
+        if slaves is not None:
+            slaves.stop()
+
+    def run(self, action: Callable[[], None]) -> None:
+        """Run ``action`` where the interfaces are. Raises ConnectError while powered off."""
+        run_in_namespace(self._running().namespace, action)
+
+    def inject(self, line: str) -> str:
+        """Carry out a fault command. Raises ConnectError while powered off, ValueError."""
+        return self._running().inject(line)
+
+    def _running(self) -> SlavesProcess:
+        if self._slaves is None:
+            raise ConnectError("the simulated slaves are not running")
+        return self._slaves

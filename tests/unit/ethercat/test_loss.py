@@ -1,0 +1,124 @@
+"""Loss of frames and slaves: controlled stop, cause, and return without motion."""
+
+from __future__ import annotations
+
+import pytest
+from tests.unit.ethercat.harness import Harness
+
+from robotd.device.state import ConnectionState, Operation
+from robotd_ethercat.al_status import AlState
+from robotd_ethercat.slave import RESET
+
+
+def test_single_lost_frames_stop_nothing(harness: Harness) -> None:
+    harness.robot.axes._driver.begin_stream([0, 1])
+    harness.bus.lost_frames = 4
+    harness.robot.step(5)
+    assert harness.image.operation[0] == Operation.STREAM
+    assert harness.master.exchange.counters.lost == 4
+    assert harness.device.state() is ConnectionState.COMMUNICATING
+
+
+def test_lost_frames_in_a_row_stop_all_axes(harness: Harness) -> None:
+    harness.robot.axes._driver.begin_stream([0, 1])
+    harness.bus.lost_frames = 6
+    harness.robot.step(7)
+    assert "no frame came back for 5 periods" in harness.master.supervision.faults[0]
+    assert harness.device.state() is ConnectionState.UNKNOWN
+    harness.until(lambda: harness.device.state() is ConnectionState.COMMUNICATING)
+    assert harness.image.operation[0] != Operation.STREAM
+    assert harness.image.servo_on.all()
+
+
+def test_a_slave_that_leaves_op_is_named_with_its_code(harness: Harness) -> None:
+    harness.slave(1).state, harness.slave(1).code = AlState.SAFE_OP, 0x001B
+    harness.robot.step(6)
+    assert "working counter 7, expected 9" in harness.master.supervision.faults[0]
+    harness.master.supervision.check()
+    fault = harness.device.fault()
+    assert "joint2 (slave 1): it went to SafeOp by itself: AL status 0x001B" in fault
+    harness.robot.step(2)
+    assert harness.image.offline.tolist() == [False, True]
+    assert "AL status 0x001B" in harness.image.reason[1]
+
+
+def test_a_slave_that_kept_its_configuration_comes_back_with_its_servo_off(
+    harness: Harness,
+) -> None:
+    """The command follows the measured position, and nothing moves."""
+    slave = harness.slave(1)
+    slave.state, slave.code = AlState.SAFE_OP, 0x001B
+    harness.robot.step(6)
+    supervision = harness.master.supervision
+    for _ in range(4):  # lost, error acknowledged, Op requested, taken back
+        supervision.check()
+        harness.robot.step(3)
+    assert slave.state is AlState.OP
+    assert harness.device.state() is ConnectionState.COMMUNICATING
+    assert harness.image.servo_on.tolist() == [True, False]
+    assert not harness.image.offline.any()
+    assert harness.image.position_command[1] == pytest.approx(harness.image.position[1])
+    harness.robot.recover()
+    assert harness.image.servo_on.all()
+
+
+def test_an_answer_that_came_too_late_loses_no_slave(harness: Harness) -> None:
+    harness.robot.step(3)
+    harness.bus.answers_late = True
+    harness.master.supervision.check()
+    assert not harness.master.supervision.lost
+    assert harness.device.state() is ConnectionState.COMMUNICATING
+
+
+def test_a_cut_cable_loses_the_slaves_behind_it(harness: Harness) -> None:
+    harness.slave(1).present = False
+    harness.robot.step(6)
+    harness.master.supervision.check()
+    lost = [slave.name for slave in harness.master.supervision.lost]
+    assert lost == ["joint2 (slave 1)", "I/O module (slave 2)"]
+    assert "no answer: check its power, and the cable before it" in harness.device.fault()
+    harness.robot.step(3)
+    assert harness.image.offline.tolist() == [False, True]
+    assert harness.master.exchange.bad_in_row == 0  # the others go on
+
+
+def test_a_slave_that_was_reset_needs_a_new_start(harness: Harness) -> None:
+    harness.slave(1).present = False
+    harness.robot.step(6)
+    supervision = harness.master.supervision
+    supervision.check()
+    harness.slave(1).power_cycle()
+    harness.slave(2).power_cycle()
+    supervision.check()
+    supervision.check()
+    assert RESET in harness.device.fault()
+    harness.robot.step(200)  # the control loop finds the device not ready
+    harness.robot.recover()
+    assert harness.device.state() is ConnectionState.COMMUNICATING
+    assert harness.image.servo_on.all()
+
+
+def test_outputs_of_a_lost_module_stay_off_when_it_is_back(harness: Harness) -> None:
+    harness.master.io.write(0, b"\x05")
+    harness.robot.step(2)
+    assert harness.slave(2).output == b"\x05\x00"
+    harness.slave(2).state = AlState.SAFE_OP
+    harness.robot.step(6)
+    for _ in range(3):
+        harness.master.supervision.check()
+        harness.robot.step(2)
+    assert harness.slave(2).state is AlState.OP
+    assert harness.slave(2).output == b"\x00\x00"
+
+
+def test_an_emergency_of_a_tripped_drive_is_fetched(harness: Harness) -> None:
+    drive = harness.slave(0).drive
+    assert drive is not None
+    drive.trip(0x8611)
+    harness.until(lambda: harness.image.amp_alarm[0])
+    harness.master.supervision._poll_mailbox()
+    harness.robot.step(2)
+    assert "EMCY 0x8611 following error" in harness.image.reason[0]
+    assert harness.image.alarm_code[0] == 0x8611
+    status = harness.robot.fieldbus.status(0)
+    assert "0x8611" in status.nodes[0].fault

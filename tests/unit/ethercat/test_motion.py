@@ -1,0 +1,81 @@
+"""Servo, moves, streams and jogs on the fake bus."""
+
+from __future__ import annotations
+
+import pytest
+from tests.unit.ethercat.harness import Harness
+
+from robotd.device.state import CommandMode, Operation
+from robotd.errors import LateSetpoint
+from robotd.motion import TrajectoryRequest
+from robotd.motion.profile import Profile
+
+
+def test_servos_go_on_with_the_command_at_the_measured_position(harness: Harness) -> None:
+    assert harness.image.servo_on.all()
+    assert harness.image.position_command == pytest.approx(harness.image.position, abs=1e-3)
+    assert all(slave.values[0x6060, 0] == 8 for slave in harness.bus.all[:2])
+
+
+def test_a_trajectory_is_followed_to_its_end(harness: Harness) -> None:
+    request = TrajectoryRequest.from_rows(harness.robot.joint_names, [1.0], [[0.3, -0.2]])
+    with harness.robot.follower.follow(request) as execution:
+        harness.until(lambda: execution.done)
+    assert harness.image.position == pytest.approx([0.3, -0.2], abs=2e-3)
+
+
+def test_mapped_outputs_without_a_part_keep_the_values_of_the_drive(harness: Harness) -> None:
+    """A torque limit of 0 in the first frame would take the torque from the drive."""
+    assert harness.slave(0).values[0x6072, 0] == 3000
+
+
+def test_a_jog_in_cyclic_velocity_ends_at_rest(harness: Harness) -> None:
+    axes = harness.robot.axes
+    axes.set_command_mode(0, CommandMode.VELOCITY)
+    axes._driver.jog(0, Profile(0.5, 5.0, 5.0))
+    harness.until(lambda: harness.image.velocity[0] > 0.45)
+    assert harness.slave(0).values[0x6060, 0] == 9
+    axes.stop([0])
+    harness.until(lambda: harness.image.operation[0] == Operation.IDLE)
+    assert abs(harness.image.velocity[0]) < 0.02
+
+
+def test_a_move_runs_as_a_profile_of_the_drive(harness: Harness) -> None:
+    driver = harness.robot.axes._driver
+    driver.move(1, 0.2, Profile(1.0, 5.0, 5.0))
+    harness.until(lambda: harness.image.motion_complete[1])
+    assert harness.image.position[1] == pytest.approx(0.2, abs=2e-3)
+
+
+def test_homing_makes_the_present_position_zero(harness: Harness) -> None:
+    driver = harness.robot.axes._driver
+    driver.move(0, 0.1, Profile(1.0, 5.0, 5.0))
+    harness.until(lambda: harness.image.motion_complete[0])
+    driver.home(0, 2.0)
+    assert harness.image.home_done[0]
+    assert harness.image.position[0] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_streaming_axes_stop_without_setpoints(harness: Harness) -> None:
+    driver = harness.robot.axes._driver
+    driver.begin_stream([0])
+    assert harness.image.operation[0] == Operation.STREAM
+    harness.until(lambda: harness.image.operation[0] == Operation.IDLE)
+    assert "no setpoint for 0.1 s" in harness.master.supervision.faults[-1]
+
+
+def test_the_image_is_one_period_old(harness: Harness) -> None:
+    harness.robot.step(3)
+    age_ns = harness.image.stamp_ns - harness.image.fresh_ns
+    assert 0 < age_ns <= 2_000_000
+
+
+def test_a_setpoint_after_a_stall_is_not_sent(harness: Harness) -> None:
+    master = harness.master
+    harness.robot.step(2)
+    harness.clock._now_ns += 30_000_000  # the process is stopped
+    master.read(harness.image)
+    sent = master.exchange.frames
+    with pytest.raises(LateSetpoint):
+        master.stream([0.0, 0.0], [0.0, 0.0], harness.clock.now_ns() - 1)
+    assert master.exchange.frames == sent

@@ -1,0 +1,114 @@
+"""Errors of pysoem in the words of robotd; the library itself is tested in tests/ethercat."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from types import SimpleNamespace
+from typing import Any
+
+import pysoem
+import pytest
+
+from robotd.errors import ConnectError, DeviceTimeout, OperationError, PluginError
+from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_ethercat.soem import Soem
+
+
+class Raising:
+    """Stands for a slave of pysoem: each call raises ``error``."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+        self.callbacks: list[Any] = []
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*_: object, **__: object) -> Any:
+            raise self.error
+
+        return call
+
+
+def bus_of(error: Exception) -> Soem:
+    bus = Soem(0.7)
+    bus.slaves = [Raising(error)]
+    return bus
+
+
+def test_an_sdo_abort_has_its_code_and_text() -> None:
+    bus = bus_of(pysoem.SdoError(1, 0x6064, 0, 0x06020000, "The object does not exist"))
+    with pytest.raises(SdoAbort, match="abort 0x06020000, the object does not exist") as caught:
+        bus.upload(0, 0x6064, 0)
+    assert caught.value.code == 0x06020000
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "text"),
+    [
+        (pysoem.MailboxError(1, 5, "Header error"), OperationError, "mailbox error 5, Header"),
+        (pysoem.WkcError(wkc=0), DeviceTimeout, "no answer of the mailbox within 0.7 s, 3 tries"),
+        (pysoem.PacketError(1, 3), OperationError, "Data container too small"),
+    ],
+)
+def test_other_failures_of_the_mailbox(error: Exception, kind: type[Exception], text: str) -> None:
+    bus = bus_of(error)
+    with pytest.raises(kind, match=text):
+        bus.download(0, 0x6040, 0, b"\0\0")
+    with pytest.raises(kind, match=text):
+        bus.poll_mailbox(0)
+
+
+def test_registers_without_an_answer() -> None:
+    bus = bus_of(pysoem.WkcError())
+    with pytest.raises(DeviceTimeout, match="register 0x0300: no answer"):
+        bus.read_register(0, 0x0300, 2)
+    with pytest.raises(DeviceTimeout, match="register 0x0300: no answer"):
+        bus.write_register(0, 0x0300, b"\0")
+    with pytest.raises(OperationError, match="watchdog_ms 20 was not taken"):
+        bus.set_watchdog(0, 20.0)
+
+
+def test_errors_of_the_mapping_are_named_by_slave() -> None:
+    errors = [pysoem.SdoError(2, 0x1C12, 0, 0x06010000, "Unsupported access"), ValueError("odd")]
+
+    def fail() -> None:
+        raise pysoem.ConfigMapError(errors)
+
+    bus = Soem(0.7)
+    bus._master = SimpleNamespace(config_map=fail)
+    with pytest.raises(OperationError, match=r"slave 1: abort 0x06010000, .*; ValueError: odd"):
+        bus.map()
+
+
+def test_emergencies_arrive_as_eight_bytes() -> None:
+    raw = SimpleNamespace(callbacks=[])
+    raw.add_emergency_callback = raw.callbacks.append
+    bus, seen = Soem(0.7), []
+    bus.slaves = [raw]
+    bus.on_emergency(0, seen.append)
+    raw.callbacks[0](pysoem.Emergency(1, 0x8611, 0x20, 1, 0x0302, 0x0504))
+    assert seen == [bytes([0x11, 0x86, 0x20, 1, 2, 3, 4, 5])]
+
+
+def test_an_interface_that_does_not_exist_is_named_with_the_others() -> None:
+    with pytest.raises(ConnectError, match=r"there is no interface 'none7'.*available: .*lo"):
+        Soem(0.7).open("none7", None)
+
+
+def test_without_rights_the_capability_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    def refuse_to_open() -> None:
+        raise ConnectionError
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    bus = Soem(0.7, lambda action: refuse_to_open())
+    with pytest.raises(ConnectError, match="CAP_NET_RAW"):
+        bus.open("lo", None)
+
+
+def test_without_pysoem_its_installation_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pysoem", None)
+    with pytest.raises(PluginError, match=r"needs pysoem.*pip install 'robotd\[ethercat\]'"):
+        Soem(0.7)
