@@ -52,10 +52,10 @@ class Trajectory:
 
         Times are clamped to the duration; velocity and acceleration are 0 from its end on.
         """
-        segment = np.clip(
-            np.searchsorted(self.breaks, times_s, "right") - 1, 0, len(self.coefficients) - 1
-        )
-        since_knot = (np.clip(times_s, 0.0, self.duration_s) - self.breaks[segment])[:, None]
+        segment = np.searchsorted(self.breaks, times_s, "right") - 1
+        segment = np.minimum(np.maximum(segment, 0), len(self.coefficients) - 1)
+        within_s = np.minimum(np.maximum(times_s, 0.0), self.duration_s)  # clip() takes longer
+        since_knot = (within_s - self.breaks[segment])[:, None]
         pieces = self.coefficients[segment]
         position, velocity, half_acceleration = np.zeros((3, len(times_s), len(self.names)))
         for power in range(pieces.shape[1]):

@@ -102,6 +102,23 @@ def test_a_plan_that_brakes_beyond_the_limit_still_stops_early() -> None:
     assert plan_stop(trajectory, 1.03, limits(acceleration=10.0)).duration_s < 1.0
 
 
+def test_a_stop_is_planned_as_far_as_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    trajectory = gentle(4.0)
+    evaluated: list[int] = []
+    evaluate = Trajectory.evaluate
+
+    def counted(self: Trajectory, times_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        evaluated.append(len(times_s))
+        return evaluate(self, times_s)
+
+    monkeypatch.setattr(Trajectory, "evaluate", counted)
+    stop = plan_stop(trajectory, 4.0, limits(acceleration=0.2))
+    stop.at(0.002)
+    assert sum(evaluated) < 25  # of the control period in which the stop begins
+    assert stop.duration_s > 1.0
+    assert sum(evaluated) > 500
+
+
 def test_standstill_stops_at_once() -> None:
     trajectory = planned(request([1.0, 5.0, 6.0], rows(0.5, 0.5, 1.0), rows(0, 0, 0)))
     stop = plan_stop(trajectory, 3.0, limits())
