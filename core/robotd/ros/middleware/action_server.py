@@ -12,29 +12,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from rclpy.action import ActionServer
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
+from robotd.ros.middleware.action_requests import PromptActionServer
 
-class RealTimeResultServer(ActionServer):
-    """``ActionServer`` whose ``result_timeout`` is real time; stamps are of the node's clock.
 
-    Attributes:
-        requester: header of the request whose goal is being admitted and accepted; rclpy does
-            not pass it on. Executor thread.
-    """
+class RealTimeResultServer(PromptActionServer):
+    """``ActionServer`` whose ``result_timeout`` is real time; stamps are of the node's clock."""
 
     def __init__(self, node: Node, *arguments: Any, **options: Any) -> None:
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)  # rcl keeps a bare pointer
         super().__init__(_NodeOnClock(node, self._steady_clock), *arguments, **options)
         self._node = node
-        self.requester: Any = None
-
-    async def _execute_goal_request(self, request_header_and_message: Any) -> None:
-        self.requester = request_header_and_message[0]
-        await super()._execute_goal_request(request_header_and_message)
 
 
 class _NodeOnClock:

@@ -88,13 +88,12 @@ class TrajectoryAction:
         )
 
     def _admit(self, goal: Any) -> GoalResponse:
-        with self._host.callback_guard():
-            if self._live >= MAX_ACTIVE_GOALS:
-                reason = f"{MAX_ACTIVE_GOALS} goals have not ended yet"
-                self._log.warning("goal rejected", reason=reason)
-                return GoalResponse.REJECT
-            self._live += 1
-            return GoalResponse.ACCEPT
+        if self._live >= MAX_ACTIVE_GOALS:
+            reason = f"{MAX_ACTIVE_GOALS} goals have not ended yet"
+            self._log.warning("goal rejected", reason=reason)
+            return GoalResponse.REJECT
+        self._live += 1
+        return GoalResponse.ACCEPT
 
     def _cancel(self, goal: Any) -> CancelResponse:
         if execution := self._executions.get(bytes(goal.goal_id.uuid)):
@@ -102,13 +101,14 @@ class TrajectoryAction:
         return CancelResponse.ACCEPT
 
     def _accepted(self, goal: Any) -> None:
-        """Executor thread: hand the goal to a worker."""
-        begin(goal)
-        try:
-            ticket = self._group.motion.ticket()
-            self._host.submit(self._run, goal, self._server.requester, ticket)
-        except RobotdError as error:
-            self._end(goal, Ending(None, _RESULT.INVALID_GOAL, str(error)))
+        """Executor thread: hand the goal to a worker. The client has its answer already."""
+        with self._host.callback_guard():
+            begin(goal)
+            try:
+                ticket = self._group.motion.ticket()
+                self._host.submit(self._run, goal, self._server.requester, ticket)
+            except RobotdError as error:
+                self._end(goal, Ending(None, _RESULT.INVALID_GOAL, str(error)))
 
     def _run(self, goal: Any, requester: Any, ticket: int) -> None:
         """Worker thread: execute the goal, then let the executor thread end it."""
