@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from structlog.testing import capture_logs
+from tests.ros.robot_process import wait_until
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
@@ -222,9 +223,7 @@ def receive(node: Node, message_type: type, publisher: HotPublisher) -> Any:
 
 
 def test_subscriber_gets_the_patched_message(node: Node) -> None:
-    publisher = HotPublisher(
-        node.create_publisher(JointState, "topic", 10), joint_state(), ["position"]
-    )
+    publisher = HotPublisher(node, "topic", 10, joint_state(), ["position"])
     publisher.view("position")[:] = range(8)
     publisher.stamp(TIME_NS)
     message = receive(node, JointState, publisher)
@@ -237,9 +236,7 @@ def test_publisher_falls_back_to_ordinary_messages(
 ) -> None:
     monkeypatch.setattr("robotd.ros.middleware.cdr.serialize_message", big_endian)
     with capture_logs() as logs:
-        publisher = HotPublisher(
-            node.create_publisher(JointState, "topic", 10), joint_state(), ["position"]
-        )
+        publisher = HotPublisher(node, "topic", 10, joint_state(), ["position"])
     publisher.view("position")[:] = range(8)
     publisher.stamp(TIME_NS)
     message = receive(node, JointState, publisher)
@@ -248,13 +245,28 @@ def test_publisher_falls_back_to_ordinary_messages(
     assert ["found at 0 places" in log["reason"] for log in logs] == [True]
 
 
+def test_a_subscriber_is_noticed_and_its_end_too(node: Node) -> None:
+    publisher = HotPublisher(node, "topic", 10, joint_state(), ["position"])
+    executor = rclpy.executors.SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+
+    def noticed(readers: bool) -> bool:
+        executor.spin_once(timeout_sec=0.01)
+        return publisher.has_readers is readers
+
+    assert publisher.has_readers is False
+    subscription = node.create_subscription(JointState, "topic", print, 10)
+    wait_until(lambda: noticed(True), "a reader")
+    node.destroy_subscription(subscription)
+    wait_until(lambda: noticed(False), "no reader")
+    executor.shutdown()
+
+
 def test_publishing_outlives_publisher_and_context(node: Node, context: Context) -> None:
-    gone = node.create_publisher(JointState, "gone", 10)
-    left = node.create_publisher(JointState, "left", 10)
-    publishers = [HotPublisher(p, joint_state(), ["position"]) for p in (gone, left)]
-    node.destroy_publisher(gone)
+    publishers = [HotPublisher(node, t, 10, joint_state(), ["position"]) for t in ("gone", "left")]
+    node.destroy_publisher(next(each for each in node.publishers if each.topic == "gone"))
     context.shutdown()
     with capture_logs() as logs:
         for publisher in publishers * 3:
             publisher.publish()
-    assert sorted(log["topic"] for log in logs) == ["gone", "left"]
+    assert sorted(log["topic"] for log in logs) == ["/gone", "/left"]

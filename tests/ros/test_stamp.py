@@ -43,6 +43,16 @@ def test_it_is_the_time_of_the_system(node: Node) -> None:
     assert before <= now <= after
 
 
+def test_a_moment_of_the_monotonic_clock_keeps_its_distance_from_now(node: Node) -> None:
+    clock, moment_ns = StampClock(node.get_clock()), time.monotonic_ns() - 10**9
+    before, stamp, after = time.time_ns(), clock.at_ns(moment_ns), time.time_ns()
+    # Two clocks are read one after the other; a stall between them is allowed for.
+    assert before - 2 * 10**9 < stamp < after - 10**9 + 10**6
+    follow_topic(node, True)
+    simulate(node, 42)
+    assert clock.at_ns(moment_ns) == 42
+
+
 def test_it_changes_over_to_simulated_time_and_back(node: Node) -> None:
     clock = StampClock(node.get_clock())
     follow_topic(node, True)

@@ -57,7 +57,7 @@ def publishing(node: Node) -> tuple[float, float]:
     zeros = [0.0] * len(NAMES)
     message = JointState(name=NAMES, position=zeros, velocity=zeros, effort=zeros)
     publisher = node.create_publisher(JointState, "bench", 10)
-    hot = HotPublisher(publisher, message, ("position", "velocity", "effort"))
+    hot = HotPublisher(node, "bench", 10, message, ("position", "velocity", "effort"))
     values = hot.view("position")
 
     def patched() -> None:

@@ -89,6 +89,11 @@ class ControlLoop:
         return self._mixer.stats
 
     @property
+    def started_ns(self) -> int:
+        """Start of the current period on the loop's clock: the time of what it publishes."""
+        return self._deadlines.start_ns
+
+    @property
     def realtime(self) -> bool:
         """SCHED_FIFO was granted."""
         return self._thread.realtime

@@ -22,6 +22,9 @@ class PeriodDeadlines:
             its SYNC would be so close to the next one that drives count the two as one. False:
             it begins at once, for devices that extrapolate.
         imminent: other threads wait for a period; not in simulated time.
+
+    Attributes:
+        start_ns: of the current period, on the clock; later than its deadline by the lateness.
     """
 
     def __init__(
@@ -38,7 +41,7 @@ class PeriodDeadlines:
         self._skips_start, self._imminent = skips_start, imminent
         self._due_ns = 0  # of the next or current period; 0: no thread has to wait for it
         self._late_ns = 0  # of deadlines missed since the last period
-        self._start_ns = 0  # of the current period
+        self.start_ns = 0
         self._deadline_ns = 0  # of the current period
         self._nominal_ns = 0  # its nominal time; 0: not fixed yet
 
@@ -47,11 +50,11 @@ class PeriodDeadlines:
 
         Missed deadlines are skipped, never made up for in a burst.
         """
-        self._start_ns = self._clock.now_ns()
-        self._late_ns = max(self._late_ns, self._start_ns - deadline_ns)
+        self.start_ns = self._clock.now_ns()
+        self._late_ns = max(self._late_ns, self.start_ns - deadline_ns)
         missed = self._overrun(deadline_ns) if self._skips_start else 0
         self._deadline_ns, self._nominal_ns = deadline_ns + missed * self._period_ns, 0
-        return self._deadline_ns, not missed or self._deadline_ns <= self._start_ns
+        return self._deadline_ns, not missed or self._deadline_ns <= self.start_ns
 
     def nominal(self, time_ns: int) -> int:
         """Return the nominal time of the period that began at the deadline ``time_ns``.
@@ -65,7 +68,7 @@ class PeriodDeadlines:
 
     def end(self) -> int:
         """Record the current period; return the next deadline."""
-        self._stats.record(self._late_ns, self._start_ns, self._clock.now_ns())
+        self._stats.record(self._late_ns, self.start_ns, self._clock.now_ns())
         self._late_ns = 0
         return (self._nominal_ns or self.nominal(self._deadline_ns)) + self._period_ns
 

@@ -32,6 +32,15 @@ class StampClock:
         """Nanoseconds since the epoch, or of simulated time where the node follows that."""
         return int(self._clock.now().nanoseconds) if self._follows_topic else time.time_ns()
 
+    def at_ns(self, monotonic_ns: int) -> int:
+        """Time that ``now_ns`` had at ``monotonic_ns`` of the operating system, a moment ago.
+
+        Simulated time stands during a period: the present one.
+        """
+        if self._follows_topic:
+            return self.now_ns()
+        return time.time_ns() - (time.monotonic_ns() - monotonic_ns)
+
     def _update(self) -> None:
         clock = self._clock
         self._follows_topic = isinstance(clock, ROSClock) and clock.ros_time_is_active

@@ -7,8 +7,8 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from wmx_ros2_message.msg import AxisState
 
-from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
+from robotd.robot import Robot
 from robotd.ros.middleware import HotPublisher, Link, StampClock
 
 TOPIC = "wmx/axis/state"
@@ -36,7 +36,8 @@ FIELDS = {
 class AxisStateTopic:
     """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while the engine is not ready: old values must not look current.
+    Nothing is published while nobody subscribes, nor while the engine is not ready: old values
+    must not look current.
 
     Args:
         prefix: put before the name of the frame.
@@ -45,23 +46,20 @@ class AxisStateTopic:
         topic: its resolved name.
     """
 
-    def __init__(
-        self, node: Node, image: ProcessImage, connection: Connection, prefix: str
-    ) -> None:
-        arrays = {field: getattr(image, name) for field, name in FIELDS.items()}
+    def __init__(self, node: Node, robot: Robot, prefix: str) -> None:
+        arrays = {field: getattr(robot.image, name) for field, name in FIELDS.items()}
         zeros = {field: np.zeros_like(array).tolist() for field, array in arrays.items()}
         template = AxisState(header=Header(frame_id=prefix + FRAME), **zeros)
-        publisher = node.create_publisher(AxisState, TOPIC, DEPTH)
-        self.topic = publisher.topic_name
-        self._connection = connection
+        self._connection, self._control_loop = robot.connection, robot.control_loop
         self._clock = StampClock(node.get_clock())
-        self._message = HotPublisher(publisher, template, FIELDS)
+        self._message = HotPublisher(node, TOPIC, DEPTH, template, FIELDS)
+        self.topic = self._message.topic
         self._links = [Link(self._message.view(field), array) for field, array in arrays.items()]
 
     def publish(self, image: ProcessImage) -> None:
-        if not self._connection.ready:
+        if not self._connection.ready or not self._message.has_readers:
             return
         for copy in self._links:
             copy()
-        self._message.stamp(self._clock.now_ns())
+        self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
         self._message.publish()

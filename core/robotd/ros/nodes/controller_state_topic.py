@@ -25,6 +25,9 @@ class ControllerStateTopic:
     """Publishes commanded and measured motion of a joint group while somebody subscribes.
 
     ``publish`` belongs to the control loop.
+
+    Attributes:
+        topic: its resolved name.
     """
 
     def __init__(self, node: Node, robot: Robot, group: JointGroup, topic: str) -> None:
@@ -33,21 +36,17 @@ class ControllerStateTopic:
         for name in POINTS:
             setattr(template, name, JointTrajectoryPoint(positions=rest, velocities=rest))
         paths = [f"{name}.{field}" for name in POINTS for field in ("positions", "velocities")]
-        self._publisher = node.create_publisher(type(template), topic, DEPTH)
-        self._message = HotPublisher(self._publisher, template, [*paths, SPEED])
+        self._message = HotPublisher(node, topic, DEPTH, template, [*paths, SPEED])
+        self.topic = self._message.topic
         self._views = {path: self._message.view(path) for path in paths}
         self._speed, self._follower = self._message.view(SPEED), group.follower
-        self._connection, self._clock = robot.connection, StampClock(node.get_clock())
+        self._connection, self._control_loop = robot.connection, robot.control_loop
+        self._clock = StampClock(node.get_clock())
         self._columns = columns(group.joint_axes)
-
-    @property
-    def topic(self) -> str:
-        """Resolved name."""
-        return str(self._publisher.topic_name)
 
     def publish(self, image: ProcessImage) -> None:
         """Publish the present period."""
-        if not self._connection.ready or not self._publisher.get_subscription_count():
+        if not self._connection.ready or not self._message.has_readers:
             return
         commanded, measured = image.commands[:, self._columns], image.measured[:2, self._columns]
         for row, field in enumerate(("positions", "velocities")):
@@ -56,7 +55,7 @@ class ControllerStateTopic:
             self._views[f"feedback.{field}"][:] = measured[row]
             self._views[f"error.{field}"][:] = commanded[row] - measured[row]
         self._speed[:] = self._follower.rate
-        self._message.stamp(self._clock.now_ns())
+        self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
         self._message.publish()
 
 

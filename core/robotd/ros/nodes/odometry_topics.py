@@ -16,7 +16,7 @@ from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
 from robotd.node_settings.base_settings import BaseSettings
 from robotd.robot import Robot
-from robotd.ros.middleware import HotPublisher
+from robotd.ros.middleware import HotPublisher, StampClock
 
 DEPTH = 10
 TF_DEPTH = 100
@@ -29,7 +29,8 @@ _TWIST = ("linear.x", "angular.z", "linear.y")  # in the order of ``PlanarTwist`
 class OdometryTopics:
     """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while the engine is not ready: old values must not look current.
+    Nothing is published while nobody subscribes, nor while the engine is not ready: old values
+    must not look current.
 
     Attributes:
         topics: resolved names of all that is published.
@@ -39,12 +40,12 @@ class OdometryTopics:
         if robot.base is None:
             raise ValueError(f"{robot.descriptor.name} has no base")
         self._base = robot.base
-        self._connection = robot.connection
-        self._clock = node.get_clock()
+        self._connection, self._control_loop = robot.connection, robot.control_loop
+        self._clock = StampClock(node.get_clock())
         self._axes = list(robot.wheel_axes)
-        omega = node.create_publisher(Float64MultiArray, settings.wheel_speeds, DEPTH)
-        self.topics = [omega.topic_name]
-        self._omega = HotPublisher(omega, Float64MultiArray(data=[0.0] * len(self._axes)), ["data"])
+        speeds = Float64MultiArray(data=[0.0] * len(self._axes))
+        self._omega = HotPublisher(node, settings.wheel_speeds, DEPTH, speeds, ["data"])
+        self.topics = [self._omega.topic]
         self._wheels = self._omega.view("data")
         self._stamped: list[HotPublisher] = []
         paths = [f"pose.pose.{name}" for name in _POSE] + [f"twist.twist.{name}" for name in _TWIST]
@@ -63,14 +64,15 @@ class OdometryTopics:
         self, node: Node, topic: str, depth: int, message: Any, paths: Sequence[str]
     ) -> list[FloatArray]:
         """Add a topic with a stamp; return the views of the message's values at ``paths``."""
-        publisher = node.create_publisher(type(message), topic, depth)
-        self.topics.append(publisher.topic_name)
-        hot = HotPublisher(publisher, message, paths)
+        hot = HotPublisher(node, topic, depth, message, paths)
+        self.topics.append(hot.topic)
         self._stamped.append(hot)
         return [hot.view(path) for path in paths]
 
     def publish(self, image: ProcessImage) -> None:
-        if not self._connection.ready:
+        stamped = [message for message in self._stamped if message.has_readers]
+        wheels_are_read = self._omega.has_readers
+        if not self._connection.ready or not (stamped or wheels_are_read):
             return
         self._wheels[:] = image.velocity[self._axes]
         pose = self._base.pose
@@ -84,11 +86,12 @@ class OdometryTopics:
         for views, twist in zip(self._twists, twists, strict=False):
             for view, value in zip(views, twist, strict=True):
                 view[0] = value
-        now_ns = self._clock.now().nanoseconds
-        for message in self._stamped:
-            message.stamp(now_ns)
+        stamp_ns = self._clock.at_ns(self._control_loop.started_ns)
+        for message in stamped:
+            message.stamp(stamp_ns)
             message.publish()
-        self._omega.publish()
+        if wheels_are_read:
+            self._omega.publish()
 
 
 def _odometry(settings: BaseSettings) -> Odometry:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from tf2_msgs.msg import TFMessage
 
 from robotd.arrays import FloatArray
@@ -58,10 +57,9 @@ class RobotStatePublisher(Node):
         static.publish(self._static(frames, settings.prefix))
         self.rates_hz: dict[str, float] = {}
         if frames.moving:
-            publisher = self.create_publisher(TFMessage, TF_TOPIC, TF_DEPTH)
-            topic = _MovingTopic(self, robot, frames, known, publisher, settings.prefix)
-            robot.control_loop.every(settings.rate_hz, "transforms", topic.publish)
-            self.rates_hz[publisher.topic_name] = settings.rate_hz
+            moving = _MovingTopic(self, robot, frames, known, settings.prefix)
+            robot.control_loop.every(settings.rate_hz, "transforms", moving.publish)
+            self.rates_hz[moving.topic] = settings.rate_hz
 
     def _static(self, frames: JointFrames, prefix: str) -> TFMessage:
         message = TFMessage(transforms=_templates(frames.still, prefix))
@@ -104,7 +102,11 @@ class _KnownJoints:
 class _MovingTopic:
     """Transforms of moving joints; ``publish`` belongs to the control loop.
 
-    Nothing is published while the engine is not ready or a position is not known.
+    Nothing is published while nobody subscribes, the engine is not ready or a position is not
+    known.
+
+    Attributes:
+        topic: its resolved name.
     """
 
     def __init__(
@@ -113,23 +115,26 @@ class _MovingTopic:
         robot: Robot,
         frames: JointFrames,
         known: _KnownJoints,
-        publisher: Publisher,
         prefix: str,
     ) -> None:
         self._connection, self._frames, self._known = robot.connection, frames, known
+        self._control_loop = robot.control_loop
         self._clock = StampClock(node.get_clock())
         template = TFMessage(transforms=_templates(frames.moving, prefix))
         paths = [f"transforms.{index}.transform" for index in range(len(frames.moving))]
-        self._message = HotPublisher(publisher, template, paths)
+        self._message = HotPublisher(node, TF_TOPIC, TF_DEPTH, template, paths)
+        self.topic = self._message.topic
         self._views = [self._message.view(path) for path in paths]
 
     def publish(self, image: ProcessImage) -> None:
+        if not self._connection.ready or not self._message.has_readers:
+            return
         positions = self._known.positions(image)
-        if not self._connection.ready or not np.isfinite(positions).all():
+        if not np.isfinite(positions).all():
             return
         for view, numbers in zip(self._views, self._frames.transforms(positions), strict=True):
             view[:] = numbers
-        self._message.stamp(self._clock.now_ns())
+        self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
         self._message.publish()
 
 

@@ -65,8 +65,7 @@ class _TimeServices:
     ) -> None:
         self._robot, self._time = robot, clock
         self._clocks = [each.get_clock() for each in (*nodes, node)]
-        publisher = node.create_publisher(Clock, "/clock", 10)
-        self._message = HotPublisher(publisher, Clock(), [])
+        self._message = HotPublisher(node, "/clock", 10, Clock(), [])
         self._set_clocks()
         for each in self._clocks:
             each._set_ros_time_is_active(enabled=True)  # noqa: SLF001 - what use_sim_time does

@@ -60,7 +60,7 @@ class WmxCoreMotionNode(Node):
         add_subscription(
             self, host, AxisVelocity, JOG, self._execute_or_log(JOG, jog.take), COMMAND_DEPTH
         )
-        state = AxisStateTopic(self, robot.image, robot.connection, prefix)
+        state = AxisStateTopic(self, robot, prefix)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "axis state", state.publish)
         self.rates_hz = {state.topic: rate_hz, self.resolve_topic_name(READY): 1 / PERIOD_S}
