@@ -12,8 +12,11 @@ from contextlib import suppress
 from enum import StrEnum
 from typing import Any, TextIO, cast
 
-import structlog
-from structlog.typing import EventDict, FilteringBoundLogger, Processor
+from robotd.optional_imports import missing
+
+with missing("rich"):  # of the command line; structlog would format tracebacks with it
+    import structlog
+    from structlog.typing import EventDict, FilteringBoundLogger, Processor
 
 
 class LogFormat(StrEnum):

@@ -9,8 +9,9 @@ import pytest
 import yaml
 from tests.contract.surfaces import surface
 
-from robotd.export import EXPORTS, ExportInput
+from robotd.export.export_input import ExportInput
 from robotd.export.nav2 import twist_limits
+from robotd.export.targets import EXPORTS
 from robotd.robot import Robot, build_robot
 from robotd.ros.endpoints import ServeReport
 

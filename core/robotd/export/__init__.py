@@ -1,19 +1,1 @@
 """Client configuration (MoveIt 2, Nav2, Isaac Sim, URDF) from a robot's descriptor."""
-
-from collections.abc import Callable, Mapping
-
-from robotd.export.export_input import ExportInput
-from robotd.export.isaac import topic_map
-from robotd.export.moveit import move_group_parameters
-from robotd.export.nav2 import navigation_parameters
-from robotd.export.urdf_export import urdf
-
-EXPORTS: Mapping[str, Callable[[ExportInput], str]] = {
-    "moveit": move_group_parameters,
-    "nav2": navigation_parameters,
-    "isaac": topic_map,
-    "urdf": urdf,
-}
-"""Export functions by target. Each raises DescriptorError where it does not apply."""
-
-__all__ = ["EXPORTS", "ExportInput"]

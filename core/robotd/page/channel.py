@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
 
-from robotd.page.viewers import Message, Viewer
+from robotd.page.page_message import Message
+from robotd.page.viewers import Viewer
 
 
 class Feed(Protocol):

@@ -9,9 +9,9 @@ from typing import Any
 from robotd.observation.tap import Tap
 from robotd.page.live_samples import LiveSamples
 from robotd.page.page_description import describe
+from robotd.page.page_message import Message
 from robotd.page.page_state import Goals, event_of, state_of
 from robotd.page.remedies import backend_tables
-from robotd.page.viewers import Message
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
 

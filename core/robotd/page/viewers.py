@@ -9,11 +9,9 @@ from contextlib import suppress
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from robotd.log import get_logger
+from robotd.page.page_message import Message
 
 log = get_logger("page")
-
-Message = str | bytes
-"""JSON text, or samples as ``LiveSamples`` makes them."""
 
 MAX_QUEUED = 90  # messages: three seconds
 SEND_BUFFER_BYTES = 65536  # of the socket, beyond aiohttp's own of the same size

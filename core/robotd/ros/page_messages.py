@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from robotd.page.viewers import Message
+from robotd.page.page_message import Message
 from robotd.recording.message_encoders import octets_message, read_octets_message
 from robotd.ros.node_registry import OPERATOR_NODE
 

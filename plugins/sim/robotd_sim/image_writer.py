@@ -23,12 +23,13 @@ class Readout:
         self._states: object = None  # what it shows, see ``snapshot``
         self._motion: object = None
         self._fresh = ProcessImage(axes)  # values as they are received
-        self._random = np.random.default_rng(options.seed)
         self._velocity_noise, self._torque_noise = (
             options.velocity_noise_rad_s,
             options.torque_noise_nm,
         )
         self._noisy = bool(self._velocity_noise or self._torque_noise)
+        if self._noisy:  # numpy.random is imported with the first use of it
+            self._random = np.random.default_rng(options.seed)
         self._followers: list[int] = []  # axes whose position command is what they measure
 
     def fill(self, image: ProcessImage) -> None:

@@ -9,8 +9,9 @@ import yaml
 
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
-from robotd.export import EXPORTS, ExportInput
+from robotd.export.export_input import ExportInput
 from robotd.export.nav2 import twist_limits
+from robotd.export.targets import EXPORTS
 
 ACTION = "movensys_manipulator_arm_controller/follow_joint_trajectory"
 

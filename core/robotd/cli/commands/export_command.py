@@ -11,7 +11,8 @@ import click
 from robotd.cli.installed import load_installed
 from robotd.cli.options import configure_logging, log_options, which_robot
 from robotd.descriptor import Override, load_robot_descriptor
-from robotd.export import EXPORTS, ExportInput
+from robotd.export.export_input import ExportInput
+from robotd.export.targets import EXPORTS
 
 
 def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:

@@ -14,7 +14,7 @@ from robotd.observation.plot_history import HISTORY_S
 from robotd.page.live_samples import RATE_HZ
 from robotd.page.mesh_files import MeshFiles
 from robotd.page.page_feed import FIRST_EVENTS
-from robotd.page.viewers import Message
+from robotd.page.page_message import Message
 from robotd.recording.cdr_stream import CdrReader
 from robotd.recording.message_encoders import read_octets_message
 from robotd.ros.page_messages import CHANGES, FIRST, SAMPLES, unpack_first

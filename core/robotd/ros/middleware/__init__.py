@@ -4,6 +4,7 @@ Each module states what it works around, its measurement, the upstream issue and
 benchmark that shows what breaks without it.
 """
 
+import robotd.ros.middleware.type_support  # noqa: F401 - before the first message
 from robotd.ros.middleware.action_names import remapped_action
 from robotd.ros.middleware.action_server import RealTimeResultServer
 from robotd.ros.middleware.cdr import HotPublisher, Link

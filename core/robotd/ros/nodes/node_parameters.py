@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robotd.descriptor import RobotDescriptor
-from robotd.export import ExportInput
+from robotd.export.export_input import ExportInput
 from robotd.export.urdf_export import urdf
 from robotd.node_settings.parameter_reader import ParameterReader, WrongType
 from robotd.ros.middleware import overrides_of, remapped_action

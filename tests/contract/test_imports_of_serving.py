@@ -1,0 +1,65 @@
+"""Modules that a robot which is being served has no use for: they cost start-up and memory."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from robotd.testing.domain import own_domain
+
+NOT_NEEDED = (
+    *("aiohttp", "attr", "can", "canopen", "foxglove", "http.client", "jinja2", "lark", "mcap"),
+    *(
+        "matplotlib",
+        "numpy.ma",
+        "numpy.random",
+        "numpy.testing",
+        "pytest",
+        "rich.console",
+        "ruamel",
+    ),
+    *("scipy", "robotd.commissioning", "robotd.export.moveit", "robotd.testing", "robotd_canopen"),
+    *("robotd.cli.listing", "robotd.cli.robot_client", "robotd.cli.status_view"),
+    *("robotd.page.page_server", "robotd.page.foxglove_server"),
+)
+READY = "ready after"
+TIMEOUT_S = 60.0
+
+
+def test_a_served_robot_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
+    imported = _imported_until_ready(tmp_path)
+    assert {"numpy", "rclpy", "robotd.ros.run_nodes", "robotd_sim.simulation"} <= imported
+    found = [
+        name
+        for name in sorted(imported)
+        if any(name == each or name.startswith(f"{each}.") for each in NOT_NEEDED)
+    ]
+    assert not found
+
+
+def _imported_until_ready(folder: Path) -> set[str]:
+    """Return the modules that ``robotd run`` has imported when it is ready."""
+    command = [sys.executable, "-X", "importtime", "-m", "robotd", "--robot", "cr3a"]
+    errors = folder / "errors"
+    with own_domain() as domain, errors.open("w") as stream:
+        process = subprocess.Popen(
+            [*command, "--backend", "sim"],
+            env=os.environ
+            | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+            stdout=subprocess.PIPE,
+            stderr=stream,
+            text=True,
+        )
+        try:
+            assert process.stdout is not None
+            assert any(READY in line for line in process.stdout), errors.read_text()[-2000:]
+            process.send_signal(signal.SIGTERM)
+            process.communicate(timeout=TIMEOUT_S)
+        finally:
+            process.kill()
+            process.wait()
+    return set(re.findall(r"^import time:.*\| +(\S+)$", errors.read_text(), re.MULTILINE))
