@@ -110,7 +110,7 @@ class BenchClient(Client):
             assert client.wait_for_service(WAIT_S), f"no service {name}"
             calls.append((client, service_type.Request()))
         deadline = time.monotonic()
-        for client, request in itertools.control_loop(calls):
+        for client, request in itertools.cycle(calls):
             if stop.is_set():
                 return
             start_ns = time.perf_counter_ns()
