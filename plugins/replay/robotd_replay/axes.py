@@ -17,6 +17,7 @@ class ReplayAxes(AxisDriver):
         self._device = device
 
     def read(self, image: ProcessImage) -> None:
+        self._device.update_io()
         found = self._device.frame()
         if found is None:
             return

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import Any
 
 import numpy as np
 
 from robotd.api import NANOSECONDS, Clock, ConnectionState, DeviceDriver, NotReady
 from robotd_replay.options import Replayed
+
+IMAGE_BYTES = 8000  # of each image; a recording has the first of them
 
 
 class ReplayDevice(DeviceDriver):
@@ -16,10 +19,12 @@ class ReplayDevice(DeviceDriver):
     Attributes:
         replayed: what is played.
         clock: of the control loop.
+        inputs, outputs: images of the present time, updated in place.
     """
 
     def __init__(self, replayed: Replayed, clock: Clock) -> None:
         self.replayed, self.clock = replayed, clock
+        self.inputs, self.outputs = bytearray(IMAGE_BYTES), bytearray(IMAGE_BYTES)
         self._is_open = False
         self._began_ns = 0  # 0: it does not communicate
         self._starts_ns = replayed.frames["start_ns"] - replayed.frames["start_ns"][0]
@@ -63,8 +68,13 @@ class ReplayDevice(DeviceDriver):
         index = int(np.searchsorted(self._starts_ns, elapsed_ns, side="right")) - 1
         return self.replayed.frames[index], elapsed_ns - int(self._starts_ns[index])
 
-    def recorded_ns(self) -> int:
-        """Return the present time in the recording's clock; its start when stopped."""
-        frame = self.frame()
-        first = self.replayed.frames[0] if frame is None else frame[0]
-        return int(first["start_ns"])
+    def update_io(self) -> None:
+        """Set the images to the present time, or to the start when stopped. Control loop."""
+        found = self.frame()
+        frame = self.replayed.frames[0] if found is None else found[0]
+        time_ns, recording = int(frame["start_ns"]), self.replayed.recording
+        for image, changes in ((self.inputs, recording.inputs), (self.outputs, recording.outputs)):
+            if changes:  # the first one counts before it, too
+                last = bisect_right(changes, time_ns, key=lambda change: change[0])
+                data = changes[max(0, last - 1)][1]
+                image[: len(data)] = data

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Sequence
-
 from robotd.api import IoDriver, Unsupported
-from robotd_replay.device import ReplayDevice
-
-SIZE = 8000  # bytes of each image; the recording has the first of them
-Change = tuple[int, bytes]
+from robotd_replay.device import IMAGE_BYTES, ReplayDevice
 
 
 class ReplayIo(IoDriver):
@@ -20,28 +14,24 @@ class ReplayIo(IoDriver):
 
     @property
     def input_bytes(self) -> int:
-        return SIZE
+        return IMAGE_BYTES
 
     @property
     def output_bytes(self) -> int:
-        return SIZE
+        return IMAGE_BYTES
+
+    @property
+    def live(self) -> tuple[memoryview, memoryview]:
+        return memoryview(self._device.inputs), memoryview(self._device.outputs)
 
     def read_inputs(self, byte: int, length: int) -> bytes:
-        return self._bytes(self._device.replayed.recording.inputs, byte, length)
+        return bytes(self._device.inputs[byte : byte + length])
 
     def read_outputs(self, byte: int, length: int) -> bytes:
-        return self._bytes(self._device.replayed.recording.outputs, byte, length)
+        return bytes(self._device.outputs[byte : byte + length])
 
     def write_outputs(self, byte: int, data: bytes) -> None:
         raise Unsupported("outputs of a recording")
 
     def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
         raise Unsupported("outputs of a recording")
-
-    def _bytes(self, changes: Sequence[Change], byte: int, length: int) -> bytes:
-        """Return bytes of the last change; of the first one before it."""
-        if not changes:
-            return bytes(length)
-        last = bisect_right(changes, self._device.recorded_ns(), key=lambda change: change[0])
-        data = changes[max(0, last - 1)][1]
-        return data[byte : byte + length].ljust(length, b"\0")

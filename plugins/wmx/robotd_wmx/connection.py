@@ -57,6 +57,7 @@ class Connection:
         self._lost_because = ""
         self._after_open: list[Callable[[], None]] = []
         self._before_close: list[Callable[[], None]] = []
+        self._after_read: list[Callable[[Device], None]] = []
 
     @property
     def is_open(self) -> bool:
@@ -110,6 +111,15 @@ class Connection:
         """Allocate what is needed for as long as the devices are open. Raises RobotdError."""
         for call in self._after_open:
             call()
+
+    def after_read(self, call: Callable[[Device], None]) -> None:
+        """Call ``call`` with the device of the status in ``was_read``."""
+        self._after_read.append(call)
+
+    def was_read(self, device: Device) -> None:
+        """Call what ``after_read`` has added; the axes of this period were read. Control loop."""
+        for call in self._after_read:
+            call(device)
 
     def before_close(self, call: Callable[[], None]) -> None:
         """Call ``call`` in ``prepare_close``."""

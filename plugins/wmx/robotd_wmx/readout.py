@@ -44,6 +44,7 @@ class Readout:
             self._mark_streaming(image)
         if self._positions.running:
             self._mark_positions(image)
+        self._connection.was_read(device)
 
     def _explain(self, image: ProcessImage) -> None:
         """Manuals of drives list alarms by their hexadecimal numbers; the engine has no texts."""

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from robotd.api import drive_remedy
 from robotd.errors import ConnectError, DeviceTimeout, InvalidArgument, NotReady, OperationError
 from robotd_wmx._native import CallError
+from robotd_wmx.al_status import TEXTS
+from robotd_wmx.code_tables import AL_STATUS, DRIVE_ALARMS, WMX_ERRORS
 from robotd_wmx.errors import (
     INVALID,
     LOCKED,
@@ -16,6 +19,7 @@ from robotd_wmx.errors import (
     text_of,
     translated,
 )
+from robotd_wmx.remedies import AL_REMEDIES, REMEDIES
 
 
 def test_every_code_has_a_text() -> None:
@@ -26,6 +30,22 @@ def test_every_code_has_a_text() -> None:
 def test_numbers_of_the_table_are_those_of_the_sdk() -> None:
     for (api, code), name in names().items():
         assert table()[api, name].code in (code, 0)  # 0: not known
+
+
+def test_remedies_name_codes_that_exist_and_help_with_those_that_operators_meet() -> None:
+    assert {name for _, name in table()} >= set(REMEDIES)
+    assert set(TEXTS) >= set(AL_REMEDIES)
+    assert "recover" in WMX_ERRORS.advice(1568)  # AxisAmpAlarm
+    assert "Another program" in WMX_ERRORS.advice(297)  # CreateDeviceLockError
+    assert "ENI" in AL_STATUS.advice(0x001D)
+    assert WMX_ERRORS.advice(0) == AL_STATUS.advice(0) == ""  # no error, and codes not known
+
+
+def test_the_alarm_of_a_drive_has_the_remedy_of_its_own_code() -> None:
+    tables = [DRIVE_ALARMS, AL_STATUS, WMX_ERRORS]  # in the order of their entry points
+    found = [advice for each in tables if (advice := each.advice(0x2310))]
+    assert found[0] == drive_remedy(0x2310)
+    assert "blocked axis" in found[0]
 
 
 def test_groups_name_codes_that_exist() -> None:

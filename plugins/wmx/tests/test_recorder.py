@@ -10,8 +10,14 @@ from robotd.events import sent_by
 from robotd.observation.recorder import observed
 from robotd.recording.recording_reader import read_recording
 from robotd.recording.recording_writer import FIELDBUS
-from robotd.robot import build_robot
-from robots import descriptor, goal
+from robotd.robot import Robot, build_robot
+from robots import descriptor, eventually, goal
+
+
+def _live_output(robot: Robot) -> int:
+    live = robot.io.live
+    assert live is not None
+    return int(live[1][0])
 
 
 def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> None:
@@ -22,7 +28,9 @@ def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> Non
             robot.start(enable=True)
             with sent_by("/move_group"), robot.follower.follow(goal([0.5], 0.2)) as execution:
                 assert execution.wait(10.0)
-            robot.io.set_output_bit(0, 3, True)
+            for level in (True, False):  # shorter than ten samples a second would show
+                robot.io.set_output_bit(0, 3, level)
+                eventually(lambda wanted=level: _live_output(robot) == 8 * wanted)
             recording = read_recording(recorder.flight.snapshot("test"))
         finally:
             robot.shutdown()
@@ -33,4 +41,5 @@ def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> Non
     ((_, points),) = recording.goals
     np.testing.assert_array_equal(points["positions"][-1], [0.2] * 6)
     assert "/move_group" in {each.sender for each in recording.events}
+    assert [data[0] for _, data in recording.outputs][-2:] == [8, 0]
     assert FIELDBUS in {topic for _, topic, _ in recorder.tap.samples.since(0)[0]}

@@ -26,6 +26,10 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Recording]:
     """A motion of cr3a that ends with an alarm of joint 3, and a gripper that closes."""
     arm = Observed(tmp_path_factory.mktemp("replay"))
     arm.robot.io.set_output_bit(0, 0, True)
+    arm.step(0.1)
+    for level in (True, False):  # two periods
+        arm.robot.io.set_output_bit(0, 5, level)
+        arm.robot.step(2)
     with arm.goal([0.3] * 6):
         arm.step(0.4)
         arm.robot.fault_injector.trip(2, 0x8611)
@@ -79,6 +83,20 @@ def test_motion_is_rejected_with_the_name_of_the_backend(recording: Recording) -
         robot.io.set_output_bit(0, 1, True)
     robot.step(150)
     assert robot.io.output_bit(0, 0)  # as it was recorded
+    robot.shutdown()
+
+
+def test_inputs_and_outputs_are_shown_in_each_period(recording: Recording) -> None:
+    robot = replay(recording.path)
+    robot.start()
+    live = robot.io.live
+    assert live is not None
+    outputs = []
+    for _ in range(round(recording.duration_s * 500)):
+        robot.step(1)
+        outputs.append(live[1][0])
+    assert outputs.count(0x21) == 2
+    assert outputs.count(0x01) > 100
     robot.shutdown()
 
 
