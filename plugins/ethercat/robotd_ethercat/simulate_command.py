@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -23,6 +24,11 @@ SECOND_MASTER, SECOND_SLAVES = "ecat1", "slaves1"
 @click.command()
 @click.option("--robot", metavar="NAME|FILE", help="The robot.")
 @click.option("--variant", metavar="NAME", help="Variant of the robot.")
+@click.option(
+    "--section",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="A section as JSON, written by the backend, in place of --robot.",
+)
 @click.option("--generic", type=click.IntRange(1, 199), metavar="N", help="N generic slaves.")
 @click.option("--redundant", is_flag=True, help="Connect the other end of the line, too.")
 @click.option("--interface", metavar="NAME", help="Serve a network interface of this computer.")
@@ -30,6 +36,7 @@ SECOND_MASTER, SECOND_SLAVES = "ecat1", "slaves1"
 def simulate(
     robot: str | None,
     variant: str | None,
+    section: Path | None,
     generic: int | None,
     interface: str | None,
     *,
@@ -41,8 +48,8 @@ def simulate(
     By default on a virtual cable in a network namespace of its own; a master opens the interface
     "ecat0" there. Reads faults from the standard input, one per line: "help" lists them.
     """
-    if (robot is None) == (generic is None):
-        raise click.UsageError("give either --robot or --generic")
+    if [robot, section, generic].count(None) != 2:
+        raise click.UsageError("give one of --robot, --section and --generic")
     if interface is not None and redundant:
         raise click.UsageError("--redundant is for virtual cables only")
     try:
@@ -51,7 +58,10 @@ def simulate(
         from robotd_ethercat.bus_namespace import missing_rights
 
         raise click.ClickException(missing_rights() or str(error)) from error
-    name, line, priority = _line(robot, variant, generic, redundant=redundant)
+    if generic is not None:
+        name, line, priority = _generic(generic, redundant=redundant)
+    else:
+        name, line, priority = _robot(robot, variant, section, redundant=redundant)
     from robotd.api import request_realtime
     from robotd_ethercat.simulated import Bus
 
@@ -83,19 +93,27 @@ def _prepare(interface: str | None, *, redundant: bool) -> tuple[str, Sequence[s
     return f"{place} of /proc/{os.getpid()}/ns/net", ends
 
 
-def _line(
-    robot: str | None, variant: str | None, generic: int | None, *, redundant: bool
-) -> tuple[str, Line, int]:
+def _generic(count: int, *, redundant: bool) -> tuple[str, Line, int]:
     """Return name, slaves and real-time priority."""
     import time
 
     from robotd_ethercat.simulated import GenericSlave, Line
 
-    if generic is not None:
-        now_ns = time.monotonic_ns()
-        slaves = [GenericSlave(now_ns) for _ in range(generic)]
-        return "generic", Line(slaves, redundant=redundant), 0
-    raise click.UsageError("--robot is not available yet; use --generic")
+    now_ns = time.monotonic_ns()
+    return "generic", Line([GenericSlave(now_ns) for _ in range(count)], redundant=redundant), 0
+
+
+def _robot(
+    robot: str | None, variant: str | None, path: Path | None, *, redundant: bool
+) -> tuple[str, Line, int]:
+    """Return name, slaves and real-time priority."""
+    from robotd_ethercat.simulated_robot import SimulatedSection, simulated_line
+
+    if path is not None:
+        section = SimulatedSection.read(path)
+    else:
+        section = SimulatedSection.load(robot or "", variant)
+    return section.name, simulated_line(section, redundant=redundant), section.priority
 
 
 def _read_commands(bus: Bus, exit_on_eof: bool) -> None:

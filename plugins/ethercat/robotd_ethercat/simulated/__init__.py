@@ -1,12 +1,27 @@
 """Simulated EtherCAT slaves: slave controllers with CoE, process data and distributed clocks.
 
-Independent of the backend: written from the public descriptions of ETG.1000 and CiA 402.
+Independent of the backend: written the public descriptions of ETG.1000 and CiA 402.
 """
 
 from robotd_ethercat.simulated.bus import Bus
-from robotd_ethercat.simulated.generic_slave import GenericSlave
+from robotd_ethercat.simulated.generic_slave import GENERIC, VENDOR, GenericSlave
+from robotd_ethercat.simulated.io_module import IoModule
 from robotd_ethercat.simulated.line import Line, Port
+from robotd_ethercat.simulated.motion_clock import MotionClock
+from robotd_ethercat.simulated.servo_drive import ServoDrive
 from robotd_ethercat.simulated.sii import Identity
 from robotd_ethercat.simulated.slave import Slave
 
-__all__ = ["Bus", "GenericSlave", "Identity", "Line", "Port", "Slave"]
+__all__ = [
+    "GENERIC",
+    "VENDOR",
+    "Bus",
+    "GenericSlave",
+    "Identity",
+    "IoModule",
+    "Line",
+    "MotionClock",
+    "Port",
+    "ServoDrive",
+    "Slave",
+]

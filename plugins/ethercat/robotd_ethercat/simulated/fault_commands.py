@@ -24,7 +24,15 @@ SLAVE emcy CODE                   sends an emergency
 SLAVE drift PPM                   rate error of its clock
 SLAVE sync0 off | on              stops SYNC0
 SLAVE state                       answers AL state and AL status code
-SLAVE heal | all heal             ends the faults of cable, mailbox, objects and clock"""
+SLAVE trip [CODE]                 drive: fault, such as 0x3210 (over-voltage)
+SLAVE statusword WORD             drive: shows WORD whatever its state
+SLAVE block                       drive: the motor does not move
+SLAVE push ANGLE [AXIS]           drive: turns the motor by ANGLE rad (or m), with the servo off
+SLAVE press BIT 0|1 [AXIS]        drive: switch, bit of object 0x60FD
+SLAVE position | torque [AXIS]    drive: answers rad (or m), N·m (or N)
+SLAVE input BYTE BIT 0|1          I/O module: an input changes
+SLAVE output BYTE BIT             I/O module: answers an output, 0 or 1
+SLAVE heal | all heal             ends faults of power, cable, mailbox, objects, clock, motor"""
 
 
 @dataclass

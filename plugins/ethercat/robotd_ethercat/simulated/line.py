@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from random import Random
 
 from robotd_ethercat.simulated import registers as reg
 from robotd_ethercat.simulated.datagrams import DatagramProcessor
+from robotd_ethercat.simulated.motion_clock import MotionClock
 from robotd_ethercat.simulated.slave import Slave
 from robotd_ethercat.simulated.slave_controller import SlaveController
 
@@ -46,7 +47,7 @@ class Line:
     Args:
         slaves: in bus order, from the master's primary port.
         redundant: a second port of the master is connected behind the last slave.
-        before_outputs: called with the time before drives act on outputs, to advance motors.
+        motion: time of the motors; None without drives.
 
     Attributes:
         cables: one before each slave, and one to the secondary port.
@@ -57,12 +58,12 @@ class Line:
         slaves: Sequence[Slave],
         *,
         redundant: bool = False,
-        before_outputs: Callable[[int], float] | None = None,
+        motion: MotionClock | None = None,
     ) -> None:
         self.slaves = list(slaves)
         self.cables = [Cable() for _ in range(len(self.slaves) + 1)]
         self.cables[-1].cut = not redundant
-        self._before_outputs = before_outputs
+        self._motion = motion
         self._processor = DatagramProcessor()
         self._random = Random(1)  # noqa: S311 - repeatable, no secret
         self._serviced_ns: int | None = None
@@ -99,7 +100,8 @@ class Line:
         if slave.powered is not on:
             if on:
                 slave.power_on(now_ns)
-            slave.powered = on
+            else:
+                slave.power_off()
             self.update()
 
     def forward(self, length: int, now_ns: int, port: Port = Port.PRIMARY) -> Port | None:
@@ -133,10 +135,11 @@ class Line:
         cyclic = [slave for slave in active if slave.controller.output_event]
         if not cyclic:
             return
-        before = self._before_outputs
-        period_s = _PERIOD_S if before is None else before(now_ns)
-        for slave in cyclic:
+        motion = self._motion
+        period_s = _PERIOD_S if motion is None else motion.outputs(now_ns)
+        for slave in active:
             slave.update_inputs(period_s)
+        for slave in cyclic:
             if slave.take_outputs(now_ns):
                 slave.process_outputs(period_s)
             slave.put_inputs()
@@ -146,9 +149,13 @@ class Line:
         before_ns, self._serviced_ns = self._serviced_ns, now_ns
         elapsed_ns = 0 if before_ns is None else now_ns - before_ns
         paused_ns = elapsed_ns if elapsed_ns > _PAUSE_NS else 0
+        idle = self._motion is not None and self._motion.is_idle(now_ns)
         for slave in self.slaves:
             if slave.powered:
                 slave.tick(now_ns, paused_ns)
+                if idle:
+                    slave.update_inputs(elapsed_ns * 1e-9)
+                    slave.put_inputs()
 
     def _powered(self, number: int) -> bool:
         return not 0 <= number < len(self.slaves) or self.slaves[number].powered

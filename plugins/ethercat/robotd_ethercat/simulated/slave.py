@@ -19,6 +19,7 @@ from robotd_ethercat.simulated.standard_objects import ERROR_SETTINGS, standard_
 from robotd_ethercat.simulated.sync_supervision import SyncSupervision
 
 MAILBOX_BYTES = 256
+Command = Callable[[list[str]], str | None]
 _COE_SDO, _COE_INFORMATION = 2, 8
 _EMERGENCY = (1 << 12).to_bytes(2, "little")
 _OUT, _IN = 2, 3  # SyncManagers of the process data
@@ -74,6 +75,10 @@ class Slave:
         self._memory = memoryview(self.controller.memory)
         for number in (_OUT, _IN):
             self.controller.deactivate(number, inactive=True)
+
+    def power_off(self) -> None:
+        """Lose the supply: the slave is not on the bus any more."""
+        self.powered = False
 
     @property
     def needs_outputs(self) -> bool:
@@ -155,7 +160,7 @@ class Slave:
             self._supervision.begin(self.controller.watchdog_ns)
 
     @property
-    def commands(self) -> dict[str, Callable[[list[str]], str | None]]:
+    def commands(self) -> dict[str, Command]:
         """Fault commands of this device, by name; see ``fault_commands``."""
         return {}
 

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 
+from robotd_cia402.simulated import DriveFaults
+
 Key = tuple[int, int | None]
 
 
 @dataclass
-class SlaveFaults:
-    """Faults in force for the application of one slave; the defaults are a healthy one.
+class SlaveFaults(DriveFaults):
+    """Faults of objects and, in a drive, of its motion; the defaults are a healthy slave.
 
     Attributes:
-        statusword: shown by a drive instead of the real one; None: the real one.
-        blocked: the motor does not move.
         aborts: object → abort code of every access; subindex None means all.
         unanswered: objects of which SDO requests get no response.
     """
 
-    statusword: int | None = None
-    blocked: bool = False
     aborts: dict[Key, int] = field(default_factory=dict)
     unanswered: set[Key] = field(default_factory=set)
 
