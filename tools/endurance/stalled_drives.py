@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.canopen.drives_process import PORT, write_robot
+from tools.endurance.stalled_robot import MotorRecorder
 
 from robotd.api import load_robot_descriptor, validate_section
 from robotd_canopen.options import CanopenOptions
 from robotd_canopen.simulated_robot import simulated_network
-from robotd_servo_model.world import World
 
 RATE_HZ = 250
 RECEIVE_BUFFER = 4_000_000  # bytes
@@ -26,8 +26,8 @@ def lost_frames() -> int:
 
 
 @contextmanager
-def drives(folder: Path) -> Iterator[tuple[str, World]]:
-    """A CR3A's drives on UDP multicast; the robot file for them, and the motors' time."""
+def drives(folder: Path) -> Iterator[tuple[str, MotorRecorder]]:
+    """A CR3A's drives on UDP multicast; the robot file for them, and a recorder of the motors."""
     robot_file = str(write_robot(folder, rate_hz=RATE_HZ))
     robot = load_robot_descriptor(robot_file)
     options = validate_section(robot, "backends.canopen", CanopenOptions)
@@ -35,4 +35,9 @@ def drives(folder: Path) -> Iterator[tuple[str, World]]:
         # On a loaded computer this process stalls, too. No frame may be lost by that.
         bus_socket = network._bus._multicast._socket  # type: ignore[attr-defined]
         bus_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        yield robot_file, network._machine._world
+        motors = network._machine
+        # Their clock counts SYNCs: it gets ahead where one in time follows a late one.
+        yield (
+            robot_file,
+            MotorRecorder(motors._world, lambda: motors._timing.time_ns - motors._clock.now_ns()),
+        )

@@ -32,21 +32,25 @@ WAIT_S = 30.0  # for a path that waits for its device
 class MotorRecorder:
     """Motor positions of every tick of a simulated servo, apart from any control loop.
 
+    Args:
+        world: time and motors of the device.
+        ahead_ns: monotonic time minus the device's time.
+
     Attributes:
-        times_ns: device time of each tick.
+        times_ns: monotonic time of each tick.
         positions, commands: (n_axes,) each.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, ahead_ns: Callable[[], int] = lambda: 0) -> None:
         self.times_ns: list[int] = []
         self.positions: list[FloatArray] = []
         self.commands: list[FloatArray] = []
-        self._world, self._run = world, world.servo.run
+        self._world, self._run, self._ahead_ns = world, world.servo.run, ahead_ns
         world.servo.run = self._record  # type: ignore[method-assign]
 
     def _record(self, tick: int, stop: int, check: Callable[[], bool] | None) -> tuple[int, bool]:
         servo: Servo = self._world.servo
-        origin_ns = self._world.now_ns - tick * round(servo.tick_s * 1e9)
+        origin_ns = self._world.now_ns - tick * round(servo.tick_s * 1e9) + self._ahead_ns()
         for now in range(tick + 1, stop + 1):
             _, seen = self._run(now - 1, now, check)
             self.times_ns.append(origin_ns + now * round(servo.tick_s * 1e9))

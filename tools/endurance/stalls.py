@@ -21,7 +21,7 @@ from pathlib import Path
 import click
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from tools.endurance.stalled_robot import SWING_RAD, MotorRecorder
+from tools.endurance.stalled_robot import SWING_RAD
 
 from robotd.arrays import FloatArray
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
@@ -210,8 +210,8 @@ def run(
         if backend == "canopen":
             from tools.endurance.stalled_drives import drives
 
-            robot_file, world = stack.enter_context(drives(Path(folder)))
-            motors = MotorRecorder(world).arrays
+            robot_file, recorder = stack.enter_context(drives(Path(folder)))
+            motors = recorder.arrays
         elif backend == "wmx":
             from tools.endurance.stalled_engine import engine
 

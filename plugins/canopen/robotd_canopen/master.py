@@ -114,8 +114,7 @@ class Master:
         if self._cycles % self.layout.cycles_per_sync == 0:
             if not self._transmitted:
                 self._transmit()
-            self.sync.note_start(self.clock.now_ns())
-            self.sync.send(now_ns)
+            self._send_sync()
             self.feedback.syncs = self.sync.count
             self._transmitted = False
         self._watch(now_ns)
@@ -162,6 +161,11 @@ class Master:
             if axis.node.online:
                 axis.transmit(self.layout.sync_period_s, self.sync.periods)
                 axis.rpdos.send(self.bus)
+
+    def _send_sync(self) -> None:
+        """Send SYNC; the process may have been stopped since the period began."""
+        self.clock.sleep_until_ns(self.sync.clear_ns(self.clock.now_ns()))
+        self.sync.send(self.clock.now_ns())
 
     def _date(self, image: ProcessImage) -> None:
         """Set the time of the image to the latest SYNC that all drives have answered.

@@ -25,14 +25,11 @@ class SyncProducer:
         periods: whole periods from the SYNC before to the last one: above 1 if some were skipped, 0
             for one close behind a late one.
         jitter_ns: largest deviation of the distance of two SYNCs from the period.
-        after_rest: the last SYNC came so late that the drives had come to rest before it.
     """
 
     def __init__(self, bus: Bus, period_s: float, heartbeat_s: float, master_node: int) -> None:
         self.count = self.before_ns = self.jitter_ns = 0
         self.periods = 1
-        self.after_rest = False
-        self._start_ns = 0
         self._bus = bus
         self._timing = SyncTiming(round(period_s * NANOSECONDS))
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
@@ -41,21 +38,24 @@ class SyncProducer:
         self._heartbeat_frame = Frame(_HEARTBEAT + master_node, bytes([NmtState.OPERATIONAL]))
 
     @property
+    def after_rest(self) -> bool:
+        """The last SYNC came so late that the drives had come to rest before it."""
+        return self.periods >= HOLD_PERIODS
+
+    @property
     def time_ns(self) -> int:
         return self._timing.time_ns
 
     def begin(self) -> None:
         """Worker: communication starts; do not count the pause before as jitter."""
-        self._sent_ns = self._start_ns = 0
+        self._sent_ns = 0
 
-    def note_start(self, now_ns: int) -> None:
-        """Note the time right before ``send``: the process may have been stopped before it."""
-        elapsed_ns = now_ns - (self._start_ns or now_ns)
-        self.after_rest = elapsed_ns > HOLD_PERIODS * self._timing.period_ns
-        self._start_ns = now_ns
+    def clear_ns(self, now_ns: int) -> int:
+        """Return the earliest time for a SYNC that the drives count as ``periods`` will."""
+        return self._timing.clear_ns(now_ns)
 
     def send(self, now_ns: int) -> None:
-        """Send SYNC, and the heartbeat if it is due."""
+        """Send SYNC, and the heartbeat if it is due; ``now_ns`` is the time of the call."""
         self._bus.send(self._sync_frame)
         self._note(now_ns)
         if now_ns >= self._heartbeat_due_ns:

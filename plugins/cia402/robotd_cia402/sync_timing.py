@@ -4,6 +4,9 @@ from __future__ import annotations
 
 _EARLY = 2  # half a period before the next nominal time it is an event of its own
 _EASE = 256  # events over which the nominal times adapt to events that are all late
+_CLEAR = (
+    10  # a tenth of a period before and after its end sender and receiver may count differently
+)
 
 
 class SyncTiming:
@@ -22,6 +25,23 @@ class SyncTiming:
     def begin(self, now_ns: int = 0) -> None:
         """Restart at ``now_ns``; 0: at the next event."""
         self.time_ns = now_ns
+
+    def clear_ns(self, now_ns: int) -> int:
+        """Return the earliest time from ``now_ns`` on at which missed events are counted alike.
+
+        An event that comes when about two periods or more have passed counts for one more or one
+        less, as early or late as the receiver sees it. A tenth of a period further on it is clear.
+        """
+        elapsed_ns, period_ns = now_ns - self.time_ns, self.period_ns
+        margin_ns = period_ns // _CLEAR
+        past_end_ns = (elapsed_ns + margin_ns) % period_ns  # 0: a margin before the end
+        if (
+            not self.time_ns
+            or elapsed_ns < 2 * period_ns - margin_ns
+            or past_end_ns >= 2 * margin_ns
+        ):
+            return now_ns
+        return now_ns + 2 * margin_ns - past_end_ns
 
     def note_event(self, now_ns: int) -> int:
         """Record an event; return the periods passed since the previous one, 1 at first."""

@@ -22,7 +22,7 @@ class Harness:
         self.clock = FakeClock()
         robot = RobotDescriptor.model_validate({"schema": 1, "name": "test", "axes": 2})
         self.master = Master(robot, plan(options()), self.clock)
-        self.stopped_before_sync = self.stopped_after_sync = False
+        self.before_sync_s = self.after_sync_s = 0.0  # for which the process is stopped
         self.master.bus.send = self._send  # type: ignore[method-assign]
         self.due_ns = self.clock.now_ns()
 
@@ -33,13 +33,9 @@ class Harness:
         """One period from its nominal time on, as the control loop runs it."""
         self.clock.sleep_until_ns(self.due_ns)
         self.due_ns += PERIOD_NS
-        now_ns = self.clock.now_ns()
-        if self.stopped_before_sync:
-            self.clock.advance(STOPPED_S)
-        self.master.sync.note_start(self.clock.now_ns())
-        self.master.sync.send(now_ns)
-        if self.stopped_after_sync:
-            self.clock.advance(STOPPED_S)
+        self.clock.advance(self.before_sync_s)
+        self.master._send_sync()
+        self.clock.advance(self.after_sync_s)
         self.master.stream([0.0, 0.0], [0.0, 0.0], self.due_ns)
 
 
@@ -52,14 +48,33 @@ def harness() -> Harness:
 
 
 def test_a_setpoint_after_a_sync_that_was_late_is_rejected(harness: Harness) -> None:
-    harness.stopped_before_sync = True
+    harness.before_sync_s = STOPPED_S
     with pytest.raises(LateSetpoint):
         harness.period()
 
 
+def test_the_drives_count_from_the_nominal_time_of_the_sync_before(harness: Harness) -> None:
+    """It was sent 1.5 ms late, so that less than two periods lie between the two."""
+    harness.before_sync_s = 0.0015
+    harness.period()
+    harness.before_sync_s = 0.0052
+    with pytest.raises(LateSetpoint):
+        harness.period()
+
+
+def test_a_sync_at_the_end_of_a_missed_period_waits_until_its_count_is_clear(
+    harness: Harness,
+) -> None:
+    harness.before_sync_s = 0.9999 * PERIOD_NS * 1e-9
+    with pytest.raises(LateSetpoint):
+        harness.period()
+    assert harness.master.sync.periods == 2
+    assert harness.clock.now_ns() - harness.due_ns == pytest.approx(0.1 * PERIOD_NS, abs=1000)
+
+
 def test_a_setpoint_that_is_late_after_its_sync_is_sent(harness: Harness) -> None:
     """The drives have gone on to where it is."""
-    harness.stopped_after_sync = True
+    harness.after_sync_s = STOPPED_S
     harness.period()
 
 

@@ -7,6 +7,7 @@ from typing import cast
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from robotd_canopen.sync_timing import SyncTiming
 
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
@@ -53,6 +54,26 @@ def test_syncs_that_were_left_out_count_as_periods(periods: int) -> None:
     sync.send(START_NS)
     sync.send(START_NS + periods * PERIOD_NS + 100)
     assert (sync.periods, sync.time_ns) == (periods, START_NS + periods * PERIOD_NS)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 5), st.integers(0, PERIOD_NS // 2)), max_size=50),
+    st.data(),
+)
+def test_drives_count_the_periods_as_the_producer_does(
+    stalls: list[tuple[int, int]], data: st.DataObject
+) -> None:
+    """They see each SYNC a little later, so that periods end earlier or later for them."""
+    sync, drive = producer(), SyncTiming(PERIOD_NS)
+    sync.send(START_NS)
+    drive.note_event(START_NS + 20_000)
+    begin_ns = START_NS
+    for missed, late_ns in stalls:
+        begin_ns += (1 + missed) * PERIOD_NS
+        sent_ns = sync.clear_ns(begin_ns + late_ns)
+        sync.send(sent_ns)
+        latency_ns = data.draw(st.integers(20_000, 150_000))
+        assert drive.note_event(sent_ns + latency_ns) == sync.periods
 
 
 def test_a_sync_close_behind_a_late_one_is_none_of_its_own() -> None:

@@ -49,6 +49,7 @@ class Motors:
         self.servo = Servo(_mechanics(axes), TICK_S)
         self._clock = DriveClock(now_ns)
         self._timing = SyncTiming(round(TICK_S * NANOSECONDS), now_ns)
+        self._runs_free = True
         self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
         self._velocity, self._torque = self.servo.measure()
@@ -57,13 +58,21 @@ class Motors:
             self._follow(axis, Segment(0.0, position, 0.0, 0.0))
 
     def synchronise(self, now_ns: int, period_s: float) -> None:
-        """Advance by a SYNC at ``now_ns``: one period, more if SYNCs were lost, or none."""
+        """Advance by a SYNC at ``now_ns``: one period, more if SYNCs were lost, or none.
+
+        The first one after a time without SYNC ends that time, and begins the grid anew.
+        """
         self._timing.period_ns = round(period_s * NANOSECONDS)
-        self._advance(self._timing.note_event(now_ns) * self._timing.period_ns)
+        if self._runs_free:
+            self.free_run(now_ns)
+            self._runs_free = False
+        else:
+            self._advance(self._timing.note_event(now_ns) * self._timing.period_ns)
 
     def free_run(self, now_ns: int) -> None:
         """Advance to ``now_ns`` without SYNC."""
         elapsed_ns = now_ns - self._timing.time_ns
+        self._runs_free = True
         self._timing.begin(now_ns)
         self._advance(elapsed_ns)
 
