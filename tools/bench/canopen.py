@@ -168,9 +168,9 @@ def times_of_syncs(sync: SyncProducer) -> list[int]:
     times: list[int] = []
     send = sync.send
 
-    def noted(now_ns: int) -> None:
+    def noted() -> None:
         times.append(time.monotonic_ns())
-        send(now_ns)
+        send()
 
     sync.send = noted  # type: ignore[method-assign]
     return times

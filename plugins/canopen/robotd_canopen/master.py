@@ -43,7 +43,9 @@ class Master:
         self.emergencies = EmergencyLog()
         period_s = self.layout.sync_period_s
         self.feedback = Feedback(self.layout.axes, period_s, robot.engine.stale_after_s)
-        self.sync = SyncProducer(self.bus, period_s, options.heartbeat_s, options.master_node)
+        self.sync = SyncProducer(
+            self.bus, clock, period_s, options.heartbeat_s, options.master_node
+        )
         self.nodes: dict[int, Node] = {}
         self.axes = self._make_axes(robot)
         self.io = IoImage(self.bus, self.layout.io)
@@ -114,7 +116,7 @@ class Master:
         if self._cycles % self.layout.cycles_per_sync == 0:
             if not self._transmitted:
                 self._transmit()
-            self._send_sync()
+            self.sync.send()
             self.feedback.syncs = self.sync.count
             self._transmitted = False
         self._watch(now_ns)
@@ -161,11 +163,6 @@ class Master:
             if axis.node.online:
                 axis.transmit(self.layout.sync_period_s, self.sync.periods)
                 axis.rpdos.send(self.bus)
-
-    def _send_sync(self) -> None:
-        """Send SYNC; the process may have been stopped since the period began."""
-        self.clock.sleep_until_ns(self.sync.clear_ns(self.clock.now_ns()))
-        self.sync.send(self.clock.now_ns())
 
     def _date(self, image: ProcessImage) -> None:
         """Set the time of the image to the latest SYNC that all drives have answered.

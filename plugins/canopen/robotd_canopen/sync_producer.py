@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.api import NANOSECONDS
+from robotd.api import NANOSECONDS, Clock
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.nmt import NmtState
@@ -27,10 +27,12 @@ class SyncProducer:
         jitter_ns: largest deviation of the distance of two SYNCs from the period.
     """
 
-    def __init__(self, bus: Bus, period_s: float, heartbeat_s: float, master_node: int) -> None:
+    def __init__(
+        self, bus: Bus, clock: Clock, period_s: float, heartbeat_s: float, master_node: int
+    ) -> None:
         self.count = self.before_ns = self.jitter_ns = 0
         self.periods = 1
-        self._bus = bus
+        self._bus, self._clock = bus, clock
         self._timing = SyncTiming(round(period_s * NANOSECONDS))
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
         self._heartbeat_due_ns = self._sent_ns = 0
@@ -50,12 +52,15 @@ class SyncProducer:
         """Worker: communication starts; do not count the pause before as jitter."""
         self._sent_ns = 0
 
-    def clear_ns(self, now_ns: int) -> int:
-        """Return the earliest time for a SYNC that the drives count as ``periods`` will."""
-        return self._timing.clear_ns(now_ns)
+    def send(self) -> None:
+        """Send SYNC, and the heartbeat if it is due.
 
-    def send(self, now_ns: int) -> None:
-        """Send SYNC, and the heartbeat if it is due; ``now_ns`` is the time of the call."""
+        A process may be stopped before the kernel has the frame, or right after. The time is taken
+        before: the drives then count for moving, because a setpoint that drives at rest execute is
+        better than one withheld from drives that move, which would go back to the one before.
+        """
+        self._clock.sleep_until_ns(self._timing.clear_ns(self._clock.now_ns()))
+        now_ns = self._clock.now_ns()
         self._bus.send(self._sync_frame)
         self._note(now_ns)
         if now_ns >= self._heartbeat_due_ns:

@@ -22,11 +22,15 @@ class Harness:
         self.clock = FakeClock()
         robot = RobotDescriptor.model_validate({"schema": 1, "name": "test", "axes": 2})
         self.master = Master(robot, plan(options()), self.clock)
-        self.before_sync_s = self.after_sync_s = 0.0  # for which the process is stopped
+        self.before_sync_s = self.in_send_s = self.after_sync_s = (
+            0.0  # for which the process is stopped
+        )
         self.master.bus.send = self._send  # type: ignore[method-assign]
         self.due_ns = self.clock.now_ns()
 
     def _send(self, frame: Frame) -> bool:
+        self.clock.advance(self.in_send_s)
+        self.in_send_s = 0.0
         return True
 
     def period(self) -> None:
@@ -34,7 +38,7 @@ class Harness:
         self.clock.sleep_until_ns(self.due_ns)
         self.due_ns += PERIOD_NS
         self.clock.advance(self.before_sync_s)
-        self.master._send_sync()
+        self.master.sync.send()
         self.clock.advance(self.after_sync_s)
         self.master.stream([0.0, 0.0], [0.0, 0.0], self.due_ns)
 
@@ -51,6 +55,12 @@ def test_a_setpoint_after_a_sync_that_was_late_is_rejected(harness: Harness) -> 
     harness.before_sync_s = STOPPED_S
     with pytest.raises(LateSetpoint):
         harness.period()
+
+
+def test_a_stop_while_sync_is_sent_counts_as_one_after_it(harness: Harness) -> None:
+    """The frame may have left: without the setpoint the drives would go back."""
+    harness.in_send_s = STOPPED_S
+    harness.period()
 
 
 def test_the_drives_count_from_the_nominal_time_of_the_sync_before(harness: Harness) -> None:

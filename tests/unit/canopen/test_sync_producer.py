@@ -7,14 +7,17 @@ from typing import cast
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from robotd_canopen.sync_timing import SyncTiming
 
+from robotd.clock import FakeClock
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.sync_producer import SyncProducer
+from robotd_cia402.sync_timing import SyncTiming
 
 PERIOD_NS = 4_000_000
 START_NS = 10**12
+LATE_NS = 500_000  # late enough to be sent at once after missed periods
+EASED_NS = LATE_NS // 256  # by so much a late SYNC moves the grid
 
 
 class Wire:
@@ -31,18 +34,28 @@ class Wire:
         pass
 
 
-def producer(wire: Wire | None = None) -> SyncProducer:
-    return SyncProducer(cast(Bus, wire or Wire()), PERIOD_NS * 1e-9, 0.1, 127)
+class Producer(SyncProducer):
+    """A producer that sends at given times."""
+
+    def __init__(self, wire: Wire | None = None) -> None:
+        self.clock = FakeClock(START_NS)
+        super().__init__(cast(Bus, wire or Wire()), self.clock, PERIOD_NS * 1e-9, 0.1, 127)
+
+    def send_at(self, time_ns: int) -> int:
+        """Send SYNC at ``time_ns`` or, where that is not clear, later; return the time."""
+        self.clock.sleep_until_ns(time_ns)
+        self.send()
+        return self.clock.now_ns()
 
 
-@given(st.lists(st.integers(0, PERIOD_NS - 1), min_size=1, max_size=50))
+@given(st.lists(st.integers(0, PERIOD_NS * 9 // 10 - 1), min_size=1, max_size=50))
 def test_late_syncs_do_not_bend_the_grid(late_ns: list[int]) -> None:
-    sync = producer()
-    sync.send(START_NS)  # one that is not late at all
+    sync = Producer()
+    sync.send_at(START_NS)  # one that is not late at all
     total_late_ns = 0
     for number, late in enumerate(late_ns, 1):
         nominal_ns = START_NS + number * PERIOD_NS
-        sync.send(nominal_ns + late)
+        sync.send_at(nominal_ns + late)
         total_late_ns += late
         assert 0 <= sync.time_ns - nominal_ns <= total_late_ns / 256  # by so much each eases it
         assert sync.periods == 1
@@ -50,10 +63,11 @@ def test_late_syncs_do_not_bend_the_grid(late_ns: list[int]) -> None:
 
 @given(st.integers(1, 20))
 def test_syncs_that_were_left_out_count_as_periods(periods: int) -> None:
-    sync = producer()
-    sync.send(START_NS)
-    sync.send(START_NS + periods * PERIOD_NS + 100)
-    assert (sync.periods, sync.time_ns) == (periods, START_NS + periods * PERIOD_NS)
+    sync = Producer()
+    sync.send_at(START_NS)
+    sync.send_at(START_NS + periods * PERIOD_NS + LATE_NS)
+    assert sync.periods == periods
+    assert sync.time_ns == pytest.approx(START_NS + periods * PERIOD_NS, abs=EASED_NS)
 
 
 @given(
@@ -64,59 +78,59 @@ def test_drives_count_the_periods_as_the_producer_does(
     stalls: list[tuple[int, int]], data: st.DataObject
 ) -> None:
     """They see each SYNC a little later, so that periods end earlier or later for them."""
-    sync, drive = producer(), SyncTiming(PERIOD_NS)
-    sync.send(START_NS)
+    sync, drive = Producer(), SyncTiming(PERIOD_NS)
+    sync.send_at(START_NS)
     drive.note_event(START_NS + 20_000)
     begin_ns = START_NS
     for missed, late_ns in stalls:
         begin_ns += (1 + missed) * PERIOD_NS
-        sent_ns = sync.clear_ns(begin_ns + late_ns)
-        sync.send(sent_ns)
+        sent_ns = sync.send_at(begin_ns + late_ns)
         latency_ns = data.draw(st.integers(20_000, 150_000))
         assert drive.note_event(sent_ns + latency_ns) == sync.periods
 
 
 def test_a_sync_close_behind_a_late_one_is_none_of_its_own() -> None:
-    sync = producer()
-    sync.send(START_NS)
-    sync.send(START_NS + 2 * PERIOD_NS + 100)
+    sync = Producer()
+    sync.send_at(START_NS)
+    sync.send_at(START_NS + 2 * PERIOD_NS + LATE_NS)
     assert sync.periods == 2
-    sync.send(START_NS + 2 * PERIOD_NS + 600_000)
-    assert (sync.periods, sync.time_ns) == (0, START_NS + 2 * PERIOD_NS)
-    sync.send(START_NS + 3 * PERIOD_NS)
+    sync.send_at(START_NS + 2 * PERIOD_NS + LATE_NS + 100_000)
+    assert sync.periods == 0
+    assert sync.time_ns == pytest.approx(START_NS + 2 * PERIOD_NS, abs=EASED_NS)
+    sync.send_at(START_NS + 3 * PERIOD_NS)
     assert (sync.periods, sync.time_ns) == (1, START_NS + 3 * PERIOD_NS)
 
 
 def test_a_grid_that_began_late_comes_to_those_that_follow() -> None:
-    sync = producer()
-    sync.send(START_NS + 5 * PERIOD_NS // 8)
+    sync = Producer()
+    sync.send_at(START_NS + 5 * PERIOD_NS // 8)
     for number in range(1, 2000):
-        sync.send(START_NS + number * PERIOD_NS)
+        sync.send_at(START_NS + number * PERIOD_NS)
     assert sync.time_ns == pytest.approx(START_NS + 1999 * PERIOD_NS, abs=2000)
 
 
 def test_an_earlier_sync_moves_a_grid_that_began_late() -> None:
-    sync = producer()
-    sync.send(START_NS + 900_000)
-    sync.send(START_NS + PERIOD_NS)
+    sync = Producer()
+    sync.send_at(START_NS + 900_000)
+    sync.send_at(START_NS + PERIOD_NS)
     assert (sync.periods, sync.time_ns) == (1, START_NS + PERIOD_NS)
     assert sync.jitter_ns == 900_000
 
 
 def test_a_pause_of_communication_is_no_jitter() -> None:
-    sync = producer()
-    sync.send(START_NS)
+    sync = Producer()
+    sync.send_at(START_NS)
     sync.begin()
-    sync.send(START_NS + 1000 * PERIOD_NS)
-    sync.send(START_NS + 1001 * PERIOD_NS)
+    sync.send_at(START_NS + 1000 * PERIOD_NS + LATE_NS)
+    sync.send_at(START_NS + 1001 * PERIOD_NS + LATE_NS)
     assert sync.jitter_ns == 0
-    assert sync.before_ns == START_NS + 1000 * PERIOD_NS
+    assert sync.before_ns == pytest.approx(START_NS + 1000 * PERIOD_NS, abs=EASED_NS)
 
 
 def test_the_heartbeat_goes_out_when_it_is_due() -> None:
     wire = Wire()
-    sync = producer(wire)
+    sync = Producer(wire)
     for number in range(51):
-        sync.send(START_NS + number * PERIOD_NS)
+        sync.send_at(START_NS + number * PERIOD_NS)
     beats = [each for each in wire.sent if each.arbitration_id == 0x700 + 127]
     assert [bytes(each.data) for each in beats] == [b"\x05"] * 3
