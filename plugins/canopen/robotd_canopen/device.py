@@ -13,7 +13,6 @@ from robotd.api import (
     RobotdError,
     RobotDescriptor,
     get_logger,
-    wait_until,
 )
 from robotd_canopen.bus import Bus
 from robotd_canopen.master import Master
@@ -21,11 +20,11 @@ from robotd_canopen.nmt import NmtCommand
 from robotd_canopen.node import Node
 from robotd_canopen.simulated import SimulatedNetwork
 from robotd_canopen.simulated_robot import simulated_network
-from robotd_cia402.commands import Commands
+from robotd_cia402.switch_off import switch_off
 
 log = get_logger("canopen")
 
-_IDLE_S = 0.5  # for a stop and for servos, while the control loop may not be running
+_IDLE_S = 0.5  # for a stop, while the control loop may not be running
 
 
 class CanopenDevice(DeviceDriver):
@@ -72,12 +71,7 @@ class CanopenDevice(DeviceDriver):
         master = self.master
         if master.state is ConnectionState.IDLE:
             return
-        live = [axis for axis in master.axes if axis.node.online and axis.report.powered]
-        for axis in live:
-            axis.brake(axis.options.stop_deceleration_rad_s2)
-        wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, master.clock)
-        for axis in live:
-            self._try(axis.node, partial(Commands(axis, master.clock).disable, _IDLE_S))
+        switch_off(master.axes, timeout_s, master.clock)
         online = [node for node in master.nodes.values() if node.online]
         master.end()  # stop supervision: missing heartbeats are expected now
         for node in online:

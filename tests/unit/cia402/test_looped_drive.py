@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import pytest
+from structlog.testing import capture_logs
 from tests.unit.cia402.looped_drive import SUPPORTED_MODES, LoopedDrive
 
 from robotd.api import CommandMode, DeviceTimeout, NotReady, Operation, OperationError, Profile
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.state_machine import DriveState
+from robotd_cia402.switch_off import switch_off
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
 
@@ -216,6 +218,23 @@ def test_torque_is_in_newton_metres_of_the_joint(on: LoopedDrive) -> None:
     on.run(1.0)
     assert on.image.torque[0] == pytest.approx(on.drive.torque, abs=0.1)
     assert not math.isnan(on.image.torque[0])
+
+
+def test_an_axis_in_motion_is_stopped_before_it_is_switched_off(on: LoopedDrive) -> None:
+    on.commands.move(2.0, FAST)
+    on.run(0.5)
+    switch_off([on.axis], 2.0, on.clock)
+    on.run(0.02)
+    assert not on.image.servo_on[0]
+    assert on.image.velocity[0] == pytest.approx(0.0, abs=0.01)
+    assert on.drive.position < 1.0
+
+
+def test_a_servo_that_stays_on_is_logged(on: LoopedDrive) -> None:
+    on.faults.statusword = 0x0637  # operation enabled, whatever happens
+    with capture_logs() as lines:
+        switch_off([on.axis], 1.0, on.clock)
+    assert "the servo did not go off within 0.5 s" in lines[-1]["reason"]
 
 
 def test_a_missing_mode_names_the_option() -> None:
