@@ -33,6 +33,7 @@ CAPABILITIES = frozenset(
         Capability.REGISTER_READ,
         Capability.STATISTICS,
         Capability.HOT_CONNECT,
+        Capability.OBJECTS,
         Capability.DEVICE_WATCHDOG,
         Capability.SIMULATED,
     }

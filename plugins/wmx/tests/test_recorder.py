@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from robotd.events import sent_by
-from robotd.observation.recorder import observed
+from robotd.observation.recorder import Recorder, observed
 from robotd.recording.recording_reader import read_recording
-from robotd.recording.recording_writer import FIELDBUS
+from robotd.recording.recording_writer import FIELDBUS, OUTPUTS
 from robotd.robot import Robot, build_robot
 from robots import descriptor, eventually, goal
 
@@ -18,6 +18,11 @@ def _live_output(robot: Robot) -> int:
     live = robot.io.live
     assert live is not None
     return int(live[1][0])
+
+
+def _recorded_outputs(recorder: Recorder) -> list[int]:
+    samples = recorder.tap.samples.since(0)[0]
+    return [data[0] for _, topic, data in samples if topic == OUTPUTS]
 
 
 def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> None:
@@ -31,6 +36,9 @@ def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> Non
             for level in (True, False):  # shorter than ten samples a second would show
                 robot.io.set_output_bit(0, 3, level)
                 eventually(lambda wanted=level: _live_output(robot) == 8 * wanted)
+            eventually(
+                lambda: _recorded_outputs(recorder)[-2:] == [8, 0]
+            )  # the tap's thread takes them
             recording = read_recording(recorder.flight.snapshot("test"))
         finally:
             robot.shutdown()
