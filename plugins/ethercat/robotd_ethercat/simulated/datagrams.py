@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from enum import IntEnum
 
 from robotd_ethercat.simulated.logical_access import LogicalAccess
+from robotd_ethercat.simulated.registers import DC_SYSTEM_TIME
 from robotd_ethercat.simulated.slave_controller import SlaveController
 
 ETHERTYPE = 0x88A4
@@ -39,12 +40,13 @@ class Command(IntEnum):
     FRMW = 14
 
 
-_READS = {c for c in Command if c.name.endswith(("RD", "RW"))}
-_WRITES = {c for c in Command if c.name.endswith(("WR", "RW"))}
-_LOGICAL = {Command.LRD, Command.LWR, Command.LRW}
-_POSITION = {Command.APRD, Command.APWR, Command.APRW, Command.ARMW}
-_BROADCAST = {Command.BRD, Command.BWR, Command.BRW}
-_MULTIPLE = {Command.ARMW, Command.FRMW}
+_READS = {int(c) for c in Command if c.name.endswith(("RD", "RW"))}
+_WRITES = {int(c) for c in Command if c.name.endswith(("WR", "RW"))}
+_LOGICAL = {int(c) for c in (Command.LRD, Command.LWR, Command.LRW)}
+_POSITION = {int(c) for c in (Command.APRD, Command.APWR, Command.APRW, Command.ARMW)}
+_BROADCAST = {int(c) for c in (Command.BRD, Command.BWR, Command.BRW)}
+_MULTIPLE = {int(c) for c in (Command.ARMW, Command.FRMW)}
+_TIME_SIZES = (4, 8)  # bytes of a distributed system time
 
 
 class DatagramProcessor:
@@ -128,6 +130,9 @@ def _read_multiple_write(
 ) -> int:
     """Read from the addressed slave; write what it read to the slaves behind."""
     if not reads:
+        if offset == DC_SYSTEM_TIME and len(data) in _TIME_SIZES:  # in every cycle
+            slave.clock.received = bytes(data), now_ns + slave.arrival_ns
+            return 1
         return int(slave.write(offset, bytes(data), now_ns))
     found = slave.read(offset, len(data), now_ns)
     if found is not None:

@@ -20,6 +20,7 @@ class DistributedClock:
     Attributes:
         drift: rate error, 1e-6 is 1 ppm; change it by ``set_drift``.
         difference_ns: last received system time minus its own; None: none was received.
+        received: last system time of the reference clock as it came, and its arrival.
         sync0: whether SYNC0 pulses come out, a fault if False while activated.
     """
 
@@ -30,7 +31,14 @@ class DistributedClock:
         self._correction = 0.0
         self._shift = 0.0
         self.difference_ns: int | None = None
+        self.received: tuple[bytes, int] | None = None
         self.sync0 = True
+
+    def settle(self) -> None:
+        """Compare the last received system time with the own one."""
+        if self.received is not None:
+            (data, arrival_ns), self.received = self.received, None
+            self.compare(int.from_bytes(data, "little"), 8 * len(data), arrival_ns)
 
     def set_drift(self, drift: float, now_ns: int) -> None:
         """Change the rate error; the time does not jump."""

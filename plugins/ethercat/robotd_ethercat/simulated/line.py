@@ -126,6 +126,7 @@ class Line:
         active = [slave for slave in self.slaves if slave.powered]
         for slave in active:
             controller = slave.controller
+            controller.clock.settle()
             if (
                 controller.mailbox_event
                 or controller.al_request is not None

@@ -15,6 +15,7 @@ _FEATURES = 0x000C  # distributed clocks, 64 bit wide
 _PORTS = 0x0F  # ports 0 and 1: MII, others not implemented
 _DC_AREA = range(reg.DC_SYSTEM_TIME, reg.DC_SYSTEM_TIME + 8)
 _CONFIGURATION = range(reg.FMMU, reg.SYNC_MANAGER + reg.SYNC_MANAGER_SIZE * reg.SYNC_MANAGER_COUNT)
+_TIME_SIZES = (4, 8)  # bytes of a distributed system time
 _ALIAS_ENABLED = 0x01  # bit 24 of the DL control register
 _LINKED, _OPEN_PORT = 0x10, 0x02
 
@@ -149,14 +150,12 @@ class SlaveController:
         end = min(address + len(data), reg.PROCESS_RAM)
         if 1 not in _WRITABLE[address:end]:
             return False
-        if address == reg.DC_SYSTEM_TIME and len(data) in (4, 8):  # every cycle
-            received = int.from_bytes(data, "little")
-            self.clock.compare(received, 8 * len(data), now_ns + self.arrival_ns)
-            return True
         for position in range(address, end):
             if _WRITABLE[position]:
                 self.memory[position] = data[position - address]
         self._act_on_registers(address, end)
+        if address == reg.DC_SYSTEM_TIME and len(data) in _TIME_SIZES:
+            self.clock.received = data, now_ns + self.arrival_ns
         if address <= reg.DC_RECEIVE_TIMES < end:
             self._latch(now_ns)
         return True
