@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from robotd.api import MonotonicClock, OperationError, RobotdError, wait_until
+from robotd_cia402.drive_scan import FoundAxis, read_axes, read_or_zero
 from robotd_cia402.modes import OperationMode
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, size_bytes
@@ -17,7 +18,6 @@ from robotd_ethercat.soem import Soem
 _DRIVE = 402  # device profile, the low half of object 0x1000
 _STATE_S = 3.0
 _SDO_S, _FRAME_S = 0.7, 0.05
-_MAX_AXES, _AXIS_STEP = 8, 0x800
 
 
 class SlaveAccess:
@@ -32,12 +32,9 @@ class SlaveAccess:
     def download(self, index: int, sub: int, data: bytes) -> None:
         self._bus.download(self._slave, index, sub, data)
 
-    def number(self, index: int, sub: int = 0) -> int:
-        """Return an object as an unsigned number; 0 where there is none."""
-        try:
-            return int.from_bytes(self.upload(index, sub), "little")
-        except RobotdError:
-            return 0
+    def unsigned(self, index: int, sub: int = 0) -> int:
+        """Return an object as an unsigned number. Raises OperationError, DeviceTimeout."""
+        return int.from_bytes(self.upload(index, sub), "little")
 
 
 @dataclass(frozen=True)
@@ -49,8 +46,7 @@ class FoundSlave:
         identity: vendor, product, revision, serial.
         state: AL state and code in words; "PreOp" where all is well.
         profile: of object 0x1000, 0 without a mailbox.
-        modes: supported modes of operation of each axis of a drive.
-        counts_per_turn: encoder counts of one turn behind the gear, per axis; None: not stated.
+        axes: of a drive.
         sizes: bytes of outputs and inputs, by the PDOs that are assigned now.
     """
 
@@ -60,8 +56,7 @@ class FoundSlave:
     alias: int
     state: str
     profile: int = 0
-    modes: tuple[tuple[OperationMode, ...], ...] = ()
-    counts_per_turn: tuple[float | None, ...] = ()
+    axes: tuple[FoundAxis, ...] = ()
     sizes: tuple[int, int] = (0, 0)
 
     @property
@@ -71,7 +66,7 @@ class FoundSlave:
     def __str__(self) -> str:
         vendor, product, revision, serial = self.identity
         kind = f"CiA {self.profile}, " if self.profile else ""
-        modes = " ".join(mode.name.lower() for mode in self.modes[0]) if self.modes else ""
+        modes = " ".join(mode.name.lower() for mode in self.axes[0].modes) if self.axes else ""
         alias = f"alias {self.alias}, " if self.alias else ""
         return (
             f"slave {self.number:3}: {kind}{alias}vendor 0x{vendor:08X}, product 0x{product:08X},"
@@ -121,12 +116,7 @@ def scan_sections(slaves: Sequence[FoundSlave], interface: str) -> dict[str, Any
         "backend": "ethercat",
         "scale": "counts_per_rad",
         "options": {"interface": interface},
-        "axes": [
-            _axis_section(slave, offset)
-            for slave in slaves
-            if slave.is_drive
-            for offset in range(len(slave.modes))
-        ],
+        "axes": [_axis_section(slave, axis) for slave in slaves for axis in slave.axes],
         "io": [
             {
                 "slave": slave.number,
@@ -148,7 +138,7 @@ def scan_sections(slaves: Sequence[FoundSlave], interface: str) -> dict[str, Any
                 "serial": slave.identity[3],
                 "alias": slave.alias,
                 "state": slave.state,
-                "modes": [[mode.name.lower() for mode in axis] for axis in slave.modes],
+                "modes": [[mode.name.lower() for mode in axis.modes] for axis in slave.axes],
             }
             for slave in slaves
         ],
@@ -162,8 +152,8 @@ def _settled(bus: Soem) -> bool:
 def _ask(bus: Soem, number: int, found: Any) -> FoundSlave:
     access = SlaveAccess(bus, number)
     text = al_code_text(found.code) if found.error else ""
-    profile = access.number(0x1000) & 0xFFFF
-    modes = tuple(_modes(access)) if profile == _DRIVE else ()
+    profile = read_or_zero(access.unsigned, 0x1000, 0) & 0xFFFF
+    axes = read_axes(access.unsigned) if profile == _DRIVE else ()
     return FoundSlave(
         number=number,
         name=bus.slaves[number].name,
@@ -171,29 +161,9 @@ def _ask(bus: Soem, number: int, found: Any) -> FoundSlave:
         alias=int.from_bytes(bus.read_register(number, 0x0012, 2), "little"),
         state=found.state.text + (f" ({text})" if text else ""),
         profile=profile,
-        modes=modes,
-        counts_per_turn=tuple(
-            _counts_per_turn(access.number, axis * _AXIS_STEP) for axis in range(len(modes))
-        ),
+        axes=axes,
         sizes=_sizes(bus, access, number),
     )
-
-
-def _modes(access: SlaveAccess) -> Iterator[tuple[OperationMode, ...]]:
-    for offset in range(_MAX_AXES):
-        supported = access.number(0x6502 + offset * _AXIS_STEP)
-        if not supported and offset:
-            return
-        yield tuple(mode for mode in OperationMode if mode and supported & mode.support_bit)
-
-
-def _counts_per_turn(number: Callable[[int, int], int], step: int) -> float | None:
-    """Return increments / motor turn · motor turns / shaft turn (CiA 402-2, 0x608F, 0x6091)."""
-    increments, turns = (number(0x608F + step, sub) for sub in (1, 2))
-    if not increments or not turns:
-        return None
-    motor, shaft = (number(0x6091 + step, sub) or 1 for sub in (1, 2))
-    return increments / turns * motor / shaft
 
 
 def _sizes(bus: Soem, access: SlaveAccess, number: int) -> tuple[int, int]:
@@ -207,18 +177,17 @@ def _sizes(bus: Soem, access: SlaveAccess, number: int) -> tuple[int, int]:
     return size_bytes(pdos[Assignment.OUTPUTS]), size_bytes(pdos[Assignment.INPUTS])
 
 
-def _axis_section(slave: FoundSlave, offset: int) -> dict[str, Any]:
+def _axis_section(slave: FoundSlave, axis: FoundAxis) -> dict[str, Any]:
     section: dict[str, Any] = {"slave": slave.number, "identity": _identity(slave)}
-    if offset:
-        section["axis_offset"] = offset
+    if axis.offset:
+        section["axis_offset"] = axis.offset
     if slave.alias:
         section["alias"] = slave.alias
-    modes = slave.modes[offset]
+    modes = axis.modes
     if OperationMode.CYCLIC_VELOCITY not in modes and OperationMode.PROFILE_VELOCITY in modes:
         section["velocity_mode"] = "pv"
-    counts = slave.counts_per_turn[offset]
-    if counts is not None:
-        section["counts_per_rad"] = counts / (2.0 * math.pi)
+    if axis.counts_per_turn is not None:
+        section["counts_per_rad"] = axis.counts_per_turn / (2.0 * math.pi)
     return section
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 from robotd.api import (
     ConnectionState,
     DeviceDriver,
@@ -12,9 +9,8 @@ from robotd.api import (
     NotReady,
     RobotdError,
     get_logger,
-    wait_until,
 )
-from robotd_cia402.commands import Commands
+from robotd_cia402.switch_off import switch_off
 from robotd_ethercat.master import Master
 from robotd_ethercat.simulation import Simulation
 
@@ -66,13 +62,11 @@ class EthercatDevice(DeviceDriver):
         master = self.master
         if master.state is ConnectionState.IDLE:
             return
-        live = [axis for axis in master.axes if axis.drive.online and axis.report.powered]
-        for axis in live:
-            axis.brake(axis.options.stop_deceleration_rad_s2)
-        wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, master.clock)
-        for axis in live:
-            self._try(axis.drive.name, partial(Commands(axis, master.clock).disable, _IDLE_S))
-        self._try("bus", master.end)
+        switch_off(master.axes, timeout_s, master.clock)
+        try:
+            master.end()
+        except RobotdError as error:
+            log.warning("stopping the bus failed", reason=str(error))
 
     def state(self) -> ConnectionState:
         return self.master.state
@@ -99,10 +93,3 @@ class EthercatDevice(DeviceDriver):
     def _end_simulation(self) -> None:
         if self.simulation is not None:
             self.simulation.stop()
-
-    @staticmethod
-    def _try(name: str, action: Callable[[], None]) -> None:
-        try:
-            action()
-        except RobotdError as error:
-            log.warning("stopping a slave failed", slave=name, reason=str(error))
