@@ -227,6 +227,32 @@ def test_the_page_works_by_keyboard(arm: Observed, page: Page) -> None:
     expect(freeze).to_have_attribute("aria-pressed", "false")
 
 
+def shown_seconds(page: Page) -> list[list[float]]:
+    """First and last second of each plot."""
+    figures = page.locator("#plot-list figure").all()
+    return [[*map(float, (each.get_attribute("data-seconds") or "").split())] for each in figures]
+
+
+def test_a_drag_zooms_all_plots_and_a_double_click_shows_the_minute_again(page: Page) -> None:
+    freeze, minute = page.locator("#freeze"), [[-60.0, 0.0]] * 4
+    expect(page.locator("#plot-list figure[data-seconds]")).to_have_count(4)
+    area = page.locator("#plot-list .u-over").first
+    area.scroll_into_view_if_needed()
+    box = area.bounding_box()
+    assert box is not None
+    assert shown_seconds(page) == minute
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.25 * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.75 * box["width"], middle, steps=5)
+    page.mouse.up()
+    expect(freeze).to_have_attribute("aria-pressed", "true")
+    assert np.allclose(shown_seconds(page), [[-45.0, -15.0]] * 4, atol=1.0)
+    area.dblclick()
+    expect(freeze).to_have_attribute("aria-pressed", "false")
+    assert shown_seconds(page) == minute
+
+
 def test_a_phone_needs_no_sideways_scrolling(page: Page) -> None:
     page.set_viewport_size(PHONE)
     assert not has_sideways_scrolling(page)

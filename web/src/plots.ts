@@ -107,7 +107,14 @@ export class Plots {
           points: { show: false },
         })),
       ],
-      hooks: { setSelect: [() => this.setFrozen(true)] },
+      hooks: {
+        setSelect: [() => this.setFrozen(true)],
+        setScale: [
+          ({ scales: { x } }, key) => {
+            if (key === "x") figure.dataset["seconds"] = `${x!.min} ${x!.max}`; // for tests
+          },
+        ],
+      },
     };
     const plot = new uPlot(options, [[], ...axes.map(() => [])], figure);
     plot.over.addEventListener("dblclick", () => this.zoomOut());
