@@ -104,12 +104,18 @@ class PluginError(RobotdError):
 
 
 class ConnectError(RobotdError):
-    """Opening failed. ``failures`` maps the path of each failing child to its reason."""
+    """Opening failed. ``failures`` maps the path of each failing child to its reason.
+
+    The text has a line for each reason, with all children that failed for it.
+    """
 
     def __init__(self, message: str, failures: dict[str, str] | None = None) -> None:
         self.failures = failures or {}
-        lines = [message, *(f"  {path}: {reason}" for path, reason in self.failures.items())]
-        super().__init__("\n".join(lines))
+        children: dict[str, list[str]] = {}
+        for path, reason in self.failures.items():
+            children.setdefault(reason, []).append(path)
+        lines = [f"  {', '.join(paths)}: {reason}" for reason, paths in children.items()]
+        super().__init__("\n".join([message, *lines]))
 
 
 class OperationError(RobotdError):

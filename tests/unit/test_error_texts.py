@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from robotd.errors import DeviceTimeout, NotReady, OperationError, RobotdError, Unsupported
+from robotd.errors import (
+    ConnectError,
+    DeviceTimeout,
+    NotReady,
+    OperationError,
+    RobotdError,
+    Unsupported,
+)
 
 
 @pytest.mark.parametrize("kind", [OperationError, NotReady, DeviceTimeout])
@@ -24,3 +31,16 @@ def test_an_error_without_an_axis_is_its_reason() -> None:
 def test_unsupported_names_the_backend_once_it_is_known() -> None:
     assert str(Unsupported("homing")) == "homing: not supported by this backend"
     assert str(Unsupported("homing", "acme")) == "homing: not supported by the acme backend"
+
+
+def test_children_that_fail_for_one_reason_share_a_line() -> None:
+    failures = {
+        "arm → joint1": "no answer",
+        "arm → joint2": "alarm 16",
+        "arm → joint3": "no answer",
+    }
+    assert str(ConnectError("joints could not be enabled", failures)).splitlines() == [
+        "joints could not be enabled",
+        "  arm → joint1, arm → joint3: no answer",
+        "  arm → joint2: alarm 16",
+    ]
