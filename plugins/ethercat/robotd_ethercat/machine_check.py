@@ -56,7 +56,7 @@ def _permission() -> Finding:
     try:
         socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()
     except PermissionError:
-        advice = "run as root, or sudo setcap cap_net_raw,cap_sys_nice+ep on the interpreter"
+        advice = "run as root, or grant the process CAP_NET_RAW (docs/how-to/ethercat.md)"
         return Finding("failed", "CAP_NET_RAW missing: no raw sockets", advice)
     return Finding("ok", "raw sockets allowed")
 
@@ -74,7 +74,7 @@ def _cores() -> Finding:
     isolated = ISOLATED.read_text().strip() if ISOLATED.exists() else ""
     if isolated:
         return Finding("ok", f"{count} cores, isolated: {isolated}")
-    advice = "isolcpus= and cycle.cpu keep other programs from the core of the control loop"
+    advice = "isolcpus= keeps other programs from a core; run robotd on it with taskset"
     return Finding("warning" if count > 1 else "failed", f"{count} cores, none isolated", advice)
 
 
