@@ -76,7 +76,7 @@ class DefaultTolerances:
 
 
 class Tolerances:
-    """Tolerances of one execution. One owner thread; checks allocate only for a violation.
+    """Tolerances of one execution. One owner thread.
 
     Attributes:
         path, goal: limits per joint and quantity.
@@ -180,8 +180,6 @@ class JointBounds:
         self.notes = self._apply(list(entries))
         self._position_limited = bool(np.isfinite(self.position).any())
         self._velocity_limited = bool(np.isfinite(self.velocity).any())
-        self._error: FloatArray = np.zeros(len(names))
-        self._within = np.zeros(len(names), bool)
 
     def check(
         self,
@@ -192,10 +190,10 @@ class JointBounds:
         actual_velocity: FloatArray,
     ) -> Violation | None:
         """Return the worst violation, of position before velocity; None when all are within."""
-        if self._position_limited and self._exceeds(position, actual_position, self.position):
-            return self._worst("position", self.position, time_s)
-        if self._velocity_limited and self._exceeds(velocity, actual_velocity, self.velocity):
-            return self._worst("velocity", self.velocity, time_s)
+        if self._position_limited and _exceeds(position, actual_position, self.position):
+            return self._worst("position", position - actual_position, self.position, time_s)
+        if self._velocity_limited and _exceeds(velocity, actual_velocity, self.velocity):
+            return self._worst("velocity", velocity - actual_velocity, self.velocity, time_s)
         return None
 
     def _apply(self, entries: list[JointTolerance]) -> tuple[str, ...]:
@@ -214,25 +212,31 @@ class JointBounds:
                 notes.append(f"{label} acceleration is ignored: it is not measured")
         return tuple(notes)
 
-    def _exceeds(self, desired: FloatArray, actual: FloatArray, bounds: FloatArray) -> bool:
-        np.subtract(desired, actual, self._error)
-        np.absolute(self._error, self._error)
-        np.less_equal(self._error, bounds, self._within)
-        return not self._within.all()
-
-    def _worst(self, quantity: str, bounds: FloatArray, time_s: float) -> Violation:
+    def _worst(
+        self, quantity: str, deviation: FloatArray, bounds: FloatArray, time_s: float
+    ) -> Violation:
+        error = np.abs(deviation)
         # NaN counts as infinitely wrong, also where there is no limit to divide by.
-        ratio = np.nan_to_num(self._error / bounds, nan=np.inf)
-        joint = int(np.argmax(np.where(self._within, -1.0, ratio)))
+        ratio = np.nan_to_num(error / bounds, nan=np.inf)
+        joint = int(np.argmax(np.where(error <= bounds, -1.0, ratio)))
         return Violation(
             self.kind,
             self.names[joint],
             quantity,
-            float(self._error[joint]),
+            float(error[joint]),
             float(bounds[joint]),
             time_s,
             self.units[joint] + _UNIT_SUFFIX[quantity],
         )
+
+
+def _exceeds(desired: FloatArray, actual: FloatArray, bounds: FloatArray) -> bool:
+    """Return True when a joint is out of ``bounds``, as every NaN is.
+
+    In plain floats: NumPy would take four functions that run nowhere else in a period.
+    """
+    values = zip(desired.tolist(), actual.tolist(), bounds.tolist(), strict=True)
+    return not all(abs(wanted - found) <= bound for wanted, found, bound in values)
 
 
 def _resolve(value: float, default: float, label: str) -> float:
