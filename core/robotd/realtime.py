@@ -1,4 +1,4 @@
-"""Real-time scheduling of a thread, where the system grants it."""
+"""Scheduling of threads, as far as the system grants it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,21 @@ def request_realtime(priority: int) -> bool:
         return False
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        return False
+    return True
+
+
+def request_niceness(niceness: int) -> bool:
+    """Request a niceness for the calling thread and those that it starts; True if granted.
+
+    A refusal is no error: without CAP_SYS_NICE or a nice limit a thread cannot go below 0.
+
+    Args:
+        niceness: -20, the most processor time, to 19.
+    """
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, niceness)  # on Linux of the thread, not the process
     except OSError:
         return False
     return True

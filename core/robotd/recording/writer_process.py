@@ -17,6 +17,7 @@ from pathlib import Path
 from time import monotonic
 
 from robotd.events import Event
+from robotd.realtime import request_niceness
 from robotd.recording.frame_ring import FrameMemory
 from robotd.recording.recording_folder import PARTIAL, RecordingFolder
 from robotd.recording.recording_writer import RecordingInfo, RecordingWriter, create_recording
@@ -185,7 +186,7 @@ def _batches(connection: Connection) -> Iterator[Batch | None]:
 
 def main() -> None:
     """Run the job of the connection whose file descriptor is the argument."""
-    os.nice(NICENESS)
+    request_niceness(NICENESS)  # absolute: that of the robot's process may be below 0
     os.setsid()  # Ctrl-C at the terminal ends the robot, which ends the recording
     connection = Connection(int(sys.argv[1]))
     try:

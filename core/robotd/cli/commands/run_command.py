@@ -40,6 +40,7 @@ from robotd.errors import InvalidArgument, OperationError, unknown_name
 from robotd.log import lossy
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
+from robotd.realtime import request_niceness
 from robotd.robot import Robot
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
 
 RATE_HZ = click.FloatRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
+NICENESS = -10  # of the threads of a robot: docs/decisions/0034-niceness-of-a-robot.md
 
 
 @dataclass(frozen=True)
@@ -165,10 +167,21 @@ def run_robot(options: RunOptions) -> int:
     backend = load_backend(options.backend or descriptor.backend)
     check_backend_overrides(options.overrides, backend.name)
     robot, faults = _made(descriptor, backend, options)
+    prioritize(robot)
     if options.report:
         reserve_report(options.report)
     with _observed(robot, nodes, options, faults) as observation:
         return _serve(robot, backend.origin, nodes, installed.nodes, options, faults, observation)
+
+
+def prioritize(robot: Robot) -> None:
+    """Request a niceness for all threads of this process, before they are started.
+
+    A thread that holds the interpreter while other programs have its core delays the control
+    loop, whatever priority that has. Not in simulated time, which would take all of a core.
+    """
+    if robot.descriptor.cycle.realtime_priority and isinstance(robot.clock, MonotonicClock):
+        request_niceness(NICENESS)
 
 
 @dataclass(frozen=True)
