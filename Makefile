@@ -94,6 +94,8 @@ page: $(bundle) ## build the live page of robotd run --page; needs Node.js, or i
 bench: $(tools) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	@$(say) 'tools.bench $(ARGS)'
 	.venv/bin/python -m tools.bench $(ARGS)
+	$(say) 'tools.bench.rows'
+	.venv/bin/python -m tools.bench.rows
 	$(say) 'tools.bench.canopen'
 	.venv/bin/python -m tools.bench.canopen
 	$(say) 'tools.bench.recorder'

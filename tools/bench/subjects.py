@@ -62,24 +62,25 @@ class Subject:
 def subjects(c_program: CProgram | None, folder: Path) -> Iterator[Subject]:
     """All of them, those that are compared side by side in time."""
     for rate_hz in (500, 1000):
-        yield _daemon(rate_hz, Load.NONE, folder)
+        yield daemon(rate_hz, Load.NONE, folder)
         if c_program is not None:
-            yield _c(c_program, rate_hz)
+            yield c_subject(c_program, rate_hz)
         if rate_hz == 500:
             yield _python("thread", rate_hz)
             yield _python("timer", rate_hz)
-        yield _daemon(rate_hz, Load.MOVING, folder)
-        yield _daemon(rate_hz, Load.BUSY, folder)
+        yield daemon(rate_hz, Load.MOVING, folder)
+        yield daemon(rate_hz, Load.BUSY, folder)
 
 
-def _daemon(rate_hz: int, load: Load, folder: Path) -> Subject:
+def daemon(rate_hz: int, load: Load, folder: Path, python: str = sys.executable) -> Subject:
+    """Return robotd, by the interpreter ``python`` of its checkout."""
     name = f"robotd-{rate_hz}" + ("" if load is Load.NONE else f"-{load.name.lower()}")
     report = folder / f"{name}.json"
     return Subject(
         name,
         rate_hz,
         [
-            *(sys.executable, "-m", "robotd", "--robot", ROBOT, "--backend", "sim"),
+            *(python, "-m", "robotd", "--robot", ROBOT, "--backend", "sim"),
             *("--rate", str(rate_hz), "--report", str(report)),
             *("--ros-args", "-p", f"manipulator_state:joint_feedback_rate:={rate_hz}"),
         ],
@@ -90,7 +91,8 @@ def _daemon(rate_hz: int, load: Load, folder: Path) -> Subject:
     )
 
 
-def _c(program: CProgram, rate_hz: int) -> Subject:
+def c_subject(program: CProgram, rate_hz: int) -> Subject:
+    """Return the C program."""
     priority = load_robot_descriptor(ROBOT).cycle.realtime_priority
     return Subject(
         f"c-{rate_hz}",

@@ -1,0 +1,191 @@
+"""Rows of the comparison with ros2_control, each the median of some alternating rounds.
+
+``python -m tools.bench.rows``: robotd and the C program one after the other, round by round, so
+that other work on the computer meets both. ``--python`` measures robotd of another checkout, too.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from tests.ros.robot_process import ACTION
+from tools.bench.c_program import CannotBuildError, CProgram
+from tools.bench.machine import machine
+from tools.bench.process import fresh_environment
+from tools.bench.results import keep, out_option
+from tools.bench.scenario import measure, subscriber
+from tools.bench.subjects import Load, Subject, c_subject, daemon
+from tools.bench.tables import aligned
+
+from robotd.testing.domain import own_domain
+
+GOALS = 60  # two of three are executed, the third is cancelled
+RATE_HZ = 500
+
+Figures = dict[str, float]
+
+# Row → figure, goal of the row, factor to its unit.
+ROWS = (
+    ("goal accepted p50, ms", "accepted_p50_us", 0.9, 1e-3),
+    ("goal accepted p90, ms", "accepted_p90_us", 1.3, 1e-3),
+    ("goal accepted p50, two busy cores, ms", "busy_accepted_p50_us", 1.2, 1e-3),
+    ("cancel answered p50, ms", "canceled_p50_us", 0.8, 1e-3),
+    ("cancel to result p50, quiet, ms", "cancel_result_p50_us", 10.0, 1e-3),
+    ("cancel to result p50, two busy cores, ms", "busy_cancel_result_p50_us", 30.0, 1e-3),
+    ("CPU at rest, simulation not counted, %", "rest_cpu_percent", 5.5, 1.0),
+    ("CPU moving, simulation not counted, %", "moving_cpu_percent", 7.0, 1.0),
+    ("simulated drives, six axes, moving, %", "simulation_cpu_percent", 1.5, 1.0),
+    ("stamp deviation p50, us", "period_error_p50_us", 12.0, 1.0),
+    ("start to first joint state, s", "start_s", 0.45, 1.0),
+    ("resident memory, MiB", "rss_mib", 90.0, 1.0),
+    ("lateness p99, 500 Hz, ms", "lateness_p99_us", 0.5, 1e-3),
+    ("lateness p99, services and motion, ms", "busy_lateness_p99_us", 0.5, 1e-3),
+    ("deadlines missed at 1 kHz, %", "fast_missed_percent", 0.1, 1.0),
+)
+
+
+@click.command()
+@click.option("--rounds", default=5, show_default=True, help="Alternating rounds.")
+@click.option("--seconds", default=4.0, show_default=True, help="Length of each window.")
+@click.option("--python", "pythons", multiple=True, help="Interpreter of another checkout.")
+@out_option
+def main(rounds: int, seconds: float, pythons: Sequence[str], out: Path) -> None:
+    """Print every row with its goal, for robotd, other checkouts and the C program."""
+    with tempfile.TemporaryDirectory(prefix="robotd-bench-") as folder:
+        found = _rounds(rounds, seconds, [sys.executable, *pythons], Path(folder))
+    medians = {name: _medians(figures) for name, figures in found.items()}
+    for line in aligned(list(_table(medians))):
+        print(line)
+    keep(out, "rows", {"machine": machine(), "rounds": rounds, "rows": medians})
+
+
+def _rounds(
+    rounds: int, seconds: float, pythons: Sequence[str], folder: Path
+) -> dict[str, list[Figures]]:
+    found: dict[str, list[Figures]] = {}
+    try:
+        c_program = CProgram(folder)
+    except CannotBuildError as error:
+        c_program = None
+        print(f"no C baseline: {error}", file=sys.stderr)
+    subjects: dict[str, Callable[[], Figures]] = {
+        "robotd" if python == sys.executable else python: partial(_robotd, python, seconds, folder)
+        for python in pythons
+    }
+    if c_program is not None:
+        subjects["C"] = partial(_c_program, c_program, seconds, folder)
+    for index in range(rounds):
+        for name, measured in subjects.items():
+            print(f"round {index + 1} of {rounds}: {name}", file=sys.stderr)
+            try:
+                found.setdefault(name, []).append(measured())
+            except (RuntimeError, AssertionError, OSError, LookupError) as error:
+                print(f"failed, without this round: {error}", file=sys.stderr)
+    return found
+
+
+def _medians(figures: Sequence[Figures]) -> Figures:
+    keys = dict.fromkeys(key for each in figures for key in each)
+    return {key: float(np.median([each[key] for each in figures if key in each])) for key in keys}
+
+
+def _robotd(python: str, seconds: float, folder: Path) -> Figures:
+    rest = daemon(RATE_HZ, Load.NONE, folder, python)
+    figures = _of(rest, seconds, folder)
+    moving = _of(daemon(RATE_HZ, Load.MOVING, folder, python), seconds, folder)
+    busy = _of(daemon(RATE_HZ, Load.BUSY, folder, python), seconds, folder)
+    figures["busy_lateness_p99_us"] = busy["lateness_p99_us"]
+    fast = _of(daemon(2 * RATE_HZ, Load.NONE, folder, python), seconds, folder)
+    figures["fast_missed_percent"] = 100.0 - fast["met_percent"]
+    at_rest, in_motion = _simulation_percent(python, seconds, folder)
+    figures["rest_cpu_percent"] = figures["cpu_percent"] - at_rest
+    figures["moving_cpu_percent"] = moving["cpu_percent"] - in_motion
+    figures["simulation_cpu_percent"] = in_motion
+    figures |= _goals(rest, folder)
+    with _busy_cores():
+        loaded = _goals(rest, folder)
+    return figures | {f"busy_{name}": value for name, value in loaded.items()}
+
+
+def _c_program(program: CProgram, seconds: float, folder: Path) -> Figures:
+    figures = _of(c_subject(program, RATE_HZ), seconds, folder)
+    fast = _of(c_subject(program, 2 * RATE_HZ), seconds, folder)
+    return figures | {
+        "rest_cpu_percent": figures["cpu_percent"],
+        "fast_missed_percent": 100.0 - fast["met_percent"],
+    }
+
+
+def _of(subject: Subject, seconds: float, folder: Path) -> Figures:
+    return measure(subject, seconds, folder).figures
+
+
+def _goals(subject: Subject, folder: Path) -> Figures:
+    """Times of goals and cancels, by a client in another process."""
+    with ExitStack() as stack:
+        domain = stack.enter_context(own_domain())
+        stack.enter_context(subscriber(domain, folder / "goals.npz"))
+        stack.enter_context(subject.program(domain)).wait_output(subject.ready)
+        return _json(
+            [sys.executable, "-m", "tools.bench.goal_client", ACTION, str(GOALS)], domain, Path()
+        )
+
+
+@contextmanager
+def _busy_cores() -> Iterator[None]:
+    """Keep two cores busy with other work of normal priority."""
+    hogs = [subprocess.Popen([sys.executable, "-S", "-c", "while True: pass"]) for _ in range(2)]
+    try:
+        yield
+    finally:
+        for hog in hogs:
+            hog.kill()
+            hog.wait()
+
+
+def _simulation_percent(python: str, seconds: float, folder: Path) -> tuple[float, float]:
+    """CPU of the simulated drives at rest and moving, in percent of a core."""
+    with own_domain() as domain, subscriber(domain, folder / "costs.npz"):
+        checkout = Path(python).parents[2]
+        costs = _json([python, "-m", "tools.bench.costs", str(seconds)], domain, checkout)
+
+    def percent(phase: str) -> float:
+        parts = (costs[phase].get(name) for name in ("read", "stream"))
+        return sum(part["mean_us_per_period"] for part in parts if part) * RATE_HZ / 1e4
+
+    return percent("at rest"), percent("moving")
+
+
+def _json(command: list[str], domain: int, folder: Path) -> Any:
+    environment = fresh_environment(domain)
+    result = subprocess.run(
+        command, env=environment, cwd=folder, capture_output=True, text=True, check=False
+    )
+    if result.returncode:
+        raise RuntimeError(f"{command}: {result.stderr.strip().splitlines()[-1]}")
+    return json.loads(result.stdout)
+
+
+def _table(medians: dict[str, Figures]) -> Iterator[Sequence[str]]:
+    yield ("", "goal", *medians)
+    for row, figure, goal, factor in ROWS:
+        cells = (
+            f"{each[figure] * factor:.2f}" if figure in each else "–" for each in medians.values()
+        )
+        yield (row, f"{goal:g}", *cells)
+
+
+if __name__ == "__main__":
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    main()
