@@ -100,7 +100,7 @@ def _generic(count: int, *, redundant: bool) -> tuple[str, Line, int]:
     from robotd_ethercat.simulated import GenericSlave, Line
 
     now_ns = time.monotonic_ns()
-    return "generic", Line([GenericSlave(now_ns) for _ in range(count)], redundant=redundant), 0
+    return "generic", Line([GenericSlave(now_ns) for _ in range(count)], redundant=redundant), 1
 
 
 def _robot(

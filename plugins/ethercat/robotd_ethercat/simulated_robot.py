@@ -36,20 +36,21 @@ class SimulatedSection:
         name: of the robot.
         options: the section.
         rated_torque_nm: by axis, N·m (or N).
-        priority: real-time priority of the simulation, 0 for none.
+        priority: real-time priority of the simulation, where it is granted: slaves do not wait
+            for the processor.
     """
 
     name: str
     options: EthercatOptions
     rated_torque_nm: Mapping[int, float | None]
-    priority: int = 0
+    priority: int = 1
 
     @classmethod
     def of_robot(cls, robot: RobotDescriptor) -> Self:
         """Return the section of a descriptor. Raises DescriptorError."""
         options = validate_section(robot, "backends.ethercat", EthercatOptions)
         rated = {joint.axis: joint.rated_effort for joint in robot.joints}
-        return cls(robot.name, options, rated, max(0, robot.cycle.realtime_priority - 2))
+        return cls(robot.name, options, rated, max(1, robot.cycle.realtime_priority - 2))
 
     @classmethod
     def load(cls, robot: str, variant: str | None) -> Self:
@@ -62,7 +63,7 @@ class SimulatedSection:
         data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         rated = {int(axis): value for axis, value in data["rated_torque_nm"].items()}
         options = EthercatOptions.model_validate(data["options"])
-        return cls(data["name"], options, rated, data.get("priority", 0))
+        return cls(data["name"], options, rated, data.get("priority", 1))
 
     def to_json(self) -> str:
         """Return the section as text, for a process."""

@@ -56,6 +56,7 @@ class SlavesProcess:
             stderr=subprocess.STDOUT,
             text=True,
             bufsize=1,
+            start_new_session=True,  # Ctrl-C is for the parent
         )
         answer = "" if process.stdout is None else process.stdout.readline()
         started = _STARTED.search(answer)

@@ -159,10 +159,31 @@ def test_a_drift_that_cannot_be_corrected_is_an_error() -> None:
 def test_missing_frames_are_a_synchronisation_error() -> None:
     master = master_of(1)
     master.safe_op(0)
+    master.line.slaves[0].objects.values[0x10F1, 2] = 150
     clocked(master, 1)
     cycle(master, 1, 100)
     cycle(master, 1, 60, period_ns=3 * CYCLE_NS)
     assert master.read(0, reg.AL_STATUS_CODE) == 0x1A
+
+
+def test_missing_frames_are_tolerated_without_a_limit() -> None:
+    master = master_of(1)
+    master.safe_op(0)
+    clocked(master, 1)
+    cycle(master, 1, 100)
+    cycle(master, 1, 500, period_ns=7 * CYCLE_NS)
+    assert master.read(0, reg.AL_STATUS) == OP
+
+
+def test_stalls_of_the_computer_expire_no_watchdog() -> None:
+    master = master_of(1)
+    master.op(0)
+    for _ in range(50):
+        cycle(master, 1, 1)
+        for _ in range(4):  # each time longer than the slaves expect between two ticks
+            master.now_ns += 40_000_000
+            master.line.tick(master.now_ns)
+    assert master.read(0, reg.AL_STATUS) == OP
 
 
 def test_sync0_that_stops_is_an_error() -> None:

@@ -15,7 +15,7 @@ from robotd_ethercat.simulated.slave_controller import SlaveController
 
 _HOP_NS = 500  # delay from one slave to the next
 _SOURCE = 6  # first byte of the source address, of which slaves set bit 1
-_PAUSE_NS = 50_000_000  # without a call for so long the computer was stalled
+_PAUSE_NS = 15_000_000  # between two calls of ``tick``; a longer time is a stall of the computer
 _PERIOD_S = 0.004  # where nothing defines the period of the outputs
 
 

@@ -15,7 +15,8 @@ class SyncSupervision:
     Time in which the simulation itself did not run is left out: call ``skip``.
 
     Attributes:
-        error_limit: sync error counter limit, as object 0x10F1:02; 0: not supervised.
+        error_limit: sync error counter limit, as object 0x10F1:02; 0: periods without outputs
+            are allowed, as patient drives do.
     """
 
     def __init__(self, controller: SlaveController, error_limit: int) -> None:
@@ -40,18 +41,22 @@ class SyncSupervision:
     def outputs(self, now_ns: int) -> AlCode:
         """Check the arrival of outputs; return AlCode.NONE if all is well."""
         clock = self._controller.clock
-        if not clock.sync0_active or not self.error_limit:
+        if not clock.sync0_active:
             return AlCode.NONE
         pulse = clock.sync0_count(now_ns)
         if pulse is None:
             return AlCode.FATAL_SYNC_ERROR
-        before, self._pulse = self._pulse, pulse
-        missed = 0 if before is None else max(0, pulse - before - 1)
-        self._errors = max(0, self._errors + _MISSED * missed - (0 if missed else _GOOD))
-        if self._errors > self.error_limit:
+        if self.error_limit and self._misses_periods(pulse):
             return AlCode.SYNCHRONISATION_ERROR
         difference_ns = abs(clock.difference_ns or 0)
         return AlCode.PLL_ERROR if 2 * difference_ns > clock.sync0_cycle_ns else AlCode.NONE
+
+    def _misses_periods(self, pulse: int) -> bool:
+        """Count periods without outputs; return True above the limit."""
+        before, self._pulse = self._pulse, pulse
+        missed = 0 if before is None else max(0, pulse - before - 1)
+        self._errors = max(0, self._errors + _MISSED * missed - (0 if missed else _GOOD))
+        return self._errors > self.error_limit
 
     def tick(self, now_ns: int) -> AlCode:
         """Check the process data watchdog."""
