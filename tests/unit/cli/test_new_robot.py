@@ -202,6 +202,11 @@ def test_branches_of_the_tree_become_groups(new: New) -> None:
     assert robot.groups["left"].joints[0] == "left_joint1"
 
 
+def test_a_new_robot_serves_the_nodes_of_those_in_the_box(new: New) -> None:
+    nodes = load_robot_descriptor("standalone").nodes
+    assert {*nodes} <= {*new("scara").nodes}
+
+
 def test_all_joints_are_one_group_on_demand(new: New) -> None:
     robot = new("two_arms", "--no-groups")
     assert robot.groups == {}

@@ -20,7 +20,7 @@ MAX_BASE_VELOCITY_M_S = 1.0  # moderate, for a machine that nobody has driven ye
 MAX_BASE_TURNING_RAD_S = 2.0
 BASE_RAMP_S = 0.5
 WIDTH = 96  # of comments
-SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node")
+SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
 
 _URDF_LIMITS = (
     "Order and limits are those of the URDF; axes are numbered in this order: replace them by"
