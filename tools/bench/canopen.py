@@ -119,7 +119,8 @@ def sending() -> tuple[float, float]:
 
         def send() -> None:
             for _ in range(FRAMES):
-                axis.transmit(bus, 0.004)
+                axis.transmit(0.004)
+                axis.rpdos.send(bus)
 
         try:
             return per_second(FRAMES, send_bare), per_second(FRAMES, send)

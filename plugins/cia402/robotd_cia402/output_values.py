@@ -43,7 +43,7 @@ class OutputValues:
             return word
         if index == MODE:
             return int(mode.requested)
-        if index == TARGET_VELOCITY:
+        if index == TARGET_VELOCITY and mode.is_velocity:
             cyclic = mode.requested is OperationMode.CYCLIC_VELOCITY
             velocity = setpoint.velocity if cyclic else setpoint.target_velocity
             return self._scaling.velocity_units(velocity)
