@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -88,6 +89,15 @@ class TestTutorial:
             _, result = client.send_goal(goal({"slide": 0.3}, 2), action=action).result()
         assert result.error_string == "slide at 2.000 s: position 0.3 m exceeds 0.25 m"
         assert f"robotd: error: {result.error_string}" in PAGE
+
+    def test_a_jog_of_a_prismatic_joint_is_in_m(self, press: RobotProcess) -> None:
+        ends = []
+        for options in ((), ("--deg",)):  # degrees are for joints that turn
+            output = robotd(press.domain, "jog", "slide", "+0.01", *options)
+            match = re.match(r"slide: (\+0\.\d+) m; goal reached", output)
+            assert match, output
+            ends.append(float(match[1]))
+        assert ends[1] - ends[0] == pytest.approx(0.01, abs=2e-4)
 
     def test_its_status_has_names_and_units(self, press: RobotProcess) -> None:
         first, second = json.loads(robotd(press.domain, "status", "--json"))["axes"]

@@ -34,7 +34,7 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
 @click.argument("joint", required=False)
 @click.argument("increment", metavar="±INCREMENT", type=float, callback=finite, required=False)
 @click.option("--keys", is_flag=True, help="Hold an arrow key to move, release it to stop.")
-@click.option("--deg", is_flag=True, help="Increment and speed are in degrees, not radians.")
+@click.option("--deg", is_flag=True, help="Increment and speed of turning joints are in degrees.")
 @click.option(
     "--speed",
     metavar="SPEED",
@@ -88,9 +88,6 @@ def _jog(
     action: str | None,
 ) -> ExitCode:
     """Move ``joint``; INTERRUPTED after Ctrl-C. Raises Rejected with the robot's reason."""
-    unit = math.radians(1.0) if deg else 1.0
-    distance, fastest = increment * unit, _speed(speed, deg)
-    time_s = max(PEAK * abs(distance) / fastest, MIN_TIME_S)
     with robot_client(ros_args, timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
@@ -98,6 +95,11 @@ def _jog(
         import_ros("client.operator_client").require_motion(client)
         if joint not in arm.positions:
             raise click.BadParameter(unknown_name("joint", joint, arm.positions))
+        unit = arm.units.get(joint, "rad or m")
+        turns = deg and unit != "m"
+        scale = math.radians(1.0) if turns else 1.0
+        distance = increment * scale
+        time_s = max(PEAK * abs(distance) / _speed(speed, turns), MIN_TIME_S)
         target = arm.positions[joint] + distance
         with Interrupt() as interrupt:
             ending, reason = motion.move(
@@ -105,7 +107,7 @@ def _jog(
             )
     if ending is motion.Ending.ABORTED:
         raise Rejected(reason)
-    click.echo(f"{joint}: {target / unit:+.4f} {'°' if deg else 'rad or m'}; {reason}")
+    click.echo(f"{joint}: {target / scale:+.4f} {'°' if turns else unit}; {reason}")
     return ExitCode.INTERRUPTED if ending is motion.Ending.CANCELED else ExitCode.OK
 
 
