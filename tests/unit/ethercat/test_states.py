@@ -144,6 +144,19 @@ def test_clocks_are_controlled() -> None:
     assert [master.read(slave, reg.AL_STATUS) for slave in range(3)] == [OP] * 3
 
 
+def test_a_wrong_offset_is_corrected_at_once() -> None:
+    """A master reads a receive time too late and writes an offset that is seconds off."""
+    master = master_of(2)
+    for slave in range(2):
+        master.safe_op(slave)
+    clocked(master, 2)
+    cycle(master, 2, 10)
+    master.write(1, reg.DC_OFFSET, struct.pack("<Q", 5_000_000_000))
+    cycle(master, 2, 10)
+    assert [master.read(slave, reg.AL_STATUS) for slave in range(2)] == [OP, OP]
+    assert master.read(1, reg.DC_DIFFERENCE, 4) & 0x7FFFFFFF < 10_000
+
+
 def test_a_drift_that_cannot_be_corrected_is_an_error() -> None:
     master = master_of(2)
     for slave in range(2):

@@ -6,7 +6,7 @@ from robotd_ethercat.simulated import registers as reg
 
 _PHASE_GAIN, _RATE_GAIN = 0.25, 0.02
 _MAX_RATE = 500e-6  # what the control loop can correct
-_MAX_STEP_NS = 1_000_000.0  # a larger difference is set at once, as a new system time
+_OTHER_TIME_NS = 10_000_000  # a larger difference is another time base, taken over at once
 _SIGN = 0x8000_0000
 _SYNC0_ON = 0x03
 _MASK_32, _MASK_64 = 0xFFFF_FFFF, 0xFFFF_FFFF_FFFF_FFFF
@@ -73,9 +73,10 @@ class DistributedClock:
         self.difference_ns = difference
         size = min(abs(difference), _SIGN - 1)
         self._put(reg.DC_DIFFERENCE, 4, size | (_SIGN if difference < 0 else 0))
-        if abs(difference) > _MAX_STEP_NS:
-            if bits == 64 and not self._sync0_active:
+        if abs(difference) > _OTHER_TIME_NS:
+            if bits == 64:
                 self._shift += difference
+                self.difference_ns = 0
             return
         elapsed_ns = min(now_ns - self._base_ns, 10_000_000)
         self._local, self._base_ns = self._free(now_ns), now_ns
