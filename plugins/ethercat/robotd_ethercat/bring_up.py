@@ -71,13 +71,14 @@ class BringUp:
         self._reach(AlState.PRE_OP)
         self._each("the slaves cannot be configured", self._slaves, self._configure)
         self._map()
-        self._start_clocks()
         self._exchange.begin()
+        self._set_watchdogs()
+        self._start_clocks()
         self._reach(AlState.SAFE_OP)
         self._reach(AlState.OP, exchanging=True)
         for slave in self._slaves:
             slave.online, slave.fault = True, ""
-        self._exchange.count_online()
+        self._exchange.go_live()
 
     def stop(self) -> None:
         """Bring all slaves to PreOp, without waiting."""
@@ -167,22 +168,25 @@ class BringUp:
         slave.sizes = sizes
         slave.counter = _LRW_OUTPUTS * bool(sizes[0]) + _LRW_INPUTS * bool(sizes[1])
 
+    def _set_watchdogs(self) -> None:
+        milliseconds = self._plan.options.watchdog_ms
+        for slave in self._slaves if milliseconds is not None else ():
+            self._bus.set_watchdog(slave.number, milliseconds or 0.0)
+
     def _start_clocks(self) -> None:
         options = self._plan.options
         drives = [slave.number for slave in self._slaves if slave.is_drive]
-        has_clocks = self._bus.find_clocks()
-        self.clocks = slaves_with_clocks(self._bus, drives) if has_clocks else []
-        for slave in self._slaves:
-            if options.watchdog_ms is not None:
-                self._bus.set_watchdog(slave.number, options.watchdog_ms)
+        self.clocks = slaves_with_clocks(self._bus, drives)
+        period_ns = round(self._plan.period_s * NANOSECONDS)
+        shift_ns = round(options.sync0_shift_s * NANOSECONDS)
+        for number in self.clocks:  # a clock that makes pulses must not be set
+            self._bus.set_sync0(number, period_ns, shift_ns, active=False)
+        if self.clocks:
+            self._bus.find_clocks()
+        self._exchange_periods()  # frames align the clocks; SYNC0 begins at their common time
         active = options.clocks is Clocks.SYNC0
-        for number in self.clocks:
-            self._bus.set_sync0(
-                number,
-                round(self._plan.period_s * 1e9),
-                round(options.sync0_shift_s * 1e9),
-                active=active,
-            )
+        for number in self.clocks if active else ():
+            self._bus.set_sync0(number, period_ns, shift_ns, active=True)
         if active and len(self.clocks) < len(drives):
             without = [number for number in drives if number not in self.clocks]
             log.warning("drives without a distributed clock act on the frame", slaves=without)

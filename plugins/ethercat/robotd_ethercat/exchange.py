@@ -62,6 +62,11 @@ class Exchange:
         self.needed = self._bus.expected_counter
         self.bad_in_row, self._in_flight = 0, False
 
+    def go_live(self) -> None:
+        """Worker: all slaves are in Op; the frames of bring-up do not count."""
+        self.count_online()
+        self.bad_in_row, self.counters = 0, Counters()
+
     def count_online(self) -> None:
         """Update ``needed`` after a slave was lost or has come back."""
         self.needed = sum(slave.counter for slave in self._slaves if slave.online)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from tempfile import NamedTemporaryFile
 
 from robotd.api import ConnectError, RobotDescriptor
 from robotd_ethercat.bus_namespace import missing_rights, run_in_namespace
 from robotd_ethercat.plan import BusPlan
+from robotd_ethercat.simulated_robot import SimulatedSection
 from robotd_ethercat.slaves_process import SlavesProcess
 
 
@@ -16,13 +16,7 @@ class Simulation:
     """The slaves of the plan, in a process and on a virtual cable of their own. Worker threads."""
 
     def __init__(self, robot: RobotDescriptor, plan: BusPlan) -> None:
-        efforts = {joint.axis: joint.rated_effort for joint in robot.joints}
-        self._section = {
-            "name": robot.name,
-            "rate_hz": robot.cycle.rate_hz,
-            "options": plan.options.model_dump(mode="json"),
-            "rated_torque_nm": {str(axis): effort for axis, effort in efforts.items()},
-        }
+        self._section = SimulatedSection.of_robot(robot)
         self._redundant = plan.options.redundant_interface is not None
         self._slaves: SlavesProcess | None = None
 
@@ -33,7 +27,7 @@ class Simulation:
         if (missing := missing_rights()) is not None:
             raise ConnectError("no simulated slaves", {"ethercat": missing})
         with NamedTemporaryFile("w", suffix=".json") as file:
-            json.dump(self._section, file)
+            file.write(self._section.to_json())
             file.flush()
             redundant = ["--redundant"] if self._redundant else []
             slaves = SlavesProcess(["--section", file.name, *redundant])

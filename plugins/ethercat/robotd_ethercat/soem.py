@@ -24,8 +24,8 @@ INSTALL = "pip install 'robotd[ethercat]' (docs/how-to/ethercat.md)"
 NO_FRAME = -1  # working counter of a frame that did not come back
 MAX_OBJECT_BYTES = 4096
 _MICROSECONDS = 1_000_000
-_TRIES = 3  # of a mailbox transfer
-_REGISTER_TIMEOUT_US = 2000
+_TRIES = 3  # of a mailbox transfer, and of a register
+_FRAME_TIMEOUT_US = 2000  # of SOEM
 _SERIAL_WORD = 0x000E  # of the SII (ETG.1000.6)
 
 Opener = Callable[[Callable[[], None]], None]
@@ -55,6 +55,7 @@ class Soem:
         self._pysoem = _library()
         self._sdo_timeout_us = round(sdo_timeout_s * _MICROSECONDS)
         self._opener = opener or _call
+        self._frame_timeout_us = _FRAME_TIMEOUT_US
         self._mailbox = threading.Lock()
         self._master: Any = None
 
@@ -74,7 +75,8 @@ class Soem:
 
     def set_frame_timeout(self, seconds: float) -> None:
         """Set the time for which SOEM waits for a frame, except for those of process data."""
-        self._pysoem.settings.timeouts.ret = round(seconds * _MICROSECONDS)
+        self._frame_timeout_us = round(seconds * _MICROSECONDS)
+        self._pysoem.settings.timeouts.ret = self._frame_timeout_us
 
     def close(self) -> None:
         """Close the sockets. Twice is not an error."""
@@ -177,17 +179,13 @@ class Soem:
 
     def read_register(self, slave: int, address: int, size: int) -> bytes:
         """Read registers of a slave controller. Raises DeviceTimeout."""
-        try:
-            return bytes(self.slaves[slave]._fprd(address, size, _REGISTER_TIMEOUT_US))  # noqa: SLF001 - the library has no public name for it
-        except self._pysoem.WkcError as error:
-            raise DeviceTimeout(f"register 0x{address:04X}: no answer") from error
+        one = self.slaves[slave]
+        return bytes(self._register(address, lambda wait_us: one._fprd(address, size, wait_us)))  # noqa: SLF001 - the library has no public name for it
 
     def write_register(self, slave: int, address: int, data: bytes) -> None:
         """Write registers of a slave controller. Raises DeviceTimeout."""
-        try:
-            self.slaves[slave]._fpwr(address, data, _REGISTER_TIMEOUT_US)  # noqa: SLF001 - as read_register
-        except self._pysoem.WkcError as error:
-            raise DeviceTimeout(f"register 0x{address:04X}: no answer") from error
+        one = self.slaves[slave]
+        self._register(address, lambda wait_us: one._fpwr(address, data, wait_us))  # noqa: SLF001 - as read_register
 
     def read_sii(self, slave: int, word: int) -> int:
         """Read 32 bits of the SII EEPROM of a slave, at a word address."""
@@ -197,6 +195,12 @@ class Soem:
         """Return vendor, product, revision and serial of the SII."""
         one = self.slaves[slave]
         return one.man, one.id, one.rev, self.read_sii(slave, _SERIAL_WORD)
+
+    def _register(self, address: int, action: Callable[[int], Any]) -> Any:
+        for _ in range(_TRIES):
+            with suppress(self._pysoem.WkcError):
+                return action(self._frame_timeout_us)
+        raise DeviceTimeout(f"register 0x{address:04X}: no answer, {_TRIES} tries")
 
     def _transfer(self, action: Callable[[Any], Any], slave: int) -> Any:
         library = self._pysoem

@@ -1,0 +1,109 @@
+"""Faults in motion over real frames: controlled stop, cause, return without motion, recovery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from tests.ethercat.robot import EthercatRobot, started
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.state import ConnectionState
+
+SPEED_RAD_S = 0.5
+STOP_RAD = 0.3  # from detection of a fault to rest, with the stalls of a busy computer
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[EthercatRobot]:
+    with started() as robot:
+        yield robot
+
+
+@pytest.fixture
+def robot(running: EthercatRobot) -> Iterator[EthercatRobot]:
+    yield running
+    running.heal()
+
+
+def fault_in_motion(robot: EthercatRobot, line: str) -> str:
+    """Inject ``line`` into a slow move; return why it ended, after all axes are at rest."""
+    start = robot.image.position[0]
+    target = -1.0 if start > 0 else 1.0
+    request = robot.request(abs(target - start) / SPEED_RAD_S, target, target)
+    with robot.robot.follower.follow(request) as execution:
+        robot.until(lambda: abs(robot.image.position[0] - start) > 0.1)
+        robot.inject(line)
+        assert execution.wait(15.0)
+    assert execution.outcome is Outcome.FAULT
+    assert abs(robot.image.position[0] - start) < 0.1 + STOP_RAD + SPEED_RAD_S
+    return execution.message
+
+
+def test_a_drive_that_trips_stops_the_arm_and_is_named(robot: EthercatRobot) -> None:
+    message = fault_in_motion(robot, "1 trip 0x8611")
+    assert "elbow" in message
+    assert "8611" in message or "34321" in message
+
+
+def test_a_cut_cable_stops_the_arm_and_its_return_moves_nothing(robot: EthercatRobot) -> None:
+    fault_in_motion(robot, "1 cut")
+    robot.until(lambda: robot.image.offline.tolist() == [False, True, True])
+    assert "no answer: check its power, and the cable before it" in robot.device.fault()
+    robot.inject("1 join")
+    robot.until(lambda: robot.device.state() is ConnectionState.COMMUNICATING)
+    robot.until(lambda: not robot.image.offline.any())
+    robot.until(lambda: not robot.image.servo_on[1])
+    assert robot.image.position_command[1] == pytest.approx(robot.image.position[1], abs=1e-3)
+    robot.robot.recover()
+    assert robot.image.servo_on[:2].all()
+
+
+def test_a_slave_that_was_switched_off_needs_a_start_of_communication(
+    robot: EthercatRobot,
+) -> None:
+    fault_in_motion(robot, "1 off")
+    robot.inject("1 on")
+    robot.until(lambda: "it was reset and has lost its configuration" in robot.device.fault())
+    robot.robot.recover()
+    assert robot.device.state() is ConnectionState.COMMUNICATING
+    assert robot.image.servo_on[:2].all()
+
+
+def test_a_bus_without_frames_is_found_and_comes_back_with_servos_off(
+    robot: EthercatRobot,
+) -> None:
+    fault_in_motion(robot, "0 loss 1.0")
+    robot.until(lambda: robot.device.state() is ConnectionState.UNKNOWN)
+    robot.inject("0 loss 0.0")
+    robot.until(lambda: robot.device.state() is ConnectionState.COMMUNICATING)
+    robot.robot.recover()
+    assert robot.image.servo_on[:2].all()
+
+
+def test_an_al_error_of_a_slave_is_given_in_words(robot: EthercatRobot) -> None:
+    fault_in_motion(robot, "1 al 0x001A")
+    text = "elbow (slave 1): it went to SafeOp by itself: AL status 0x001A: synchronization error"
+    robot.until(lambda: any(text in fault for fault in robot.master.supervision.faults))
+
+
+def test_objects_and_registers_are_read_while_the_arm_moves(robot: EthercatRobot) -> None:
+    fieldbus = robot.robot.fieldbus
+    target = -0.5 if robot.image.position[0] > 0 else 0.5
+    with robot.robot.follower.follow(robot.request(1.5, target, target)) as execution:
+        for number in range(40):
+            assert fieldbus.read_object(0, number % 3, 0x6502)
+            assert len(fieldbus.read_register(0, number % 4, 0x0130, 2)) == 2
+        execution.wait(15.0)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    status = fieldbus.status(0)
+    assert [node.extra["invalid_frames"] for node in status.nodes] == [0, 0, 0, 0]
+
+
+def test_corrupt_frames_are_counted_at_the_port_that_sees_them(robot: EthercatRobot) -> None:
+    robot.inject("2 corrupt 0.2")
+    fieldbus = robot.robot.fieldbus
+    robot.until(lambda: fieldbus.status(0).nodes[2].extra.get("invalid_frames", 0) > 0)
+    robot.inject("2 corrupt 0.0")
+    fieldbus.reset_statistics(0)
+    assert fieldbus.status(0).nodes[2].extra["invalid_frames"] == 0
