@@ -15,6 +15,7 @@ from robotd_ethercat.soem import SlaveState, Soem
 
 log = get_logger("ethercat")
 
+_INCOMPLETE_FRAMES = 3  # in a row, until the AL states are read
 _KEPT = 100  # latest faults
 _ROUND_S = 1.0  # between two looks at a bus without a fault
 _SEARCH_S = 0.05  # while a slave is lost
@@ -58,13 +59,19 @@ class Supervision:
         return self._exchange.bad_in_row > self._limit
 
     @property
+    def is_incomplete(self) -> bool:
+        """The last frame came back, and not every slave that is online has processed it."""
+        exchange = self._exchange
+        return exchange.bad_in_row > 0 and exchange.working_counter > 0
+
+    @property
     def is_dead(self) -> bool:
         """No frame comes back; incomplete ones still reach the slaves before the loss."""
         return self.is_silent and self._exchange.working_counter <= 0
 
     def fault(self) -> str:
         """Return the lost slaves with their causes, or the fault of the bus; "" without one."""
-        causes = [f"{slave.name}: {slave.fault}" for slave in self.lost if slave.fault]
+        causes = _by_cause([slave for slave in self.lost if slave.fault])
         if causes:
             return "; ".join(causes)
         return self._frame_fault() if self.is_silent else ""
@@ -85,9 +92,14 @@ class Supervision:
             self._thread = None
 
     def watch(self) -> None:
-        """Control loop: after each frame; stop all axes when too many are bad."""
+        """Control loop: after each frame; stop all axes when too many are bad.
+
+        Incomplete ones are looked into at once: no stall of this computer is their cause.
+        """
         if self._exchange.bad_in_row == self._limit + 1:
             self.stop(self._frame_fault())
+            self._wake.set()
+        elif self.is_incomplete and self._exchange.bad_in_row == _INCOMPLETE_FRAMES:
             self._wake.set()
 
     def stop(self, reason: str) -> None:
@@ -100,23 +112,28 @@ class Supervision:
 
     def check(self) -> None:
         """Watch thread: read the AL states; lose slaves and take them back."""
+        lost = []
         with self._lock:
             for slave, found in zip(self._slaves, self._states(), strict=True):
                 slave.state, slave.al_code = found.state, found.code if found.error else 0
                 if slave.online:
                     # One answer may come too late; that a slave is missing, the frames show.
-                    if found.state is not AlState.OP and (found.state or self.is_silent):
+                    missing = self.is_silent or self.is_incomplete
+                    if found.state is not AlState.OP and (found.state or missing):
                         self._lose(slave, _cause(found))
+                        lost.append(slave)
                 else:
                     self._search(slave, found)
             self._exchange.count_online()
+        for reason in _by_cause(lost):
+            self.stop(reason)
 
     def _states(self) -> list[SlaveState]:
         states = self._bus.states()
         return [states[slave.number] for slave in self._slaves]
 
     def _lose(self, slave: Slave, cause: str) -> None:
-        """Mark ``slave`` as lost, switch it off, and stop all axes."""
+        """Mark ``slave`` as lost, and switch it off."""
         emergency = slave.emergency
         slave.online, slave.losses = False, slave.losses + 1
         slave.fault = f"{cause}, {emergency.text}" if emergency is not None else cause
@@ -124,7 +141,6 @@ class Supervision:
             if owner is slave:
                 axis.power.reset()
         self._io.clear(slave)
-        self.stop(f"{slave.name}: {slave.fault}")
 
     def _search(self, slave: Slave, found: SlaveState) -> None:
         """One attempt to bring a lost slave back that has kept its configuration."""
@@ -184,6 +200,14 @@ class Supervision:
                     slave.poll_mailbox()
                 except DeviceTimeout:
                     continue
+
+
+def _by_cause(slaves: Sequence[Slave]) -> list[str]:
+    """Return one text for each cause, with the names of the slaves that are lost by it."""
+    names: dict[str, list[str]] = {}
+    for slave in slaves:
+        names.setdefault(slave.fault, []).append(slave.name)
+    return [f"{', '.join(lost)}: {cause}" for cause, lost in names.items()]
 
 
 def _cause(found: SlaveState) -> str:
