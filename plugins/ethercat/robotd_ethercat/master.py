@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 
 from robotd.api import (
@@ -73,6 +74,7 @@ class Master:
         self.observer = ClockObserver(self._period_ns, shift_ns)
         self.jitter_ns = 0
         self._timing = SyncTiming(self._period_ns)
+        self._live = threading.Lock()
         self._state = ConnectionState.IDLE
         self._identified = self._after_rest = False
         self._cycles = self._stream_ns = 0
@@ -140,9 +142,13 @@ class Master:
 
         A lost slave is no error here: its axes are offline in ``image``, with the reason.
         """
-        if self._state is not ConnectionState.COMMUNICATING:
-            image.offline[:] = True
-            return
+        with self._live:
+            if self._state is ConnectionState.COMMUNICATING:
+                self._read(image)
+            else:
+                image.offline[:] = True
+
+    def _read(self, image: ProcessImage) -> None:
         now_ns = self.clock.now_ns()
         self._cycles += 1
         if self.supervision.is_dead and self._cycles % _PROBE:
@@ -169,8 +175,10 @@ class Master:
         for axis in self.axes:
             if axis.streaming:
                 axis.follow(position[axis.number], velocity[axis.number])
-        if not self.exchange.in_flight:
-            self._transmit()
+        with self._live:
+            live = self._state is ConnectionState.COMMUNICATING
+            if live and not self.exchange.in_flight:
+                self._transmit()
 
     def begin_stream(self) -> None:
         """Start the time-out of the stream."""
@@ -220,7 +228,8 @@ class Master:
                 self.supervision.stop(f"{', '.join(names)}: no setpoint for {limit_s:g} s")
 
     def _leave(self, state: ConnectionState) -> None:
-        self._state = state
+        with self._live:  # the control loop is in no exchange from now on
+            self._state = state
         self.supervision.end()
         self.bus.set_frame_timeout(_BRING_UP_FRAME_S)
         for slave in self.slaves.values():
