@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import pysoem
 import pytest
+from tests.ethercat.slaves_of import find_slaves
 
 from robotd_ethercat.slaves_process import SlavesProcess
 
@@ -33,7 +34,7 @@ def until(condition: Callable[[], bool], master: pysoem.Master) -> None:
 
 
 def enter_op(master: pysoem.Master) -> None:
-    assert master.config_init() == 3
+    find_slaves(master, 3)
     master.config_map()
     assert master.state_check(pysoem.SAFEOP_STATE, 2_000_000) == pysoem.SAFEOP_STATE
     master.state = pysoem.OP_STATE
@@ -42,7 +43,7 @@ def enter_op(master: pysoem.Master) -> None:
 
 
 def test_identity_and_names_come_from_the_eeprom(opened: pysoem.Master) -> None:
-    assert opened.config_init() == 3
+    find_slaves(opened, 3)
     for slave in opened.slaves:
         assert (slave.man, slave.id, slave.name) == (VENDOR, PRODUCT, "Generic slave")
         assert slave.sdo_read(0x1018, 1) == VENDOR.to_bytes(4, "little")
@@ -58,7 +59,7 @@ def test_process_data_in_op(opened: pysoem.Master) -> None:
 
 
 def test_sdo_of_all_lengths(opened: pysoem.Master) -> None:
-    opened.config_init()
+    find_slaves(opened, 3)
     slave = opened.slaves[1]
     slave.sdo_write(0x2000, 0, b"\x01\x02\x03\x04")
     assert slave.sdo_read(0x2000, 0) == b"\x01\x02\x03\x04"
@@ -69,7 +70,7 @@ def test_sdo_of_all_lengths(opened: pysoem.Master) -> None:
 
 
 def test_sdo_aborts(opened: pysoem.Master, generic_slaves: SlavesProcess) -> None:
-    opened.config_init()
+    find_slaves(opened, 3)
     slave = opened.slaves[0]
     with pytest.raises(pysoem.SdoError) as missing:
         slave.sdo_read(0x5555, 0)
@@ -84,7 +85,7 @@ def test_sdo_aborts(opened: pysoem.Master, generic_slaves: SlavesProcess) -> Non
 
 
 def test_object_dictionary_information(opened: pysoem.Master) -> None:
-    opened.config_init()
+    find_slaves(opened, 3)
     objects = {found.index: found for found in opened.slaves[0].od}
     assert objects[0x1018].name == b"Identity"
     assert [entry.name for entry in objects[0x7000].entries][1:] == [b"Output 1", b"Output 2"]
@@ -92,7 +93,7 @@ def test_object_dictionary_information(opened: pysoem.Master) -> None:
 
 
 def test_distributed_clocks(opened: pysoem.Master) -> None:
-    assert opened.config_init() == 3
+    find_slaves(opened, 3)
     opened.config_map()
     assert opened.config_dc()
     for slave in opened.slaves:
@@ -107,7 +108,7 @@ def test_distributed_clocks(opened: pysoem.Master) -> None:
 
 
 def test_a_wrong_request_is_answered_with_an_al_status_code(opened: pysoem.Master) -> None:
-    opened.config_init()
+    find_slaves(opened, 3)
     slave = opened.slaves[2]
     slave.state = pysoem.OP_STATE  # from PreOp
     slave.write_state()
@@ -127,14 +128,14 @@ def test_faults(opened: pysoem.Master, generic_slaves: SlavesProcess) -> None:
     until(lambda: opened.slaves[0].al_status == 0x1A, opened)
     generic_slaves.inject("2 off")
     generic_slaves.inject("1 identity 0x1234")
-    assert opened.config_init() == 2
+    find_slaves(opened, 2)
     assert opened.slaves[1].man == 0x1234
 
 
 def test_an_emergency_reaches_the_master(
     opened: pysoem.Master, generic_slaves: SlavesProcess
 ) -> None:
-    opened.config_init()
+    find_slaves(opened, 3)
     found: list[int] = []
     opened.slaves[1].add_emergency_callback(lambda emergency: found.append(emergency.error_code))
     generic_slaves.inject("1 emcy 0x3210")

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pysoem
 import pytest
+from tests.ethercat.slaves_of import find_slaves
 
 from robotd_ethercat.bus_namespace import run_in_namespace
 from robotd_ethercat.slaves_process import SlavesProcess
@@ -26,7 +27,7 @@ class Bus:
     def __init__(self, master: pysoem.Master) -> None:
         self.master = master
         self.controlword, self.positions = 0, [0] * DRIVES
-        assert master.config_init() == DRIVES + 1
+        find_slaves(master, DRIVES + 1)
         master.config_map()
         for slave in master.slaves:
             slave.set_watchdog("processdata", WATCHDOG_MS)
