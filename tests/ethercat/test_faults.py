@@ -74,9 +74,10 @@ def test_a_bus_without_frames_is_found_and_comes_back_with_servos_off(
     robot: EthercatRobot,
 ) -> None:
     fault_in_motion(robot, "0 loss 1.0")
-    robot.until(lambda: robot.device.state() is ConnectionState.UNKNOWN)
+    robot.until(lambda: len(robot.master.supervision.lost) == 4)
     robot.inject("0 loss 0.0")
     robot.until(lambda: robot.device.state() is ConnectionState.COMMUNICATING)
+    robot.until(lambda: not robot.image.servo_on.any())
     robot.robot.recover()
     assert robot.image.servo_on[:2].all()
 
