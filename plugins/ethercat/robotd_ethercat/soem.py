@@ -276,7 +276,7 @@ def _open_problem(interfaces: Sequence[str | None]) -> str:
         socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()
     except PermissionError:
         return (
-            "no permission for raw sockets: run as root, or give the interpreter CAP_NET_RAW:"
-            " sudo setcap cap_net_raw+ep $(readlink -f $(which python3))"
+            "no permission for raw sockets: run as root, or grant the process CAP_NET_RAW, see"
+            " docs/how-to/ethercat.md"
         )
     return "SOEM cannot open a raw socket on it; `robotd ethercat doctor` shows more"
