@@ -7,10 +7,13 @@ import threading
 
 import pytest
 
-from robotd.cli.commands.run_command import NICENESS, prioritize
+from robotd.cli.commands.run_command import prioritize
+from robotd.clock import MonotonicClock
 from robotd.clock.simulated import PacedClock
+from robotd.descriptor import load_robot_descriptor
+from robotd.plugin.manager import load_backend
 from robotd.realtime import request_niceness
-from robotd.robot import build_robot
+from robotd.robot import Robot
 
 
 def test_niceness_is_that_of_the_thread_and_of_those_that_it_starts() -> None:
@@ -36,13 +39,19 @@ def test_a_refusal_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not request_niceness(-10)
 
 
-def test_a_served_robot_requests_it_in_real_time_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robot_that_asks_for_it_gets_it_in_real_time_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     requested: list[int] = []
     monkeypatch.setattr("robotd.cli.commands.run_command.request_niceness", requested.append)
-    prioritize(build_robot("cr3a", "sim", clock=PacedClock()))
+    plain, backend = load_robot_descriptor("cr3a"), load_backend("sim")
+    cycle = plain.cycle.model_copy(update={"niceness": -10})
+    robot = plain.model_copy(update={"cycle": cycle})
+    prioritize(Robot(plain, backend, MonotonicClock()))
+    prioritize(Robot(robot, backend, PacedClock()))
     assert not requested
-    prioritize(build_robot("cr3a", "sim"))
-    assert requested == [NICENESS]
+    prioritize(Robot(robot, backend, MonotonicClock()))
+    assert requested == [-10]
 
 
 def _run(target: object) -> None:

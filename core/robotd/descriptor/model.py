@@ -64,6 +64,13 @@ class CycleSettings(Section):
     realtime_priority: int = Field(
         60, ge=0, le=99, description="SCHED_FIFO priority, where the system grants it; 0: none."
     )
+    niceness: int = Field(
+        0,
+        ge=-20,
+        le=0,
+        description="Niceness of all threads of `robotd run`, where the system grants it; -10 on a "
+        "computer with other work.",
+    )
 
 
 class EngineSettings(Section):

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
 
 RATE_HZ = click.FloatRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
-NICENESS = -10  # of the threads of a robot: docs/decisions/0034-niceness-of-a-robot.md
 
 
 @dataclass(frozen=True)
@@ -175,13 +174,14 @@ def run_robot(options: RunOptions) -> int:
 
 
 def prioritize(robot: Robot) -> None:
-    """Request a niceness for all threads of this process, before they are started.
+    """Request ``cycle.niceness`` for all threads of this process, before they are started.
 
     A thread that holds the interpreter while other programs have its core delays the control
     loop, whatever priority that has. Not in simulated time, which would take all of a core.
     """
-    if robot.descriptor.cycle.realtime_priority and isinstance(robot.clock, MonotonicClock):
-        request_niceness(NICENESS)
+    niceness = robot.descriptor.cycle.niceness
+    if niceness and isinstance(robot.clock, MonotonicClock):
+        request_niceness(niceness)
 
 
 @dataclass(frozen=True)
