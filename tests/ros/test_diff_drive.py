@@ -363,7 +363,9 @@ def check_pose_is_set(client: Client, odometry: list[Any]) -> None:
     found = client.next(
         odometry, lambda each: abs(each.pose.pose.position.x - 3.0) < 1e-6
     ).pose.pose
-    assert (found.position.y, found.orientation.z) == pytest.approx((-1.0, math.sqrt(0.5)))
+    # The base may still come to rest, along its new heading.
+    expected = pytest.approx((-1.0, math.sqrt(0.5)), abs=1e-3)
+    assert (found.position.y, found.orientation.z) == expected
 
 
 def test_stamped_commands_and_a_client_of_the_other_type() -> None:
