@@ -98,6 +98,8 @@ bench: $(tools) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench.rows
 	$(say) 'tools.bench.canopen'
 	.venv/bin/python -m tools.bench.canopen
+	$(say) 'tools.bench.ethercat'
+	.venv/bin/python -m tools.bench.ethercat
 	$(say) 'tools.bench.recorder'
 	.venv/bin/python -m tools.bench.recorder
 	$(say) 'tools.bench.streams'

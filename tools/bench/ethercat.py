@@ -1,0 +1,177 @@
+"""``python -m tools.bench.ethercat [FOLDER]``: frames of six drives at 250, 500 and 1000 Hz.
+
+Against the simulated slaves on a virtual cable: period and lateness of the frames and the processor
+time of robotd while six axes move, beside a bare loop of pysoem that exchanges the same data.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pysoem
+from tools.bench.machine import machine
+from tools.bench.results import OUT, keep
+
+from robotd.clock import MonotonicClock
+from robotd.control.trajectory_execution import Outcome
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.motion import TrajectoryRequest
+from robotd.plugin.manager import load_backend
+from robotd.realtime import request_realtime
+from robotd.robot import Robot
+from robotd_ethercat.device import EthercatDevice
+
+RATES_HZ = (250, 500, 1000)
+CYCLE_S = 10.0
+WARM_UP = 100  # frames
+ROBOT, VARIANT = "cr3a", "ethercat_simulated"
+MAX_RATIO, MAX_LATENESS_MS = 1.5, 0.1
+
+Figures = dict[str, float]
+
+
+def described(rate_hz: int) -> RobotDescriptor:
+    robot = load_robot_descriptor(ROBOT, VARIANT)
+    cycle = robot.cycle.model_copy(update={"rate_hz": float(rate_hz)})
+    return robot.model_copy(update={"cycle": cycle})
+
+
+def through_robotd(rate_hz: int) -> Figures:
+    """Six axes follow a trajectory; the frames are noted where they are handed to SOEM."""
+    robot = Robot(described(rate_hz), load_backend("ethercat"), MonotonicClock())
+    device = cast(EthercatDevice, vars(robot.connection._driver)["wrapped"])
+    robot.start()
+    try:
+        times = noted(device.master.bus)
+        request = TrajectoryRequest.from_rows(robot.joint_names, [CYCLE_S], [[0.5] * 6])
+        began, cpu = time.monotonic(), time.process_time()
+        with robot.follower.follow(request) as execution:
+            execution.wait(CYCLE_S + 5.0)
+        wall_s, cpu_s = time.monotonic() - began, time.process_time() - cpu
+        counters = device.master.exchange.counters
+        return {
+            "succeeded": float(execution.outcome is Outcome.SUCCEEDED),
+            "lost_frames": float(counters.lost + counters.incomplete),
+            "cpu_percent": 100 * cpu_s / wall_s,
+            **frame_errors(times, rate_hz),
+        }
+    finally:
+        robot.shutdown()
+
+
+def bare(rate_hz: int) -> Figures:
+    """Bring the drives to Op with robotd, then exchange with nothing but pysoem and struct."""
+    robot = Robot(described(rate_hz), load_backend("ethercat"), MonotonicClock())
+    device = cast(EthercatDevice, vars(robot.connection._driver)["wrapped"])
+    device.open()
+    try:
+        master = device.master
+        master.bring_up.start()
+        layouts = [
+            (raw, struct.Struct(f"<{len(raw.input)}B"), struct.Struct(f"<{len(raw.output)}B"))
+            for raw in cast(Any, master.bus.slaves)
+        ]
+        request_realtime(robot.descriptor.cycle.realtime_priority)
+        times: list[int] = []
+        began, cpu = time.monotonic(), time.process_time()
+        exchange(cast(pysoem.Master, master.bus._master), layouts, rate_hz, times)
+        wall_s, cpu_s = time.monotonic() - began, time.process_time() - cpu
+        return {"cpu_percent": 100 * cpu_s / wall_s, **frame_errors(times, rate_hz)}
+    finally:
+        device.close()
+
+
+def exchange(
+    master: pysoem.Master, layouts: list[tuple[Any, Any, Any]], rate_hz: int, times: list[int]
+) -> None:
+    """Receive, decode, encode and send in each period, as robotd does."""
+    period_ns = 1_000_000_000 // rate_hz
+    outputs = [bytes(packed.size) for _, _, packed in layouts]
+    master.send_processdata()
+    due_ns = time.monotonic_ns()
+    for _ in range(round(CYCLE_S * rate_hz)):
+        due_ns += period_ns
+        time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
+        master.receive_processdata(100)
+        for (raw, unpacked, packed), output in zip(layouts, outputs, strict=True):
+            unpacked.unpack(raw.input)
+            raw.output = packed.pack(*output)
+        times.append(time.monotonic_ns())
+        master.send_processdata()
+
+
+def noted(bus: Any) -> list[int]:
+    """Monotonic times at which frames are handed to SOEM; grows while the robot runs."""
+    times: list[int] = []
+    send: Callable[[], None] = bus.send
+
+    def timed() -> None:
+        times.append(time.monotonic_ns())
+        send()
+
+    bus.send = timed
+    return times
+
+
+def frame_errors(times: list[int], rate_hz: int) -> Figures:
+    """Deviation of the intervals from the period, and lateness on the grid of least lateness."""
+    sent = np.array(times[WARM_UP:], np.int64)
+    period_ns = 1e9 / rate_hz
+    error_us = np.abs(np.diff(sent) - period_ns) / 1e3
+    phase_ns = (sent - sent[0] + period_ns / 2) % period_ns
+    late_us = (phase_ns - np.percentile(phase_ns, 1)) / 1e3
+    figures = {"rate_hz": 1e9 * (len(sent) - 1) / float(sent[-1] - sent[0])}
+    for part in (50, 99):
+        figures[f"period_error_p{part}_us"] = float(np.percentile(error_us, part))
+        figures[f"lateness_p{part}_us"] = float(np.percentile(late_us, part))
+    return figures
+
+
+def targets(figures: dict[str, Figures]) -> list[dict[str, object]]:
+    """Goals of the backend at each rate, with the results. Nothing fails: a miss is shown."""
+    rows = []
+    for rate_hz in RATES_HZ:
+        ours, theirs = figures[f"robotd-{rate_hz}"], figures[f"bare-{rate_hz}"]
+        ratio = ours["cpu_percent"] / theirs["cpu_percent"]
+        late_ms = (ours["lateness_p99_us"] - theirs["lateness_p99_us"]) / 1e3
+        rows += [
+            (f"{rate_hz} Hz: processor time, ratio to bare pysoem", ratio, MAX_RATIO),
+            (f"{rate_hz} Hz: lateness p99 over bare pysoem, ms", late_ms, MAX_LATENESS_MS),
+        ]
+    return [
+        {"name": name, "measured": measured, "limit": f"<= {limit:g}", "met": measured <= limit}
+        for name, measured, limit in rows
+    ]
+
+
+def main(out: Path = OUT) -> None:
+    """Measure, print, and keep as ``ethercat.json`` beside the other results."""
+    where = machine()
+    figures: dict[str, Figures] = {}
+    for rate_hz in RATES_HZ:
+        figures[f"bare-{rate_hz}"] = bare(rate_hz)
+        figures[f"robotd-{rate_hz}"] = through_robotd(rate_hz)
+    rows = targets(figures)
+    for name, measured in figures.items():
+        text = ", ".join(f"{key} {value:.4g}" for key, value in measured.items())
+        print(f"{name:12} {text}")
+    for row in rows:
+        met = "met" if row["met"] else "NOT met"
+        print(f"{row['name']:52} {row['measured']:8.3g}  {row['limit']:8} {met}")
+    load = {"load_after": os.getloadavg()[0]}
+    rounded = {
+        name: {key: float(f"{value:.4g}") for key, value in measured.items()}
+        for name, measured in figures.items()
+    }
+    keep(out, "ethercat", {"machine": where, **load, "figures": rounded, "targets": rows})
+
+
+if __name__ == "__main__":
+    main(*(Path(argument) for argument in sys.argv[1:2]))
