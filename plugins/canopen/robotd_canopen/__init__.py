@@ -68,18 +68,18 @@ def robotd_open_device(context: DeviceContext[NetworkLayout]) -> DeviceDriver:
 @hookimpl
 def robotd_axes(device: CanopenDevice) -> AxisDriver:
     """One axis for each entry of ``axes``."""
-    from robotd_canopen.axes import CanopenAxes
+    from robotd_cia402.axes import Cia402Axes
 
-    return CanopenAxes(device.master)
+    return Cia402Axes(device.master)
 
 
 @hookimpl
 def robotd_io(device: CanopenDevice) -> IoDriver | None:
     """None without modules."""
-    from robotd_canopen.io import CanopenIo
+    from robotd_cia402.module_io import ModuleIo
 
     master = device.master
-    return CanopenIo(master) if master.options.io else None
+    return ModuleIo(master.io) if master.options.io else None
 
 
 @hookimpl

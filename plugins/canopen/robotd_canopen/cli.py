@@ -10,6 +10,8 @@ from typing import Any
 
 import click
 
+from robotd_cia402.number_argument import NUMBER
+
 # Only click is imported at module level: other commands must not load python-can.
 
 
@@ -23,21 +25,6 @@ def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):
         command = option(command)
     return command
-
-
-class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 8.2
-    """Decimal, or hexadecimal with 0x."""
-
-    name = "number"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        try:
-            return value if isinstance(value, int) else int(value, 0)
-        except ValueError:
-            self.fail(f"{value!r} is not a number", param, ctx)
-
-
-NUMBER = _Number()
 
 
 @click.group()

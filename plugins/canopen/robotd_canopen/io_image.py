@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 
+from robotd.api import OperationError
 from robotd_canopen.bus import Bus, Handler
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import IoLayout
@@ -16,61 +17,62 @@ _INPUTS, _OUTPUTS = 0x6000, 0x6200
 class IoImage:
     """Inputs received last, and outputs written last. Any thread."""
 
-    def __init__(self, bus: Bus, modules: Sequence[IoLayout]) -> None:
+    def __init__(self, bus: Bus, modules: Sequence[tuple[Node, IoLayout]]) -> None:
         self._bus, self._modules = bus, modules
-        ends = [(m.options.input_byte + m.options.input_length,
-                 m.options.output_byte + m.options.output_length) for m in modules]  # fmt: skip
+        options = [module.options for _, module in modules]
+        ends = [(m.input_byte + m.input_length, m.output_byte + m.output_length) for m in options]
         self.inputs = bytearray(max((end for end, _ in ends), default=0))
         self.outputs = bytearray(max((end for _, end in ends), default=0))
         self._lock = threading.Lock()
-        for module in modules:
+        for _, module in modules:
             for pdo in module.tpdos:
                 bus.subscribe(pdo.cob_id, self._handler(module))
 
-    def start(self, started: Sequence[int], nodes: Mapping[int, Node]) -> None:
+    def start(self, started: Collection[Node]) -> None:
         """Read the present inputs and outputs: starting switches no output."""
-        for module in self._modules:
-            options = module.options
-            if options.node not in started:
+        for node, module in self._modules:
+            if node not in started:
                 continue
-            sdo = nodes[options.node].sdo
+            options, sdo = module.options, node.sdo
             for sub in range(1, options.input_length + 1):
                 self.inputs[options.input_byte + sub - 1] = sdo.read(_INPUTS, sub) & 0xFF
             for sub in range(1, options.output_length + 1):
                 self.outputs[options.output_byte + sub - 1] = sdo.read(_OUTPUTS, sub) & 0xFF
 
-    def write(self, byte: int, data: bytes) -> list[int]:
-        """Whole bytes; returns the nodes to which sending failed."""
+    def write(self, byte: int, data: bytes) -> None:
+        """Write whole bytes. Raises OperationError with the nodes to which sending failed."""
         with self._lock:
             self.outputs[byte : byte + len(data)] = data
-            return self._send(byte, len(data))
+            self._send(byte, len(data))
 
-    def write_bit(self, byte: int, bit: int, *, value: bool) -> list[int]:
-        """One bit, its neighbours untouched; returns the nodes to which sending failed."""
+    def write_bit(self, byte: int, bit: int, *, value: bool) -> None:
+        """Write one bit, its neighbours untouched. Raises OperationError as ``write``."""
         with self._lock:
             self.outputs[byte] = self.outputs[byte] & ~(1 << bit) | (int(value) << bit)
-            return self._send(byte, 1)
+            self._send(byte, 1)
 
-    def nodes_of_outputs(self, byte: int, length: int) -> list[int]:
-        """Nodes that serve the output bytes."""
-        return [module.options.node for module in self._of_outputs(byte, length)]
+    def modules_of(self, byte: int, length: int) -> list[Node]:
+        """Return the modules that serve the output bytes."""
+        return [node for node, _ in self._of_outputs(byte, length)]
 
-    def _of_outputs(self, byte: int, length: int) -> list[IoLayout]:
+    def _of_outputs(self, byte: int, length: int) -> list[tuple[Node, IoLayout]]:
         return [
-            module
-            for module in self._modules
+            (node, module)
+            for node, module in self._modules
             if module.options.output_byte < byte + length
             and byte < module.options.output_byte + module.options.output_length
         ]
 
-    def _send(self, byte: int, length: int) -> list[int]:
+    def _send(self, byte: int, length: int) -> None:
         failed = []
-        for module in self._of_outputs(byte, length):
+        for node, module in self._of_outputs(byte, length):
             first = module.options.output_byte
             data = bytes(self.outputs[first : first + module.options.output_length])
             if not all(self._bus.send(Frame(pdo.cob_id, data)) for pdo in module.rpdos):
-                failed.append(module.options.node)
-        return failed
+                failed.append(node.name)
+        if failed:
+            names = ", ".join(failed)
+            raise OperationError(f"outputs were not sent to {names}: {self._bus.fault}")
 
     def _handler(self, module: IoLayout) -> Handler:
         first, length = module.options.input_byte, module.options.input_length

@@ -30,7 +30,7 @@ from robotd_canopen.options import (
 )
 from robotd_canopen.pdo import Direction, Pdo, axis_pdos, io_pdos, resolve
 from robotd_cia402.object_numbers import on_axis
-from robotd_cia402.options import parse_object
+from robotd_cia402.options import missing_and_unknown, parse_object
 
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6502)  # without these it is no CiA 402 drive
@@ -93,14 +93,9 @@ class NetworkLayout:
 def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayout:
     """Raises DescriptorError with every problem."""
     problems: list[DescriptorError] = []
-    given = {axis.axis for axis in options.axes}
     problems += [
-        _error(robot, "axes", f"axis {axis} of the robot has no drive")
-        for axis in sorted(set(range(robot.axes)) - given)
+        _error(robot, "axes", what) for what in missing_and_unknown(options.axes, robot.axes)
     ]
-    for axis in sorted(given - set(range(robot.axes))):
-        what = f"axis {axis} does not exist, the robot has axes 0 to {robot.axes - 1}"
-        problems.append(_error(robot, "axes", what))
     ordered = sorted(options.axes, key=lambda drive: drive.axis)
     axes = [_axis(robot, drive, options, problems) for drive in ordered]
     modules = [_io(robot, module, options, problems) for module in options.io]

@@ -48,9 +48,11 @@ class Master:
         )
         self.nodes: dict[int, Node] = {}
         self.axes = self._make_axes(robot)
-        self.io = IoImage(self.bus, self.layout.io)
-        for module in self.layout.io:
-            self._add_node(module.options, "I/O module", _IO, module.dictionary)
+        modules = [
+            (self._add_node(module.options, "I/O module", _IO, module.dictionary), module)
+            for module in self.layout.io
+        ]
+        self.io = IoImage(self.bus, modules)
         self.supervision = Supervision(
             self.bus, self.nodes, self.axes, self.feedback, options.heartbeat_timeout_s, period_s
         )
@@ -92,7 +94,7 @@ class Master:
                 node.online = node.configured = False
         waiting = [node for node in self.nodes.values() if not node.online]
         self._bring_up.start(waiting)
-        self.io.start([node.id for node in waiting if node.online], self.nodes)
+        self.io.start([node for node in waiting if node.online])
         self.supervision.begin()
         self.sync.begin()
         self._state = ConnectionState.COMMUNICATING

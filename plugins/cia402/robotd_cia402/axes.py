@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Sequence
+from typing import Protocol
 
 from robotd.api import (
     AxisDriver,
     Clock,
     CommandMode,
+    FloatArray,
     NotReady,
+    ProcessImage,
     Profile,
     Underrun,
     Unsupported,
@@ -18,23 +20,49 @@ from robotd_cia402.axis import Axis
 from robotd_cia402.commands import Commands
 
 
-class Cia402Axes(AxisDriver):
-    """Axes of one fieldbus; a backend adds ``read``, ``stream`` and the two abstract methods."""
+class Cia402Master(Protocol):
+    """Axes of one fieldbus and their exchange; implemented by each backend."""
 
-    def __init__(self, axes: Sequence[Axis], clock: Clock) -> None:
-        self._axes = axes
-        self._commands = [Commands(axis, clock) for axis in axes]
+    @property
+    def axes(self) -> Sequence[Axis]:
+        """By axis number."""
+        ...
 
-    @abstractmethod
-    def on_stream_begun(self) -> None:
-        """Start the time-out of the stream. Worker."""
+    @property
+    def clock(self) -> Clock: ...
 
-    @abstractmethod
+    def read(self, image: ProcessImage) -> None:
+        """Control loop: as ``AxisDriver.read``."""
+        ...
+
+    def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
+        """Control loop: as ``AxisDriver.stream``, with plain numbers."""
+        ...
+
+    def begin_stream(self) -> None:
+        """Worker: start the time-out of the stream."""
+        ...
+
     def settle(self) -> None:
-        """Wait until the process image shows the latest change. Worker.
+        """Worker: wait until the process image shows the latest change.
 
         It returns after some periods where no control loop runs.
         """
+        ...
+
+
+class Cia402Axes(AxisDriver):
+    """All axes of one fieldbus."""
+
+    def __init__(self, master: Cia402Master) -> None:
+        self._master, self._axes = master, master.axes
+        self._commands = [Commands(axis, master.clock) for axis in master.axes]
+
+    def read(self, image: ProcessImage) -> None:
+        self._master.read(image)
+
+    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+        self._master.stream(position.tolist(), velocity.tolist(), due_ns)
 
     @property
     def underrun(self) -> Underrun:
@@ -47,15 +75,15 @@ class Cia402Axes(AxisDriver):
             for axis in axes:
                 self._commands[axis].prepare_stream()
         finally:
-            self.on_stream_begun()
+            self._master.begin_stream()
         for axis in axes:
             self._commands[axis].begin_stream()
-        self.settle()
+        self._master.settle()
 
     def end_stream(self, axes: Sequence[int]) -> None:
         for axis in axes:
             self._commands[axis].end_stream()
-        self.settle()
+        self._master.settle()
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         commands = self._commands[axis]
@@ -63,17 +91,17 @@ class Cia402Axes(AxisDriver):
             commands.enable(timeout_s)
         else:
             commands.disable(timeout_s)
-        self.settle()
+        self._master.settle()
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].clear_alarm(timeout_s)
-        self.settle()
+        self._master.settle()
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         if mode is CommandMode.TORQUE:
             raise Unsupported("torque mode")
         self._commands[axis].set_mode(mode)
-        self.settle()
+        self._master.settle()
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         self._require_off(axis)
@@ -87,7 +115,7 @@ class Cia402Axes(AxisDriver):
 
     def home(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].home(timeout_s)
-        self.settle()
+        self._master.settle()
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
         self._commands[axis].move(target, profile)

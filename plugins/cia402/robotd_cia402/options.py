@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Annotated, Any, Self
 
@@ -115,3 +116,15 @@ def parse_object(name: str) -> tuple[int, int]:
     """Parse ``0x60C1:1`` to (0x60C1, 1); without a subindex it is 0."""
     index, _, sub = name.partition(":")
     return int(index, 16), int(sub or 0)
+
+
+def missing_and_unknown(drives: Sequence[DriveOptions], axes: int) -> list[str]:
+    """Tell which of the robot's ``axes`` have no drive, and which drives have no axis."""
+    given, known = {drive.axis for drive in drives}, set(range(axes))
+    return [
+        *(f"axis {axis} of the robot has no drive" for axis in sorted(known - given)),
+        *(
+            f"axis {axis} does not exist, the robot has axes 0 to {axes - 1}"
+            for axis in sorted(given - known)
+        ),
+    ]

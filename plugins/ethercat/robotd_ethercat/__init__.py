@@ -74,18 +74,18 @@ def robotd_open_device(context: DeviceContext[BusPlan]) -> DeviceDriver:
 @hookimpl
 def robotd_axes(device: EthercatDevice) -> AxisDriver:
     """One axis for each entry of ``axes``."""
-    from robotd_ethercat.axes import EthercatAxes
+    from robotd_cia402.axes import Cia402Axes
 
-    return EthercatAxes(device.master)
+    return Cia402Axes(device.master)
 
 
 @hookimpl
 def robotd_io(device: EthercatDevice) -> IoDriver | None:
     """None without modules."""
-    from robotd_ethercat.io import EthercatIo
+    from robotd_cia402.module_io import ModuleIo
 
     master = device.master
-    return EthercatIo(master.io) if master.options.io else None
+    return ModuleIo(master.io) if master.options.io else None
 
 
 @hookimpl

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from robotd_cia402.number_argument import NUMBER
 from robotd_ethercat.simulate_command import simulate
 
 # No more is imported at module level: other commands must not load pysoem.
@@ -21,19 +22,6 @@ def _bus_option(command: Callable[..., Any]) -> Callable[..., Any]:
     )(command)
 
 
-class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 8.2
-    """Decimal, or hexadecimal with 0x."""
-
-    name = "number"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        try:
-            return value if isinstance(value, int) else int(value, 0)
-        except ValueError:
-            self.fail(f"{value!r} is not a number", param, ctx)
-
-
-NUMBER = _Number()
 SLAVE = click.IntRange(0, 198)
 
 

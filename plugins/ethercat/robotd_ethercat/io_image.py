@@ -59,7 +59,7 @@ class IoImage:
         with self._lock:
             self.outputs[byte] = self.outputs[byte] & ~(1 << bit) | (int(value) << bit)
 
-    def serving(self, byte: int, length: int) -> list[Slave]:
+    def modules_of(self, byte: int, length: int) -> list[Slave]:
         """Return the modules that serve the output bytes."""
         return [
             slave

@@ -16,7 +16,7 @@ from robotd_cia402.object_numbers import (
     TARGET_VELOCITY,
     on_axis,
 )
-from robotd_cia402.options import StreamMode, VelocityMode, parse_object
+from robotd_cia402.options import StreamMode, VelocityMode, missing_and_unknown, parse_object
 from robotd_ethercat.options import AxisOptions, EthercatOptions, PdoOptions, SlaveOptions
 
 _SECTION = "backends.ethercat"
@@ -57,14 +57,9 @@ class BusPlan:
 def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
     """Raises DescriptorError with every problem."""
     problems: list[DescriptorError] = []
-    given = {axis.axis for axis in options.axes}
     problems += [
-        _error(robot, "axes", f"axis {axis} of the robot has no drive")
-        for axis in sorted(set(range(robot.axes)) - given)
+        _error(robot, "axes", what) for what in missing_and_unknown(options.axes, robot.axes)
     ]
-    for axis in sorted(given - set(range(robot.axes))):
-        what = f"axis {axis} does not exist, the robot has axes 0 to {robot.axes - 1}"
-        problems.append(_error(robot, "axes", what))
     for number, drive in enumerate(options.axes):
         key = f"axes.{number}"
         if drive.stream_mode is not StreamMode.CSP:

@@ -11,7 +11,7 @@ _LAYOUT = struct.Struct(
     "<8B4B2B2x4B"
 )  # per port: invalid frame, RX error; forwarded; PU, PDI; lost
 REGISTERS = (0x0300, 0x0308, 0x030C, 0x030D, 0x0310)
-"""Where a write clears a group of counters."""
+"""Addresses; a write there clears a group of counters."""
 
 
 class RegisterAccess(Protocol):

@@ -2,34 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 from tests.unit.cia402.looped_drive import PERIOD_S, LoopedDrive
 
-from robotd.api import CommandMode, FloatArray, NotReady, ProcessImage, Profile, Unsupported
+from robotd.api import CommandMode, NotReady, ProcessImage, Profile, Unsupported
 from robotd_cia402.axes import Cia402Axes
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
+
+
+class LoopedMaster:
+    """Master of one looped drive."""
+
+    def __init__(self, looped: LoopedDrive) -> None:
+        self.looped, self.axes, self.clock = looped, [looped.axis], looped.clock
+        self.begun = 0
+
+    def read(self, image: ProcessImage) -> None:
+        self.looped.axis.observe(image)
+
+    def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
+        self.looped.axis.follow(position[0], velocity[0])
+
+    def begin_stream(self) -> None:
+        self.begun += 1
+
+    def settle(self) -> None:
+        self.looped.run(2 * PERIOD_S)
 
 
 class LoopedAxes(Cia402Axes):
     """Axis driver of one looped drive."""
 
     def __init__(self, looped: LoopedDrive) -> None:
-        super().__init__([looped.axis], looped.clock)
-        self.looped = looped
-        self.begun = 0
-
-    def read(self, image: ProcessImage) -> None:
-        self.looped.axis.observe(image)
-
-    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-        self.looped.axis.follow(float(position[0]), float(velocity[0]))
-
-    def on_stream_begun(self) -> None:
-        self.begun += 1
-
-    def settle(self) -> None:
-        self.looped.run(2 * PERIOD_S)
+        self.master, self.looped = LoopedMaster(looped), looped
+        super().__init__(self.master)
 
 
 @pytest.fixture
@@ -60,7 +69,7 @@ def test_motion_and_its_stops(axes: LoopedAxes) -> None:
 
 def test_a_stream_begins_and_ends(axes: LoopedAxes) -> None:
     axes.begin_stream([0])
-    assert axes.begun == 1
+    assert axes.master.begun == 1
     assert axes.looped.axis.streaming
     axes.end_stream([0])
     assert axes.looped.axis.activity.is_idle
@@ -81,7 +90,7 @@ def test_a_stream_of_a_lost_axis_does_not_begin(axes: LoopedAxes) -> None:
     axes.looped.objects.online = False
     with pytest.raises(NotReady, match="node 1: offline"):
         axes.begin_stream([0])
-    assert axes.begun == 0
+    assert axes.master.begun == 0
 
 
 def test_the_scale_changes_with_the_servo_off_only(axes: LoopedAxes) -> None:

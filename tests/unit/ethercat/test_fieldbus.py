@@ -7,9 +7,9 @@ from tests.unit.ethercat.harness import Harness
 
 from robotd.device.bus_status import BusState
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady
+from robotd_cia402.module_io import ModuleIo
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.fieldbus import EthercatFieldbus
-from robotd_ethercat.io import EthercatIo
 
 
 def test_the_status_has_state_identity_and_sizes_of_every_slave(harness: Harness) -> None:
@@ -75,7 +75,7 @@ def test_counters_of_a_slave_without_answer_are_left_out(harness: Harness) -> No
 
 
 def test_inputs_and_outputs_of_a_module(harness: Harness) -> None:
-    io = EthercatIo(harness.master.io)
+    io = ModuleIo(harness.master.io)
     harness.slave(2).input = b"\x81\x02"
     io.write_output_bit(1, 3, True)
     harness.robot.step(3)

@@ -1,15 +1,47 @@
-"""I/O driver over the image of the modules."""
+"""I/O driver over the image of all I/O modules of a fieldbus."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Protocol
+
 from robotd.api import InvalidArgument, IoDriver, NotReady
-from robotd_ethercat.io_image import IoImage
 
 
-class EthercatIo(IoDriver):
+class Module(Protocol):
+    """Node of an I/O module. Any thread."""
+
+    online: bool
+
+    @property
+    def complaint(self) -> str:
+        """Name of the module, and why it is offline."""
+        ...
+
+
+class ModuleImage(Protocol):
+    """Inputs received last, and outputs written last, of all modules. Any thread."""
+
+    inputs: bytearray
+    outputs: bytearray
+
+    def write(self, byte: int, data: bytes) -> None:
+        """Write whole bytes. Raises OperationError when they cannot be sent."""
+        ...
+
+    def write_bit(self, byte: int, bit: int, *, value: bool) -> None:
+        """Write one bit, its neighbours untouched. Raises OperationError as ``write``."""
+        ...
+
+    def modules_of(self, byte: int, length: int) -> Sequence[Module]:
+        """Return the modules that serve the output bytes."""
+        ...
+
+
+class ModuleIo(IoDriver):
     """Bytes of I/O modules; a write to a byte without a module is rejected."""
 
-    def __init__(self, image: IoImage) -> None:
+    def __init__(self, image: ModuleImage) -> None:
         self._image = image
 
     @property
@@ -39,9 +71,9 @@ class EthercatIo(IoDriver):
         self._image.write_bit(byte, bit, value=value)
 
     def _require_modules(self, byte: int, length: int) -> None:
-        slaves = self._image.serving(byte, length)
-        if not slaves:
+        modules = self._image.modules_of(byte, length)
+        if not modules:
             raise InvalidArgument(f"no module serves output bytes {byte}..{byte + length - 1}")
-        for slave in slaves:
-            if not slave.online:
-                raise NotReady(slave.complaint)
+        for module in modules:
+            if not module.online:
+                raise NotReady(module.complaint)
