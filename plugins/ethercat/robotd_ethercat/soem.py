@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import socket
 import stat
+import struct
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -27,6 +28,8 @@ _MICROSECONDS = 1_000_000
 _TRIES = 3  # of a mailbox transfer, and of a register
 _FRAME_TIMEOUT_US = 2000  # of SOEM
 _SERIAL_WORD = 0x000E  # of the SII (ETG.1000.6)
+_AL_STATUS, _AL_LAYOUT = 0x0130, struct.Struct("<H2xH")  # register, and status code behind it
+_AL_BITS = 0x3F  # of the register that have a meaning: state, error, identification
 
 Opener = Callable[[Callable[[], None]], None]
 
@@ -38,6 +41,8 @@ class SlaveState(NamedTuple):
     error: bool
     code: int
 
+
+NO_ANSWER = SlaveState(AlState.NONE, error=False, code=0)
 
 class Soem:
     """One EtherCAT master on one interface, or on two with redundancy.
@@ -91,12 +96,31 @@ class Soem:
         return len(self.slaves)
 
     def states(self) -> list[SlaveState]:
-        """Read the AL status of all slaves."""
-        self._master.read_state()
-        return [
-            SlaveState(al_state(slave.state), bool(slave.state & ERROR_FLAG), slave.al_status)
-            for slave in self.slaves
-        ]
+        """Read the AL status of all slaves, one after the other.
+
+        After three without an answer the others are not asked: each takes a whole time-out.
+        """
+        found: list[SlaveState] = []
+        count = len(self.slaves)
+        while len(found) < count and found[-_TRIES:] != [NO_ANSWER] * _TRIES:
+            found.append(self.state(len(found)))
+        return found + [NO_ANSWER] * (count - len(found))
+
+    def state(self, slave: int) -> SlaveState:
+        """Read the AL status of a slave; ``NO_ANSWER`` without a plausible one.
+
+        ``read_state`` of pysoem reads all with one frame. Where that is late or lost, it returns
+        what its buffer holds, process data for example, whatever the working counter says.
+        """
+        try:
+            data = self.slaves[slave]._fprd(_AL_STATUS, _AL_LAYOUT.size, self._frame_timeout_us)  # noqa: SLF001 - as read_register
+        except self._pysoem.WkcError:
+            return NO_ANSWER
+        register, code = _AL_LAYOUT.unpack(data)
+        state = al_state(register)
+        if state is AlState.NONE or register & ~_AL_BITS:  # a late answer to another request
+            return NO_ANSWER
+        return SlaveState(state, bool(register & ERROR_FLAG), code)
 
     def request(
         self, state: AlState, slave: int | None = None, *, acknowledge: bool = False

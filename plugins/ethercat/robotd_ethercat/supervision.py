@@ -117,9 +117,7 @@ class Supervision:
             for slave, found in zip(self._slaves, self._states(), strict=True):
                 slave.state, slave.al_code = found.state, found.code if found.error else 0
                 if slave.online:
-                    # One answer may come too late; that a slave is missing, the frames show.
-                    missing = self.is_silent or self.is_incomplete
-                    if found.state is not AlState.OP and (found.state or missing):
+                    if self._has_left(slave, found):
                         self._lose(slave, _cause(found))
                         lost.append(slave)
                 else:
@@ -127,6 +125,18 @@ class Supervision:
             self._exchange.count_online()
         for reason in _by_cause(lost):
             self.stop(reason)
+
+    def _has_left(self, slave: Slave, found: SlaveState) -> bool:
+        """Return True if an online slave is not in Op, by two answers that agree.
+
+        One answer may be late, or that to another request. That a slave does not answer counts
+        only while frames are bad: a slave that is lost adds nothing to their working counter.
+        """
+        if found.state is AlState.OP:
+            return False
+        if found.state is AlState.NONE and not (self.is_silent or self.is_incomplete):
+            return False
+        return self._bus.state(slave.number).state is found.state
 
     def _states(self) -> list[SlaveState]:
         states = self._bus.states()

@@ -21,7 +21,7 @@ from robotd_cia402.simulated import (
     drive_defaults,
 )
 from robotd_ethercat.al_status import AlState
-from robotd_ethercat.soem import NO_FRAME, SlaveState
+from robotd_ethercat.soem import NO_ANSWER, NO_FRAME, SlaveState
 
 COUNTS_PER_RAD = 100_000.0
 NO_OBJECT = 0x06020000
@@ -101,6 +101,7 @@ class FakeBus:
         all: the slaves on the cable; ``slaves``: those found by the last scan.
         lost_frames: frames that are lost from now on.
         answers_late: AL states are read as if no slave had answered.
+        misread: slave → wrong AL state that is read next, once.
         interfaces: opened so far.
     """
 
@@ -112,6 +113,7 @@ class FakeBus:
         self.slaves: Sequence[FakeSlave] = ()
         self.lost_frames = 0
         self.answers_late = False
+        self.misread: dict[int, SlaveState] = {}
         self.frame_timeout_s = 0.0
         self.interfaces: list[str] = []
         self.sync0: dict[int, tuple[int, int, bool]] = {}
@@ -160,13 +162,15 @@ class FakeBus:
         return len(self.slaves)
 
     def states(self) -> list[SlaveState]:
-        if self.answers_late:
-            return [SlaveState(AlState.NONE, False, 0)] * len(self.slaves)
-        return [
-            SlaveState(slave.state if self._answers(slave) else AlState.NONE, slave.code != 0,
-                       slave.code)
-            for slave in self.slaves
-        ]  # fmt: skip
+        return [self.state(number) for number in range(len(self.slaves))]
+
+    def state(self, slave: int) -> SlaveState:
+        one = self.slaves[slave]
+        if slave in self.misread:
+            return self.misread.pop(slave)
+        if self.answers_late or not self._answers(one):
+            return NO_ANSWER
+        return SlaveState(one.state, one.code != 0, one.code)
 
     def request(
         self, state: AlState, slave: int | None = None, *, acknowledge: bool = False

@@ -8,6 +8,7 @@ from tests.unit.ethercat.harness import Harness
 from robotd.device.state import ConnectionState, Operation
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.slave import RESET
+from robotd_ethercat.soem import SlaveState
 
 
 def test_single_lost_frames_stop_nothing(harness: Harness) -> None:
@@ -68,6 +69,18 @@ def test_an_answer_that_came_too_late_loses_no_slave(harness: Harness) -> None:
     harness.master.supervision.check()
     assert not harness.master.supervision.lost
     assert harness.device.state() is ConnectionState.COMMUNICATING
+
+
+def test_one_wrong_answer_loses_no_slave(harness: Harness) -> None:
+    """The answer to another request is taken for that of the AL state, while frames are late."""
+    harness.robot.axes._driver.begin_stream([0, 1])
+    harness.bus.lost_frames = 4
+    harness.robot.step(4)
+    harness.bus.misread[1] = SlaveState(AlState.SAFE_OP, error=True, code=0x1FD)
+    harness.master.supervision.check()
+    harness.robot.step(3)
+    assert not harness.master.supervision.faults
+    assert harness.image.operation[0] == Operation.STREAM
 
 
 def test_a_cut_cable_loses_the_slaves_behind_it(harness: Harness) -> None:

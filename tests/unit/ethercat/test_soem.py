@@ -12,7 +12,8 @@ import pytest
 
 from robotd.errors import ConnectError, DeviceTimeout, OperationError, PluginError
 from robotd_cia402.cyclic_objects import SdoAbort
-from robotd_ethercat.soem import Soem
+from robotd_ethercat.al_status import AlState
+from robotd_ethercat.soem import NO_ANSWER, SlaveState, Soem
 
 
 class Raising:
@@ -66,6 +67,35 @@ def test_registers_without_an_answer() -> None:
         bus.write_register(0, 0x0300, b"\0")
     with pytest.raises(OperationError, match="watchdog_ms 20 was not taken"):
         bus.set_watchdog(0, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "state"),
+    [
+        (b"\x08\0\0\0\0\0", SlaveState(AlState.OP, error=False, code=0)),
+        (b"\x14\0\0\0\x1b\0", SlaveState(AlState.SAFE_OP, error=True, code=0x1B)),
+        (b"\x28\0\0\0\0\0", SlaveState(AlState.OP, error=False, code=0)),
+        (b"\x01\xff\x08\0\0\0", NO_ANSWER),  # process data of a late frame
+        (b"\xfd\x01\x08\0\0\0", NO_ANSWER),
+        (b"\x0f\0\x08\0\xc8\x03", NO_ANSWER),
+    ],
+)
+def test_an_al_status_that_does_not_exist_is_no_answer(answer: bytes, state: SlaveState) -> None:
+    bus = Soem(0.7)
+    bus.slaves = [SimpleNamespace(_fprd=lambda *_: answer)]
+    assert bus.states() == [state]
+
+
+def test_slaves_behind_three_without_an_answer_are_not_asked() -> None:
+    bus, asked = Soem(0.7), []
+
+    def silent(*_: object) -> bytes:
+        asked.append(1)
+        raise pysoem.WkcError(wkc=0)
+
+    bus.slaves = [SimpleNamespace(_fprd=silent)] * 100
+    assert bus.states() == [NO_ANSWER] * 100
+    assert len(asked) == 3
 
 
 def test_errors_of_the_mapping_are_named_by_slave() -> None:
