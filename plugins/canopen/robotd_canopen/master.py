@@ -28,6 +28,7 @@ from robotd_canopen.supervision import Supervision
 from robotd_canopen.sync_producer import SyncProducer
 from robotd_cia402.emcy import EmergencyLog
 from robotd_cia402.scaling import Scaling
+from robotd_cia402.stream_timeout import StreamTimeout
 
 _DRIVE, _IO = 402, 401
 _LONGEST_PERIODS = 2  # periods that one longer period counts for at most
@@ -60,10 +61,10 @@ class Master:
             self.layout, self.axes, self.bus.name, allow_partial=options.allow_partial
         )
         self._state = ConnectionState.IDLE
-        self._cycles = self._read_ns = self._stream_ns = 0
+        self._cycles = self._read_ns = 0
         self._period_ns = round(NANOSECONDS / robot.cycle.rate_hz)
         self._transmitted = True
-        self._stream_timeout_ns = round(options.stream_timeout_s * NANOSECONDS)
+        self._stream = StreamTimeout(clock, options.stream_timeout_s)
 
     @property
     def state(self) -> ConnectionState:
@@ -134,8 +135,8 @@ class Master:
         Raises LateSetpoint when they are from before a stall in which the drives have come to
         rest: they would move by the way of one period, and stop again.
         """
-        self._stream_ns = self.clock.now_ns()
-        if self.sync.after_rest and self._stream_ns > due_ns:
+        now_ns = self._stream.restart()
+        if self.sync.after_rest and now_ns > due_ns:
             raise LateSetpoint
         for axis in self.axes:
             if axis.streaming:
@@ -144,7 +145,7 @@ class Master:
 
     def begin_stream(self) -> None:
         """Start the time-out of the stream."""
-        self._stream_ns = self.clock.now_ns()
+        self._stream.restart()
 
     def settle(self) -> None:
         """Worker: wait until the image shows the latest change.
@@ -180,11 +181,9 @@ class Master:
         elapsed_ns = min(now_ns - self._read_ns, _LONGEST_PERIODS * self._period_ns)
         self._read_ns = now_ns
         self.supervision.watch(elapsed_ns)
-        if now_ns - self._stream_ns > self._stream_timeout_ns:
-            names = dict.fromkeys(axis.node.name for axis in self.axes if axis.streaming)
-            if names:
-                limit_s = self.options.stream_timeout_s
-                self.supervision.fail(f"{', '.join(names)}: no setpoint for {limit_s:g} s")
+        streaming = (axis.node.name for axis in self.axes if axis.streaming)
+        if problem := self._stream.problem(now_ns, streaming):
+            self.supervision.fail(problem)
 
     def _leave_all(self) -> None:
         for node in self.nodes.values():

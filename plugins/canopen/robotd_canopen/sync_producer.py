@@ -6,9 +6,8 @@ from robotd.api import NANOSECONDS, Clock
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.nmt import NmtState
-from robotd_cia402.sync_timing import SyncTiming
+from robotd_cia402.sync_timing import HOLD_PERIODS, SyncTiming
 
-HOLD_PERIODS = 2  # without SYNC until a drive holds: on its way to the setpoint, and one more
 _SYNC, _HEARTBEAT = 0x080, 0x700
 
 

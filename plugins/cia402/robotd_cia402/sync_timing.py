@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+HOLD_PERIODS = 2  # without an event until a drive holds: on its way to the setpoint, and one more
 _EARLY = 2  # half a period before the next nominal time it is an event of its own
 _EASE = 256  # events over which the nominal times adapt to events that are all late
 _CLEAR = (
@@ -43,17 +44,24 @@ class SyncTiming:
             return now_ns
         return now_ns + 2 * margin_ns - past_end_ns
 
-    def note_event(self, now_ns: int) -> int:
-        """Record an event; return the periods passed since the previous one, 1 at first."""
-        elapsed_ns, period_ns = now_ns - self.time_ns, self.period_ns
+    def periods_at(self, now_ns: int) -> int:
+        """Return for how many periods an event at ``now_ns`` would count, 1 at first.
+
+        0: it comes close behind a late one. From ``HOLD_PERIODS`` on, receivers that hold have
+        come to rest before it.
+        """
+        elapsed_ns = now_ns - self.time_ns
         if not self.time_ns:
-            self.time_ns = now_ns
             return 1
-        if elapsed_ns >= period_ns:
-            passed, late_ns = divmod(elapsed_ns, period_ns)
+        return elapsed_ns // self.period_ns or int(elapsed_ns * _EARLY >= self.period_ns)
+
+    def note_event(self, now_ns: int) -> int:
+        """Record an event; return ``periods_at`` its time."""
+        periods = self.periods_at(now_ns)
+        elapsed_ns = now_ns - self.time_ns
+        if self.time_ns and elapsed_ns >= self.period_ns:
+            late_ns = elapsed_ns - periods * self.period_ns
             self.time_ns = now_ns - late_ns + late_ns // _EASE
-            return passed
-        if elapsed_ns * _EARLY < period_ns:
-            return 0
-        self.time_ns = now_ns  # earlier than nominal: the others were late
-        return 1
+        elif periods:
+            self.time_ns = now_ns  # the first, or earlier than nominal: the others were late
+        return periods

@@ -18,7 +18,8 @@ from robotd.api import (
 from robotd_cia402.axis import Axis
 from robotd_cia402.emcy import EmergencyLog
 from robotd_cia402.scaling import Scaling
-from robotd_cia402.sync_timing import SyncTiming
+from robotd_cia402.stream_timeout import StreamTimeout
+from robotd_cia402.sync_timing import HOLD_PERIODS, SyncTiming
 from robotd_ethercat.bring_up import BringUp
 from robotd_ethercat.clocks import ClockObserver
 from robotd_ethercat.exchange import Exchange
@@ -30,7 +31,6 @@ from robotd_ethercat.slaves_process import SlavesProcess
 from robotd_ethercat.soem import Soem
 from robotd_ethercat.supervision import Supervision
 
-_HOLD_PERIODS = 2  # without a frame until a drive holds: on its way to the setpoint, and one more
 _PROBE = 16  # while no frame comes back, one is sent in each n-th period
 _SETTLE_PERIODS = 10
 _LATE_TIMEOUT_US = 1000
@@ -76,9 +76,9 @@ class Master:
         self._timing = SyncTiming(self._period_ns)
         self._live = threading.Lock()
         self._state = ConnectionState.IDLE
-        self._identified = self._after_rest = False
-        self._cycles = self._stream_ns = 0
-        self._stream_timeout_ns = round(self.options.stream_timeout_s * NANOSECONDS)
+        self._identified = False
+        self._cycles = 0
+        self._stream = StreamTimeout(clock, self.options.stream_timeout_s)
 
     @property
     def state(self) -> ConnectionState:
@@ -154,11 +154,12 @@ class Master:
         if self.supervision.is_dead and self._cycles % _PROBE:
             self._observe(image)
             return
-        self._after_rest = now_ns - self.exchange.sent_ns > _HOLD_PERIODS * self._period_ns
         if self._receive():
             image.fresh_ns = self._timing.time_ns
         self.supervision.watch()
-        self._watch_stream(now_ns)
+        streaming = (slave.name for axis, slave in self.drives if axis.streaming)
+        if problem := self._stream.problem(now_ns, streaming):
+            self.supervision.stop(problem)
         self._observe(image)
         if not any(axis.streaming for axis in self.axes):
             self._transmit()
@@ -169,8 +170,8 @@ class Master:
         Raises LateSetpoint when they are from before a stall in which the drives have come to
         rest: they would move by the way of one period, and stop again.
         """
-        self._stream_ns = self.clock.now_ns()
-        if self._after_rest and self._stream_ns > due_ns:
+        now_ns = self._stream.restart()
+        if now_ns > due_ns and self._timing.periods_at(now_ns) >= HOLD_PERIODS:
             raise LateSetpoint
         for axis in self.axes:
             if axis.streaming:
@@ -182,7 +183,7 @@ class Master:
 
     def begin_stream(self) -> None:
         """Start the time-out of the stream."""
-        self._stream_ns = self.clock.now_ns()
+        self._stream.restart()
 
     def settle(self) -> None:
         """Worker: wait until the image shows the latest change.
@@ -206,7 +207,12 @@ class Master:
         return complete
 
     def _transmit(self) -> None:
-        """Compute the outputs of all axes and send the frame of this period."""
+        """Compute the outputs of all axes and send the frame of this period.
+
+        After a stall it waits for up to a fifth of a period, for a time at which the drives count
+        the missed periods as this master does: their profiles have advanced by as many.
+        """
+        self.clock.sleep_until_ns(self._timing.clear_ns(self.clock.now_ns()))
         now_ns = self.clock.now_ns()
         if self.exchange.sent_ns and self._timing.time_ns:
             deviation_ns = abs(now_ns - self.exchange.sent_ns - self._period_ns)
@@ -219,13 +225,6 @@ class Master:
     def _observe(self, image: ProcessImage) -> None:
         for axis in self.axes:
             axis.observe(image)
-
-    def _watch_stream(self, now_ns: int) -> None:
-        if now_ns - self._stream_ns > self._stream_timeout_ns:
-            names = [slave.name for axis, slave in self.drives if axis.streaming]
-            if names:
-                limit_s = self.options.stream_timeout_s
-                self.supervision.stop(f"{', '.join(names)}: no setpoint for {limit_s:g} s")
 
     def _leave(self, state: ConnectionState) -> None:
         with self._live:  # the control loop is in no exchange from now on

@@ -44,6 +44,7 @@ class SlaveState(NamedTuple):
 
 NO_ANSWER = SlaveState(AlState.NONE, error=False, code=0)
 
+
 class Soem:
     """One EtherCAT master on one interface, or on two with redundancy.
 

@@ -10,6 +10,8 @@ from robotd.errors import LateSetpoint
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
 
+PERIOD_NS = 2_000_000
+
 
 def test_servos_go_on_with_the_command_at_the_measured_position(harness: Harness) -> None:
     assert harness.image.servo_on.all()
@@ -70,12 +72,50 @@ def test_the_image_is_one_period_old(harness: Harness) -> None:
     assert 0 < age_ns <= 2_000_000
 
 
-def test_a_setpoint_after_a_stall_is_not_sent(harness: Harness) -> None:
-    master = harness.master
-    harness.robot.step(2)
-    harness.clock._now_ns += 30_000_000  # the process is stopped
-    master.read(harness.image)
-    sent = master.exchange.frames
+class Periods:
+    """Periods of a master whose axes stream, as the control loop runs them."""
+
+    def __init__(self, harness: Harness) -> None:
+        self.harness, self.clock, self.master = harness, harness.clock, harness.master
+        harness.robot.axes._driver.begin_stream([0, 1])
+        harness.clock.detach()
+        self.due_ns = self.clock.now_ns() + PERIOD_NS
+        for _ in range(5):
+            self.run()
+
+    def run(self, *, before_read_ns: int = 0, after_read_ns: int = 0) -> None:
+        """One period from its nominal time on; the process is stopped before or after ``read``."""
+        self.clock._now_ns = self.due_ns + before_read_ns
+        self.due_ns += PERIOD_NS
+        self.master.read(self.harness.image)
+        self.clock._now_ns += after_read_ns
+        self.master.stream([0.0, 0.0], [0.0, 0.0], self.due_ns)
+
+
+@pytest.fixture
+def periods(harness: Harness) -> Periods:
+    return Periods(harness)
+
+
+@pytest.mark.parametrize("when", ["before_read_ns", "after_read_ns"])
+def test_a_setpoint_after_a_stall_is_not_sent(periods: Periods, when: str) -> None:
+    sent = periods.master.exchange.frames
     with pytest.raises(LateSetpoint):
-        master.stream([0.0, 0.0], [0.0, 0.0], harness.clock.now_ns() - 1)
-    assert master.exchange.frames == sent
+        periods.run(**{when: 30_000_000})
+    assert periods.master.exchange.frames == sent
+
+
+def test_the_drives_count_from_the_nominal_time_of_the_frame_before(periods: Periods) -> None:
+    """It was sent late, so that less than two periods lie between the two."""
+    periods.run(after_read_ns=PERIOD_NS * 4 // 10)
+    with pytest.raises(LateSetpoint):
+        periods.run(after_read_ns=PERIOD_NS * 13 // 10)
+
+
+def test_a_late_frame_waits_until_its_periods_are_counted_alike(periods: Periods) -> None:
+    """At the end of a period the drives may count one more or one less."""
+    periods.due_ns = periods.master._timing.time_ns + 2 * PERIOD_NS  # one period is missed
+    begin_ns = periods.due_ns
+    periods.run()
+    waited_ns = periods.master.exchange.sent_ns - begin_ns
+    assert waited_ns == pytest.approx(PERIOD_NS / 10, abs=PERIOD_NS / 100)
