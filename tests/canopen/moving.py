@@ -1,4 +1,4 @@
-"""``python -m tests.canopen.moving FILE MOTION``: a robot that moves until it is killed.
+"""``python -m tests.canopen.moving FILE MOTION [BACKEND]``: a robot that moves until it is killed.
 
 A line is printed when every joint moves at ``SPEED_RAD_S``.
 """
@@ -49,9 +49,9 @@ def moving(robot: Robot, motion: Motion) -> Iterator[None]:
     yield
 
 
-def main(path: str, motion: str) -> None:
+def main(path: str, motion: str, backend: str = "canopen") -> None:
     """Move until the process is killed."""
-    with open_robot(path, "canopen") as robot, moving(robot, Motion(motion)):
+    with open_robot(path, backend) as robot, moving(robot, Motion(motion)):
         clock, image = robot.clock, robot.image
         fast = 0.99 * SPEED_RAD_S
         if wait_until(lambda: np.abs(image.velocity).min() > fast, LONG_S, clock):
