@@ -3,7 +3,7 @@
 ``python -m tools.endurance.streams --minutes 60``: a simulated CR3A in real time. Every setpoint
 that the device gets is judged against the limits; the exit status is 1 when one exceeds them. A
 device that extrapolates carries joints on while the control loop stalls, also beyond their limits:
-the second after a gap is counted separately.
+the second after a gap is counted separately, with the largest excess of each kind.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import random
 import sys
 from collections import Counter
+from dataclasses import dataclass
 
 import click
 import numpy as np
@@ -30,16 +31,40 @@ GAP_PERIODS = 1.5  # between two setpoints
 AFTER_GAP_S = 1.0
 
 
+@dataclass(frozen=True)
+class Excess:
+    """Setpoint beyond a limit, in rad and s.
+
+    Attributes:
+        ratio: of value and limit; of a position: 1 plus the distance beyond it in rad.
+        gap_s: duration of the last gap between two setpoints.
+        after_s: time since its end.
+    """
+
+    ratio: float
+    joint: str
+    value: float
+    limit: float
+    gap_s: float
+    after_s: float
+
+    def __str__(self) -> str:
+        """Value against limit, and the gap before."""
+        gap = f"{self.after_s * 1e3:.0f} ms after a gap of {self.gap_s * 1e3:.0f} ms"
+        return f"{self.joint}: {self.value:.4f}, limit {self.limit:.4f}, {gap}"
+
+
 class Judge:
     """Compares each setpoint with the limits and with the one before."""
 
     def __init__(self, robot: Robot, counts: Counter[str]) -> None:
         self.counts, self.streaming = counts, False
+        self.worst: dict[str, Excess] = {}
         self.clock = robot.clock
         self.limits = robot.follower.limits
         self.period_s = robot.control_loop.period_ns / NANOSECONDS
         self._axes = list(robot.joint_axes)
-        self._gap_s = 0.0
+        self._gap_s = self._gap_length_s = 0.0
         self._last: tuple[float, FloatArray, FloatArray] | None = None
         driver = robot.control_loop._mixer._driver
         self._stream = driver.stream
@@ -56,17 +81,32 @@ class Judge:
         if last is None or now[0] - last[0] > GAP_PERIODS * self.period_s:
             self.counts["gaps"] += 1
             self._gap_s = now[0]
+            self._gap_length_s = now[0] - last[0] if last else 0.0
             return
-        self._count("position", (now[1] < limits.lower - 1e-6) | (now[1] > limits.upper + 1e-6))
-        self._count("velocity", np.abs(now[2]) > limits.velocity * SLACK)
+        nearer = np.where(now[1] > limits.upper, limits.upper, limits.lower)
+        outside = np.maximum(limits.lower - now[1], now[1] - limits.upper)
+        self._note("position", now[1], nearer, 1.0 + outside, 1.0 + 1e-6)
+        speed = np.abs(now[2])
+        self._note("velocity", speed, limits.velocity, speed / limits.velocity, SLACK)
         rate = np.abs(now[2] - last[2]) / (now[0] - last[0])
         # A goal may exceed the acceleration by its margin between its points, a stream may not.
-        self._count("acceleration", rate > limits.acceleration * (SLACK if self.streaming else 2.2))
+        allowed = SLACK if self.streaming else 2.2
+        self._note("acceleration", rate, limits.acceleration, rate / limits.acceleration, allowed)
 
-    def _count(self, what: str, beyond: FloatArray) -> None:
-        if beyond.any() and self._last is not None:
-            after_gap = self._last[0] - self._gap_s < AFTER_GAP_S
-            self.counts[f"{'after a gap: ' if after_gap else ''}beyond {what}"] += 1
+    def _note(
+        self, what: str, value: FloatArray, limit: FloatArray, ratio: FloatArray, allowed: float
+    ) -> None:
+        """Count a setpoint with a joint whose ``ratio`` is higher than allowed; keep the worst."""
+        joint = int(np.argmax(ratio))
+        if self._last is None or ratio[joint] <= allowed:
+            return
+        after_s = self._last[0] - self._gap_s
+        name = f"{'after a gap: ' if after_s < AFTER_GAP_S else ''}beyond {what}"
+        self.counts[name] += 1
+        if name not in self.worst or ratio[joint] > self.worst[name].ratio:
+            values = float(ratio[joint]), self.limits.names[joint], float(value[joint])
+            times = self._gap_length_s, after_s
+            self.worst[name] = Excess(*values, float(limit[joint]), *times)
 
 
 def stream_for(stream: JointStream, seconds: float, chance: random.Random, judge: Judge) -> None:
@@ -136,6 +176,8 @@ def main(minutes: float, seed: int, stepped: bool) -> None:
         speed = float(np.abs(robot.image.velocity).max())
     for name, count in sorted(counts.items()):
         click.echo(f"{name:36}{count:10}")
+    for name, excess in sorted(judge.worst.items()):
+        click.echo(f"farthest {name}: {excess}")
     click.echo(f"at the end: {speed:.4f} rad/s")
     sys.exit(1 if beyond or speed > 0.01 else 0)
 
