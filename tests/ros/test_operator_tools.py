@@ -30,6 +30,7 @@ pytestmark = pytest.mark.ros
 
 RIGHT = b"\x1b[C"
 REPEAT_S = 0.03
+SERVER = "/follow_joint_trajectory_server"
 NAMES = ("inputs.part_present=5.3", "outputs.lamp=5.3", "outputs.horn=5.4")
 
 
@@ -184,11 +185,9 @@ def test_a_lost_terminal_and_an_interrupt_end_the_motion(
 
 
 def test_tolerances_are_set_at_run_time_for_the_next_goal(arm_client: Client) -> None:
-    server = "/follow_joint_trajectory_server"
-
     def set_parameter(name: str, value: float) -> tuple[bool, str]:
         parameters = [Parameter(f"constraints.{name}", value=value).to_parameter_msg()]
-        service = f"{server}/set_parameters"
+        service = f"{SERVER}/set_parameters"
         [result] = arm_client.call(SetParameters, service, parameters=parameters).results
         return result.successful, result.reason
 
@@ -202,6 +201,31 @@ def test_tolerances_are_set_at_run_time_for_the_next_goal(arm_client: Client) ->
     assert "exceeds path tolerance" in result.error_string
     assert set_parameter("joint1.trajectory", 0.0)[0]
     assert arm_client.send_goal(back).result()[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_goal_passes_its_last_point_where_the_parameter_allows_it(arm_client: Client) -> None:
+    velocity = [0.3, *[0.0] * 5]
+    passing = goal((2.0, pose(0.3)))
+    passing.trajectory.points[0].velocities = velocity
+    there = goal((2.0, pose(0.8)))
+    there.trajectory.points[0].velocities = [0.0] * 6
+    status, result = arm_client.send_goal(passing).result()
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "must be 0 (trajectory.allow_nonzero_velocity_at" in result.error_string
+    name, service = "allow_nonzero_velocity_at_trajectory_end", f"{SERVER}/set_parameters"
+    parameters = [Parameter(name, value=True).to_parameter_msg()]
+    [answer] = arm_client.call(SetParameters, service, parameters=parameters).results
+    assert answer.successful, answer.reason
+    states = arm_client.listen(JointState, "/joint_states")
+    status, result = arm_client.send_goal(passing).result()
+    assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
+    assert result.error_string.startswith("goal passed after 2.000 s")
+    assert arm_client.send_goal(there).result()[0] == GoalStatus.STATUS_SUCCEEDED
+    assert states[-1].position[0] == pytest.approx(0.8, abs=0.01)
+    assert arm_client.send_goal(passing).result()[0] == GoalStatus.STATUS_SUCCEEDED
+    wait_until(lambda: is_at_rest(states), "nothing takes over: the joints come to rest")
+    behind = states[-1].position[0] - 0.3
+    assert 0.0 < behind < 0.05
 
 
 def test_a_frame_prefix_is_put_before_all_frames(arm_client: Client) -> None:

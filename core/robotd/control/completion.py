@@ -25,6 +25,9 @@ class Completion:
     Any thread may call ``request`` and wait for ``event``; the rest belongs to the control loop.
 
     Attributes:
+        result: outcome and message for the client, None until they are known: at the end, or
+            before it where the motion goes on behind the goal (``announce``).
+        known: set with ``result``.
         requested: outcome and message to end with, None: it runs on. Set before ``outcome``.
         outcome, message: None and "" until it has ended; never change afterwards.
         event: set with ``outcome``.
@@ -36,6 +39,8 @@ class Completion:
         self.outcome: Outcome | None = None
         self.message = ""
         self.event = threading.Event()
+        self.result: tuple[Outcome, str] | None = None
+        self.known = threading.Event()
         self.on_end: Callable[[], None] = lambda: None
 
     @property
@@ -68,9 +73,16 @@ class Completion:
         self.requested = (Outcome.FAULT, message)
         self.on_end()
 
+    def announce(self, outcome: Outcome, message: str) -> None:
+        """Set the result for the client before the end; no effect when there is one."""
+        if self.result is None:
+            self.result = (outcome, message)
+            self.known.set()
+
     def finish(self, outcome: Outcome, message: str) -> None:
         """Set the outcome; no effect when there is one."""
         if self.outcome is None:
             self.outcome, self.message = outcome, message
+            self.announce(outcome, message)
             self.event.set()
         self.on_end()

@@ -48,10 +48,13 @@ def note_goal(events: EventLog, request: TrajectoryRequest, execution: Trajector
 
 def note_result(events: EventLog, execution: TrajectoryExecution) -> None:
     """Note the outcome of a goal."""
-    outcome = execution.completion.outcome or Outcome.FAULT
+    outcome = execution.outcome or Outcome.FAULT
     word = outcome.name.lower()
     bad = outcome in (Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE)
-    text = f"goal {word}: {execution.completion.message}"
+    text = f"goal {word}: {execution.message}"
+    completion = execution.completion
+    if completion.outcome not in (outcome, Outcome.PREEMPTED, None):
+        bad, text = True, f"{text}; behind its last point: {completion.message}"
     data = {"outcome": word, "id": id(execution)}
     level = Level.ERROR if bad else Level.INFO
     events.add(EventKind.RESULT, SUBJECT, text, level=level, data=data)

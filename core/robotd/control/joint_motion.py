@@ -105,8 +105,12 @@ class JointMotion:
             return source
 
     def release(self, source: SetpointSource) -> None:
-        """Stop ``source`` and wait for its end; the last one releases the joints."""
-        source.completion.request(Outcome.CANCELED, "canceled by the client")
+        """Stop ``source`` and wait for its end; the last one releases the joints.
+
+        A source that has passed its goal is not stopped: it comes to rest by itself.
+        """
+        if source.completion.result is None:
+            source.completion.request(Outcome.CANCELED, "canceled by the client")
         self._await_end(source, STOP_TIMEOUT_S)
         with self.lock:
             self._active -= 1

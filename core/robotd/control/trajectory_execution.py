@@ -15,6 +15,7 @@ from robotd.control.completion import Completion, Outcome
 from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.execution_phase import Phase, PhaseState
 from robotd.control.fault_monitor import STALL_S, FaultMonitor
+from robotd.control.goal_passage import GoalPassage
 from robotd.control.joint_tracking import JointTracking, Progress
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.source_slot import PREEMPTED
@@ -75,6 +76,8 @@ class TrajectoryExecution:
         self._history = CommandHistory() if feedback_period_s > 0.0 else None
         self._monitor = FaultMonitor(trajectory.names, axes, streamed=source.streams)
         self._state = PhaseState(source.start_ns)
+        goal_s = trajectory.goal_s
+        self._passage = None if goal_s is None else GoalPassage(trajectory, goal_s, tolerances)
         self._advanced_ns = source.start_ns
 
     @classmethod
@@ -151,17 +154,17 @@ class TrajectoryExecution:
 
     @property
     def outcome(self) -> Outcome | None:
-        """Result; None until it has ended."""
-        return self.completion.outcome
+        """Result; None until it is known, see ``wait``."""
+        return self.completion.result[0] if self.completion.result else None
 
     @property
     def message(self) -> str:
-        """Reason of ``outcome``, "" until it has ended."""
-        return self.completion.message
+        """Reason of ``outcome``, "" until it is known."""
+        return self.completion.result[1] if self.completion.result else ""
 
     @property
     def done(self) -> bool:
-        """It has ended: ``outcome`` is set."""
+        """It moves the joints no more, also not behind its last point."""
         return self.completion.done
 
     @property
@@ -174,15 +177,18 @@ class TrajectoryExecution:
         self.completion.request(Outcome.CANCELED, "canceled by the client")
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Block until it has ended; return False after ``timeout_s`` (None: no limit)."""
-        return self.completion.event.wait(timeout_s)
+        """Block until ``outcome`` is known; return False after ``timeout_s`` (None: no limit).
+
+        That is at standstill, or when a last point with a velocity has been passed.
+        """
+        return self.completion.known.wait(timeout_s)
 
     def ticks(self, period_ns: int, clock: Clock) -> AbstractContextManager[Iterator[None]]:
-        """Yield an iterator that ticks every ``period_ns`` on ``clock`` until it has ended.
+        """Yield an iterator that ticks every ``period_ns`` on ``clock`` until ``outcome`` is known.
 
         Simulated time stands from a tick until the next one is asked for.
         """
-        return ticks(self.completion.event, period_ns, clock)
+        return ticks(self.completion.known, period_ns, clock)
 
     def progress(self) -> Progress:
         """Return the values of one control period: path at ``time_s`` and measurement."""
@@ -227,6 +233,8 @@ class TrajectoryExecution:
         self._check_drives(image, pause_ns)
         if self._state.phase in (Phase.RUNNING, Phase.ARRIVING):
             self._check_path(time_ns, pause_ns)
+        if self._passage is not None and self._state.phase in (Phase.RUNNING, Phase.ARRIVING):
+            self._pass_goal(self._passage, time_ns)
         due_ns = time_ns + period_ns
         match self._state.phase:
             case Phase.RUNNING | Phase.STOPPING:
@@ -271,6 +279,15 @@ class TrajectoryExecution:
         if self.ending is not None:
             self._state.enter(self._source.stop(time_ns), time_ns)
 
+    def _pass_goal(self, passage: GoalPassage, time_ns: int) -> None:
+        """Give the result when the last point is passed, at the latest at standstill."""
+        if passage.update(self._tracking.progress().time_s, self._tracking.measured[0]):
+            self._passage = None
+            self.completion.announce(Outcome.SUCCEEDED, self._success_text())
+        elif self._state.phase is Phase.ARRIVING:
+            self.completion.request(Outcome.GOAL_TOLERANCE, str(passage.violation()))
+            self._state.enter(Phase.RESTING, time_ns)
+
     def _arrive(self, time_ns: int) -> None:
         """Wait until the joints are within the goal tolerance."""
         over_s = self._state.age_s(time_ns)
@@ -302,8 +319,12 @@ class TrajectoryExecution:
 
     def _success_text(self) -> str:
         worst = int(np.argmax(self.max_error))
+        goal_s = self.trajectory.goal_s
+        passed = f"reached after {self.trajectory.duration_s:.3f} s"
+        if goal_s is not None:
+            passed = f"passed after {goal_s:.3f} s"
         return (
-            f"goal reached after {self.trajectory.duration_s:.3f} s; largest following error"
+            f"goal {passed}; largest following error"
             f" {self.max_error[worst]:.4f} {self._limits.units[worst]}"
             f" ({self.trajectory.names[worst]})"
         )

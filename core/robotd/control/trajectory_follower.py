@@ -28,6 +28,7 @@ from robotd.motion import (
     TrajectoryRequest,
     plan,
 )
+from robotd.motion.rejection import reject
 
 REPLAN_S = 0.5  # age of the joint positions that a client may have planned from
 MAX_RECENT = 50  # trajectories within that time
@@ -77,6 +78,7 @@ class TrajectoryFollower:
         self._events = axes.events
         self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
+        self._on_device = on_device is not None
         self._execution = (
             partial(TrajectoryExecution.on_device, on_device)
             if on_device
@@ -100,6 +102,11 @@ class TrajectoryFollower:
             goal_time_s: time after the end to reach the goal; inf: without an end.
         """
         self._default_tolerances = DefaultTolerances(np.array(path), np.array(goal), goal_time_s)
+
+    def allow_end_velocity(self, allowed: bool) -> None:
+        """Replace ``allow_nonzero_velocity_at_trajectory_end`` for the next goals. Any thread."""
+        key = "allow_nonzero_velocity_at_trajectory_end"
+        self.settings = self.settings.model_copy(update={key: allowed})
 
     def tolerances(
         self,
@@ -180,6 +187,11 @@ class TrajectoryFollower:
 
             def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
                 trajectory = plan(request, self.limits, self.settings, state, recent_path)
+                if self._on_device and trajectory.goal_s is not None:
+                    raise reject(
+                        f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
+                        " that interpolates trajectories itself ends them at rest"
+                    )
                 return partial(self._make, trajectory, tolerances)
 
             execution = self._motion.start(

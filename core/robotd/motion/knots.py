@@ -14,6 +14,8 @@ MIN_SPACING_S = 1e-3
 # Times are sums of decimal fractions: 0.301 - 0.300 is a little less than 0.001.
 ROUNDED_SPACING_S = MIN_SPACING_S * (1.0 - 1e-6)
 
+ALLOW_END_VELOCITY = "trajectory.allow_nonzero_velocity_at_trajectory_end"
+
 # Positions closer than this (rad or m) are the same. Far below the start tolerance, so that a
 # point that means a small move keeps its time.
 SAME_POSITION = 1e-4
@@ -46,17 +48,23 @@ def merge_note(points: TrajectoryRequest, merged: TrajectoryRequest) -> tuple[st
     return (f"{dropped} points less than 1 ms after another were merged",) if dropped else ()
 
 
-def check_end(points: TrajectoryRequest, limits: JointLimits) -> None:
-    """Reject a last point with a velocity. Raises TrajectoryRejected."""
+def check_end(points: TrajectoryRequest, limits: JointLimits, *, may_move: bool) -> None:
+    """Reject a last point with a velocity, unless it ``may_move`` and comes after time 0.
+
+    Raises:
+        TrajectoryRejected: naming joint, time and velocity.
+    """
     if points.velocities is None:
         return
     speed = np.abs(points.velocities[-1])
     joint = int(np.argmax(speed))
-    if speed[joint] > REST_VELOCITY:
+    moves = speed[joint] > REST_VELOCITY
+    if moves and not (may_move and points.times_s[-1] >= ROUNDED_SPACING_S):
+        why = "at time 0" if may_move else f"({ALLOW_END_VELOCITY} is false)"
         raise reject(
             f"{limits.names[joint]} at {points.times_s[-1]:.3f} s: velocity "
             f"{points.velocities[-1, joint]:.5g} {limits.units[joint]}/s at the last point, "
-            f"must be 0"
+            f"must be 0 {why}"
         )
 
 

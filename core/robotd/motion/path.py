@@ -195,7 +195,7 @@ class PathBuilder:
         velocities = knots.velocities
         if velocities is not None:
             velocities = velocities.copy()
-            velocities[-1] = 0.0
+            velocities[-1, np.abs(velocities[-1]) <= REST_VELOCITY] = 0.0
         knots = replace(knots, velocities=velocities)
         return Trajectory(
             names=self._limits.names,

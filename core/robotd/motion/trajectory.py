@@ -22,6 +22,8 @@ class Trajectory:
         breaks: (k + 1,) times of the knots in s, from 0 to the duration.
         coefficients: (k, order, m), highest power first, of the time since the knot.
         final_position: (m,) where it ends, rad or m.
+        goal_s: time of the goal's last point, where it has a velocity and a run-out to rest
+            follows; None: the trajectory ends there.
         notes: sentences for the result's text: values that were ignored, points that were
             merged, accelerations above the limit.
     """
@@ -31,6 +33,7 @@ class Trajectory:
     breaks: FloatArray
     coefficients: FloatArray
     final_position: FloatArray
+    goal_s: float | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Parameters ``constraints``: tolerances that change at run time, named as by ros2_control."""
+"""Parameters of goals that change at run time, named as by joint_trajectory_controller."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.node_settings.parameter_reader import ParameterReader
 
 GOAL_TIME = "constraints.goal_time"
+END_VELOCITY = "allow_nonzero_velocity_at_trajectory_end"
 
 
 class Constraints(NamedTuple):
     """Values by parameter, and the tolerances that they mean.
 
     Attributes:
-        values: 0: not checked, as joint_trajectory_controller has it.
+        values: of ``constraints``; 0: not checked, as joint_trajectory_controller has it.
+        end_velocity: a last point may have a velocity.
     """
 
     values: Mapping[str, float]
+    end_velocity: bool
 
     def path(self, joint: str) -> float:
         """Return the path tolerance of ``joint``, rad or m; inf: not checked."""
@@ -62,7 +65,12 @@ def read_constraints(parameters: ParameterReader, descriptor: RobotDescriptor) -
     values[GOAL_TIME] = parameters.settable(
         GOAL_TIME, descriptor.trajectory.goal_time_s, "time after the end to reach the goal, in s"
     )
-    return Constraints(values)
+    end_velocity = parameters.settable_flag(
+        END_VELOCITY,
+        descriptor.trajectory.allow_nonzero_velocity_at_trajectory_end,
+        "pass a last point with a velocity, and brake behind it",
+    )
+    return Constraints(values, end_velocity)
 
 
 def _defaults(joint: JointSettings, descriptor: RobotDescriptor) -> tuple[float, float]:

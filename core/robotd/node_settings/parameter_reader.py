@@ -98,6 +98,11 @@ class ParameterReader:
         """True or false."""
         return bool(self._declare(name, default, meaning))
 
+    def settable_flag(self, name: str, default: bool, meaning: str) -> bool:
+        """True or false, which may be set at run time."""
+        self._settable.add(name)
+        return self.flag(name, default, meaning)
+
     def text(self, name: str, default: str, meaning: str) -> str:
         """Any text."""
         return str(self._declare(name, default, meaning))

@@ -112,8 +112,9 @@ def test_a_goal_that_leaves_no_time_to_stop_is_rejected() -> None:
 def test_a_last_point_that_moves_is_rejected() -> None:
     with pytest.raises(TrajectoryRejected) as rejected:
         planned(request([1.0, 2.0], rows(0.1, 0.2), [[0, 0, 0], [0.1, -0.2, 0]]))
-    assert (
-        str(rejected.value) == "joint2 at 2.000 s: velocity -0.2 rad/s at the last point, must be 0"
+    assert str(rejected.value) == (
+        "joint2 at 2.000 s: velocity -0.2 rad/s at the last point, must be 0"
+        " (trajectory.allow_nonzero_velocity_at_trajectory_end is false)"
     )
 
 

@@ -1,4 +1,4 @@
-"""Tolerances of goals that ``ros2 param set`` changes for the next goal."""
+"""Parameters of goals that ``ros2 param set`` changes for the next goal."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from rclpy.node import Node
 
 from robotd.control.joint_group import JointGroups
 from robotd.log import get_logger
-from robotd.node_settings.constraint_settings import Constraints
+from robotd.node_settings.constraint_settings import END_VELOCITY, Constraints
 
 log = get_logger("trajectory")
 
 
 class ConstraintParameters:
-    """Applies the parameters ``constraints`` to the goals that are accepted from then on.
+    """Applies the settable parameters to the goals that are accepted from then on.
 
     Executor thread.
 
@@ -29,7 +29,10 @@ class ConstraintParameters:
 
     def __init__(self, node: Node, groups: JointGroups, constraints: Constraints) -> None:
         self._groups = groups
-        self._values = dict(constraints.values)
+        self._values: dict[str, Any] = {
+            **constraints.values,
+            END_VELOCITY: constraints.end_velocity,
+        }
         self._apply()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._changed)
@@ -37,7 +40,8 @@ class ConstraintParameters:
     def _check(self, parameters: Sequence[Any]) -> SetParametersResult:
         for each in parameters:
             value = each.value
-            if each.name in self._values and not (math.isfinite(value) and value >= 0.0):
+            is_tolerance = each.name in self._values and each.name != END_VELOCITY
+            if is_tolerance and not (math.isfinite(value) and value >= 0.0):
                 what = f"{each.name}: {value} is not a finite number of at least 0"
                 return SetParametersResult(successful=False, reason=what)
         return SetParametersResult(successful=True)
@@ -47,12 +51,13 @@ class ConstraintParameters:
         if changed:
             self._values.update(changed)
             self._apply()
-            log.info("tolerances changed", **changed)
+            log.info("settings of goals changed", **changed)
 
     def _apply(self) -> None:
-        constraints = Constraints(self._values)
+        constraints = Constraints(self._values, self._values[END_VELOCITY])
         for group in self._groups.values():
             names = group.joint_names
+            group.follower.allow_end_velocity(constraints.end_velocity)
             group.follower.set_default_tolerances(
                 [constraints.path(name) for name in names],
                 [constraints.goal(name) for name in names],

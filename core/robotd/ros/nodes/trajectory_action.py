@@ -14,7 +14,12 @@ from robotd.control.joint_group import JointGroup
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd.motion import TrajectoryRejected, TrajectoryRequest, check_start_delay
+from robotd.motion import (
+    Tolerances,
+    TrajectoryRejected,
+    TrajectoryRequest,
+    check_start_delay,
+)
 from robotd.robot import Robot
 from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
@@ -114,7 +119,8 @@ class TrajectoryAction:
         """Worker thread: execute the goal, then let the executor thread end it."""
         with self._host.sent_by_request(requester):
             ending = self._ending_of(goal, ticket)
-        self._end(goal, ending)
+        if ending is not None:
+            self._end(goal, ending)
 
     def _end(self, goal: Any, ending: Ending) -> None:
         self._server.notify_execute(goal, lambda goal: self._finish(goal, ending))
@@ -131,8 +137,8 @@ class TrajectoryAction:
         self._log.info("goal ended", outcome=_word(ending), reason=ending.text)
         return _RESULT(error_code=ending.code, error_string=ending.text)
 
-    def _ending_of(self, goal: Any, ticket: int) -> Ending:
-        """Worker thread: from the goal message to standstill."""
+    def _ending_of(self, goal: Any, ticket: int) -> Ending | None:
+        """Worker thread: from the goal message to standstill; None: ended before that."""
         try:
             return self._follow(goal, ticket)
         except TrajectoryRejected as error:
@@ -145,7 +151,7 @@ class TrajectoryAction:
         finally:
             self._executions.pop(bytes(goal.goal_id.uuid), None)
 
-    def _follow(self, goal: Any, ticket: int) -> Ending:
+    def _follow(self, goal: Any, ticket: int) -> Ending | None:
         message, follower = goal.request, self._group.follower
         request = trajectory_request(message)
         tolerances = follower.tolerances(
@@ -157,12 +163,11 @@ class TrajectoryAction:
         with follower.follow(request, tolerances, start_ns, ticket) as execution:
             self._executions[bytes(goal.goal_id.uuid)] = execution
             self._watch(goal, execution)
-            outcome, text = execution.outcome or Outcome.FAULT, execution.message
-        code = _CODES[outcome]
-        if outcome is Outcome.CANCELED and not goal.is_cancel_requested:
-            code, text = _RESULT.INVALID_GOAL, "stopped by the robot, not by the client"
-        notes = (*execution.trajectory.notes, *tolerances.notes)
-        return Ending(outcome, code, "; ".join([text, *notes]))
+            ending = _ending(goal, execution, tolerances)
+            moves_on = not execution.done
+            if moves_on:  # behind its last point; the next goal of the client may take over now
+                self._end(goal, ending)
+        return None if moves_on else ending
 
     def _watch(self, goal: Any, execution: TrajectoryExecution) -> None:
         """Publish feedback until the goal has ended."""
@@ -185,6 +190,15 @@ class TrajectoryAction:
     def _publish_feedback(self, goal: Any, execution: TrajectoryExecution) -> None:
         now_ns = self._clock.now().nanoseconds
         goal.publish_feedback(feedback(execution.trajectory.names, execution.progress(), now_ns))
+
+
+def _ending(goal: Any, execution: TrajectoryExecution, tolerances: Tolerances) -> Ending:
+    outcome, text = execution.outcome or Outcome.FAULT, execution.message
+    code = _CODES[outcome]
+    if outcome is Outcome.CANCELED and not goal.is_cancel_requested:
+        code, text = _RESULT.INVALID_GOAL, "stopped by the robot, not by the client"
+    notes = (*execution.trajectory.notes, *tolerances.notes)
+    return Ending(outcome, code, "; ".join([text, *notes]))
 
 
 def _word(ending: Ending) -> str:
