@@ -21,6 +21,7 @@ from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState
 
 MAX_WAITING = 16  # commands in one period; older ones are dropped
+AFTER_STALL = 2.0  # highest share of the acceleration limits; a drive cannot follow any
 REST_TIMEOUT_S = 2.0  # for joints to follow a command at rest
 
 
@@ -141,7 +142,8 @@ class StreamMotion:
         reached = self.stall_recovery.resume(time_ns, period_ns / NANOSECONDS)
         if reached is not None:
             position, velocity = reached
-            self._setpoints.reset(MotionState(position, velocity, np.zeros_like(position)))
+            state = MotionState(position, velocity, np.zeros_like(position))
+            self._setpoints.reset(state, AFTER_STALL)
         self._follow_commands(time_ns)
         self.setpoint[:] = self._setpoints.advance(self._due_ns)
         if self._phase.phase is not Phase.RUNNING:

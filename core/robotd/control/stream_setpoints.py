@@ -56,9 +56,12 @@ class StreamSetpoints:
         """No setpoint moves."""
         return self._limiter.at_rest
 
-    def reset(self, state: MotionState) -> None:
-        """Continue from ``state``, towards the target of the last command."""
-        self._limiter.reset(state)
+    def reset(self, state: MotionState, strongest: float = np.inf) -> None:
+        """Continue from ``state``, towards the target of the last command.
+
+        ``strongest`` is that of ``SetpointLimiter.reset``.
+        """
+        self._limiter.reset(state, strongest)
         if self._command is not None and self._spline is None:
             self._go(self._command)
 

@@ -26,7 +26,7 @@ class SetpointLimiter:
 
     A position limit is never left: no state is entered that could not be stopped in time. Where
     the motion *begins* too fast for that, acceleration and jerk exceed their limits as far as
-    necessary. A joint that begins beyond a position limit comes back.
+    necessary, or as far as ``reset`` allows. A joint beyond a position limit comes back, or stops.
 
     One thread. Arrays are of shape (m,); SI units.
 
@@ -55,6 +55,7 @@ class SetpointLimiter:
         self._every: BoolArray = np.ones(joints, bool)
         self._target, self._velocity = self._anywhere, self._rest  # of the plan
         self._elapsed_s = 0.0
+        self._strongest: FloatArray = np.full(joints, np.inf)
         self.stop()
 
     @property
@@ -62,8 +63,15 @@ class SetpointLimiter:
         """No joint moves."""
         return bool((np.abs(self.state[1]) <= RESTING).all())
 
-    def reset(self, state: MotionState) -> None:
-        """Continue from ``state``, which may be moving or beyond the limits, and stop."""
+    def reset(self, state: MotionState, strongest: float = np.inf) -> None:
+        """Continue from ``state``, which may be moving or beyond the limits, and stop.
+
+        Args:
+            state: position, velocity and acceleration.
+            strongest: factor of the acceleration limits that no stop exceeds until the next
+                reset. A stop that needs more leaves the position limit, and comes back.
+        """
+        self._strongest = strongest * self._limits.acceleration
         self.state[:] = state.position, state.velocity, state.acceleration
         self.stop()
 
@@ -78,8 +86,12 @@ class SetpointLimiter:
 
     def move(self, velocity: FloatArray) -> None:
         """Move with ``velocity``, which is clipped to the limits, to rest at a position limit."""
-        velocity = np.clip(velocity, -self._limits.velocity, self._limits.velocity)
-        self._go(self._anywhere, velocity, self._bounds)
+        limits, position = self._limits, self.state[0]
+        velocity = np.clip(velocity, -limits.velocity, limits.velocity)
+        above, below = position > limits.upper, position < limits.lower
+        outward = (above & (velocity > 0.0)) | (below & (velocity < 0.0))
+        back = np.where(outward, self._within_limits(position), self._anywhere)
+        self._go(back, np.where(outward, 0.0, velocity), self._bounds)
 
     def step(self) -> FloatArray:
         """Return the next setpoint, ``state``, on the way to the last command's target."""
@@ -139,7 +151,17 @@ class SetpointLimiter:
             left = self._planner.leaves(lower, upper) & (velocity == 0.0)
             if not left.any():
                 return
-            bounds = _strengthen(bounds, left)
+            bounds = self._strengthen(bounds, left)
+
+    def _strengthen(self, bounds: Bounds, joints: BoolArray) -> Bounds:
+        """Return ``bounds`` with which ``joints`` stop in a shorter way."""
+        factor = np.where(joints, STRONGER, 1.0)
+        highest = np.minimum(bounds.highest_acceleration * factor, self._strongest)
+        return bounds._replace(
+            lowest_acceleration=-highest,
+            highest_acceleration=highest,
+            jerk=bounds.jerk * factor,
+        )
 
     def _end_at_limit(self, joints: BoolArray) -> None:
         """Let ``joints``, which move with a velocity, come to rest at their position limits."""
@@ -241,12 +263,3 @@ class SetpointLimiter:
         lower = np.where(position < lower, -np.inf, lower)
         upper = np.where(position > upper, np.inf, upper)
         return lower, upper
-
-
-def _strengthen(bounds: Bounds, joints: BoolArray) -> Bounds:
-    factor = np.where(joints, STRONGER, 1.0)
-    return bounds._replace(
-        lowest_acceleration=bounds.lowest_acceleration * factor,
-        highest_acceleration=bounds.highest_acceleration * factor,
-        jerk=bounds.jerk * factor,
-    )

@@ -248,6 +248,26 @@ def test_after_a_stall_the_joints_continue_from_where_they_are(robot: Harness) -
         assert robot.setpoints.velocity[before:, 0] == pytest.approx(0.5, abs=1e-3)
 
 
+def test_a_stall_that_carries_joints_beyond_a_limit_is_braked_and_led_back(robot: Harness) -> None:
+    with robot.robot.stream(timeout_s=1.0) as stream:
+        for _ in range(60):
+            stream.send_velocity([2.0, 0.0, 0.0])
+            robot.run(0.025)
+            if robot.setpoints.position[-1, 0] > 2.7:
+                break
+        robot.stall(0.2)
+        carried = len(robot.setpoints.rows)
+        for _ in range(60):
+            stream.send_velocity([2.0, 0.0, 0.0])
+            robot.run(0.025)
+    position = robot.setpoints.position[carried:, 0]
+    assert position[0] > 3.05, "it was carried beyond 3 rad"
+    braking = 2.0**2 / (2.0 * ACCELERATION) + 2.0 * 0.05
+    assert position.max() < position[0] + braking
+    assert position[-1] == pytest.approx(3.0, abs=1e-6)
+    assert np.abs(robot.setpoints.acceleration[carried:]).max() <= 2.0 * ACCELERATION * 1.001
+
+
 def test_a_device_that_interpolates_trajectories_streams_nothing(
     robot: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:

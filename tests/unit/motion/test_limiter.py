@@ -219,3 +219,38 @@ def test_a_30_hz_sine_is_followed_without_ripple_and_with_a_short_lag(jitter: fl
     assert -np.arctan2(cosine, sine) / angular <= 0.080
     assert np.sqrt(np.mean(ripple**2)) <= 0.05
     assert np.hypot(sine, cosine) == pytest.approx(amplitude, rel=0.01)
+
+
+@pytest.mark.parametrize("room", [0.001, 0.1, 0.4])
+def test_a_stop_may_be_held_within_twice_the_acceleration_limit(room: float) -> None:
+    limits = limits_of()
+    limiter = SetpointLimiter(limits, PERIOD_S)
+    limiter.reset(MotionState(np.array([2.0 - room]), np.array([3.0]), np.array([0.0])), 2.0)
+    limiter.approach(np.array([2.0]))
+    positions, velocities = [], [3.0]
+    for _ in range(1000):
+        limiter.step()
+        positions.append(limiter.state[0, 0])
+        velocities.append(limiter.state[1, 0])
+    strongest = 2.0 * limits.acceleration[0]
+    assert np.abs(np.diff(velocities)).max() / PERIOD_S <= strongest * (1.0 + 1e-9)
+    braking = 3.0**2 / (2.0 * strongest)
+    assert max(positions) <= 2.0 + max(0.0, braking - room) + 3.0 * 2 * PERIOD_S
+    assert positions[-1] == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("begin", [2.1, -2.1])
+def test_a_velocity_does_not_lead_a_joint_beyond_its_limit_farther_out(begin: float) -> None:
+    limiter = SetpointLimiter(limits_of(), PERIOD_S)
+    outward = np.sign(begin)
+    limiter.reset(MotionState(np.array([begin]), np.array([0.0]), np.array([0.0])))
+    limiter.move(np.array([outward * 0.5]))
+    farthest = 0.0
+    for _ in range(1000):
+        limiter.step()
+        farthest = max(farthest, abs(limiter.state[0, 0]))
+    assert farthest <= abs(begin) + 1e-9
+    assert limiter.state[0] == pytest.approx([outward * 2.0], abs=1e-6)
+    limiter.move(np.array([-outward * 0.5]))
+    limiter.step()
+    assert limiter.state[1, 0] * outward < 0.0
