@@ -27,7 +27,9 @@ class WorkerActionServer(RealTimeResultServer):
         node: serves the action.
         action_type: class of the action.
         name: of the action.
-        admit, accepted, cancel: callbacks of rclpy, in the executor thread.
+        admit: decides about a ``GoalRequest``; its ``goal`` is converted when it is read.
+            Executor thread.
+        accepted, cancel: callbacks of rclpy with a goal handle, in the executor thread.
     """
 
     def __init__(

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import ctypes
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.service import Service
@@ -28,8 +30,11 @@ def request_id_of(header: Any) -> RequestId | None:
     """Return the identity of a request; None where it cannot be read.
 
     Args:
-        header: of the request, ``rmw_service_info_t`` or ``rmw_request_id_t`` of rclpy.
+        header: of the request, ``rmw_service_info_t`` or ``rmw_request_id_t`` of rclpy, or its
+            identity.
     """
+    if isinstance(header, RequestId):
+        return header
     request = getattr(header, "request_id", header)
     # pybind11 keeps the address of the C++ object behind the head of the Python object.
     address = ctypes.c_void_p.from_address(id(request) + object.__basicsize__).value
@@ -41,6 +46,37 @@ def request_id_of(header: Any) -> RequestId | None:
     return RequestId.from_buffer_copy(identity)
 
 
+class MessageFunctions:
+    """C functions of one type of message, from the capsules of its metaclass.
+
+    Attributes:
+        create: returns the address of an empty message.
+        destroy: frees a message.
+        to_python: returns the message at an address as an object.
+
+    Args:
+        message_type: class of the message.
+    """
+
+    def __init__(self, message_type: Any) -> None:
+        support: Any = type(message_type)
+        support.__import_type_support__()
+        self.create = _CREATE(_pointer_in(support._CREATE_ROS_MESSAGE, None))  # noqa: SLF001
+        self.destroy = _DESTROY(_pointer_in(support._DESTROY_ROS_MESSAGE, None))  # noqa: SLF001
+        self.to_python = _TO_PYTHON(_pointer_in(support._CONVERT_TO_PY, None))  # noqa: SLF001
+        self._from_python = _FROM_PYTHON(_pointer_in(support._CONVERT_FROM_PY, None))  # noqa: SLF001
+
+    @contextmanager
+    def converted(self, message: Any) -> Iterator[int]:
+        """Yield the address of ``message`` as a C message, which is freed at the end."""
+        address = self.create()
+        try:
+            self._from_python(message, address)
+            yield address
+        finally:
+            self.destroy(address)
+
+
 class ResponseSender:
     """Sends the responses of one service. Any thread; one at a time."""
 
@@ -48,11 +84,7 @@ class ResponseSender:
         self._service = service
         self._type = service.srv_type.Response
         self._lock = threading.Lock()
-        support: Any = type(self._type)
-        support.__import_type_support__()
-        self._create = _function(support, "_CREATE_ROS_MESSAGE", _CREATE)
-        self._convert = _function(support, "_CONVERT_FROM_PY", _CONVERT)
-        self._destroy = _function(support, "_DESTROY_ROS_MESSAGE", _DESTROY)
+        self._functions = MessageFunctions(self._type)
 
     def __call__(self, response: Any, request: RequestId) -> str:
         """Send; return the reason of a failure, "" for none.
@@ -63,15 +95,10 @@ class ResponseSender:
         """
         if not isinstance(response, self._type):
             raise TypeError(f"{type(response).__name__} is not {self._type.__name__}")
-        message = self._create()
-        try:
-            self._convert(response, message)
-            with self._service.handle, self._lock:
-                pointer = self._service.handle.pointer
-                status = _rcl.rcl_send_response(pointer, ctypes.byref(request), message)
-                return _error() if status else ""
-        finally:
-            self._destroy(message)
+        service = self._service.handle
+        with self._functions.converted(response) as message, service, self._lock:
+            status = _rcl.rcl_send_response(service.pointer, ctypes.byref(request), message)
+            return last_error() if status else ""
 
 
 class _ErrorString(ctypes.Structure):
@@ -80,12 +107,7 @@ class _ErrorString(ctypes.Structure):
     _fields_ = (("text", ctypes.c_char * 1024),)
 
 
-def _function(support: Any, name: str, signature: Any) -> Any:
-    """The C function whose address rosidl keeps in a capsule of a message's metaclass."""
-    return signature(_pointer_in(getattr(support, name), None))
-
-
-def _error() -> str:
+def last_error() -> str:
     """Return the text of rcl's last error in this thread."""
     text: bytes = _rcutils.rcutils_get_error_string().text
     _rcutils.rcutils_reset_error()
@@ -98,5 +120,6 @@ _rcutils.rcutils_get_error_string.restype = _ErrorString
 _pointer_in = ctypes.pythonapi.PyCapsule_GetPointer
 _pointer_in.argtypes, _pointer_in.restype = [ctypes.py_object, ctypes.c_char_p], ctypes.c_void_p
 _CREATE = ctypes.CFUNCTYPE(ctypes.c_void_p)
-_CONVERT = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.py_object, ctypes.c_void_p)
+_FROM_PYTHON = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.py_object, ctypes.c_void_p)
+_TO_PYTHON = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p)
 _DESTROY = ctypes.CFUNCTYPE(None, ctypes.c_void_p)

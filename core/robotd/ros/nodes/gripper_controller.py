@@ -92,12 +92,12 @@ class GripperAction:
             cancel=lambda goal: CancelResponse.ACCEPT,
         )
 
-    def _admit(self, goal: Any) -> GoalResponse:
+    def _admit(self, request: Any) -> GoalResponse:
         with self._host.callback_guard():
             try:
                 if self._live >= MAX_ACTIVE_GOALS:
                     raise InvalidArgument(f"{MAX_ACTIVE_GOALS} goals have not ended yet")
-                self._wanted(goal, self._gripper)
+                self._wanted(request.goal, self._gripper)
             except RobotdError as error:
                 log.warning("goal rejected", reason=str(error))
                 return GoalResponse.REJECT

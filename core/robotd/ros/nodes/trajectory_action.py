@@ -92,7 +92,7 @@ class TrajectoryAction:
             cancel=self._cancel,
         )
 
-    def _admit(self, goal: Any) -> GoalResponse:
+    def _admit(self, request: Any) -> GoalResponse:
         if self._live >= MAX_ACTIVE_GOALS:
             reason = f"{MAX_ACTIVE_GOALS} goals have not ended yet"
             self._log.warning("goal rejected", reason=reason)
