@@ -60,9 +60,9 @@ class Supervision:
 
     @property
     def is_incomplete(self) -> bool:
-        """The last frame came back, and not every slave that is online has processed it."""
+        """Frames come back, and the last ones were not processed by every slave that is online."""
         exchange = self._exchange
-        return exchange.bad_in_row > 0 and exchange.working_counter > 0
+        return exchange.bad_in_row >= _INCOMPLETE_FRAMES and exchange.working_counter > 0
 
     @property
     def is_dead(self) -> bool:
@@ -129,14 +129,22 @@ class Supervision:
     def _has_left(self, slave: Slave, found: SlaveState) -> bool:
         """Return True if an online slave is not in Op, by two answers that agree.
 
-        One answer may be late, or that to another request. That a slave does not answer counts
-        only while frames are bad: a slave that is lost adds nothing to their working counter.
+        One answer may be late, or that to another request.
         """
-        if found.state is AlState.OP:
+        if not self._shows_loss(found):
             return False
-        if found.state is AlState.NONE and not (self.is_silent or self.is_incomplete):
-            return False
-        return self._bus.state(slave.number).state is found.state
+        again = self._bus.state(slave.number)
+        return again.state is found.state and self._shows_loss(again)
+
+    def _shows_loss(self, found: SlaveState) -> bool:
+        """Return True for a state other than Op.
+
+        That a slave does not answer counts only while frames are bad: a slave that is lost adds
+        nothing to their working counter.
+        """
+        if found.state is AlState.NONE:
+            return self.is_silent or self.is_incomplete
+        return found.state is not AlState.OP
 
     def _states(self) -> list[SlaveState]:
         states = self._bus.states()

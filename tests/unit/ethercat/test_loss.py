@@ -83,6 +83,17 @@ def test_one_wrong_answer_loses_no_slave(harness: Harness) -> None:
     assert harness.image.operation[0] == Operation.STREAM
 
 
+def test_no_answer_loses_no_slave_when_one_frame_was_incomplete(harness: Harness) -> None:
+    """A computer that stalls after that frame gets no answers in time."""
+    harness.slave(1).state = AlState.SAFE_OP
+    harness.robot.step(2)  # the frame before is received one period later
+    harness.slave(1).state = AlState.OP
+    harness.bus.answers_late = True
+    assert harness.master.exchange.bad_in_row == 1
+    harness.master.supervision.check()
+    assert not harness.master.supervision.lost
+
+
 def test_a_cut_cable_loses_the_slaves_behind_it(harness: Harness) -> None:
     harness.slave(1).present = False
     harness.robot.step(6)
