@@ -84,7 +84,8 @@ class EthercatOptions(BackendOptions):
 
     interface: str = Field("eth0", min_length=1, description="Network interface of the bus.")
     redundant_interface: str | None = Field(
-        None, description="Interface at the other end of the cable; null: no redundancy."
+        None,
+        description="Interface at the other end of the cable, with `clocks: off`; null: none.",
     )
     simulated: bool = Field(
         False, description="Simulate the slaves behind a pair of virtual interfaces."
@@ -130,6 +131,11 @@ class EthercatOptions(BackendOptions):
         problems += [f"slave {slave} is given twice" for slave in modules if slave in taken]
         if self.redundant_interface == self.interface:
             problems.append(f"redundant_interface is {self.interface!r} as well")
+        if self.redundant_interface is not None and self.clocks is not Clocks.OFF:
+            problems.append(
+                "redundant_interface needs clocks: off: behind a cut cable the time in the frame is"
+                " up to a period old"
+            )
         if problems:
             raise ValueError("; ".join(dict.fromkeys(problems)))
         return self

@@ -6,6 +6,7 @@ import pytest
 from tests.unit.ethercat.line_master import (
     LOGICAL,
     OP,
+    OUTPUTS,
     LineMaster,
     Port,
     frame_of,
@@ -177,6 +178,22 @@ def test_a_ring_survives_a_cut() -> None:
         assert master.line.forward(len(frame), 0, port) is port
         counters.append(master.line.buffer[len(frame) - 2])
     assert counters == [1, 3]
+
+
+def test_process_data_of_a_cut_ring_reach_the_slaves_of_each_end() -> None:
+    master = LineMaster(line_of(2, redundant=True))
+    master.op(0)
+    master.op(1)
+    master.line.cables[1].cut = True
+    master.line.update()
+    for port, reached in ((Port.PRIMARY, [7, 0]), (Port.SECONDARY, [7, 9])):
+        outputs = bytes([7] * 8 + [9] * 8)
+        frame = frame_of((Command.LRW, LOGICAL & 0xFFFF, LOGICAL >> 16, outputs))
+        answer = master.send(frame, port)
+        assert answer is not None
+        assert answer[-2] == 3  # the working counter, of one slave
+        memories = [slave.controller.memory for slave in master.line.slaves]
+        assert [memory[OUTPUTS] for memory in memories] == reached
 
 
 def test_corrupted_frames_are_lost_and_counted(master: LineMaster) -> None:

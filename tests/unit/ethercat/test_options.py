@@ -30,6 +30,7 @@ def plan_problem(robot: RobotDescriptor) -> str:
         ({"axes": AXES, "io": [{"slave": 1}]}, "slave 1 is given twice"),
         ({"axes": AXES, "io": [{"slave": 4}, {"slave": 4}]}, "slave 4 is given twice"),
         ({"interface": "eth1", "redundant_interface": "eth1"}, "redundant_interface is 'eth1'"),
+        ({"redundant_interface": "eth1"}, "redundant_interface needs clocks: off"),
         ({"axes": [{**AXES[0], "polarity": 2}]}, "polarity 2 is not 1 or -1"),
     ],
 )

@@ -49,7 +49,7 @@ class LogicalAccess:
 
     def __init__(self, buffer: memoryview) -> None:
         self._buffer = buffer
-        self._plans: dict[tuple[int, int, int, bool, bool], LogicalPlan] = {}
+        self._plans: dict[tuple[int, ...], LogicalPlan] = {}
 
     def clear(self) -> None:
         """Forget the plans: FMMUs, SyncManagers or cables changed."""
@@ -65,8 +65,12 @@ class LogicalAccess:
         reads: bool,
         writes: bool,
     ) -> LogicalPlan:
-        """Return the plan of a datagram with data at ``place`` of the buffer."""
-        key = (place, address, length, reads, writes)
+        """Return the plan of a datagram with data at ``place`` of the buffer.
+
+        ``slaves`` are neighbours on the line: a frame may pass a part of it.
+        """
+        passed = (id(slaves[0]), len(slaves)) if slaves else (0, 0)
+        key = (*passed, place, address, length, reads, writes)
         found = self._plans.get(key)
         if found is None:
             if len(self._plans) >= _MAX_PLANS:
