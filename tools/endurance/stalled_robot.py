@@ -60,6 +60,10 @@ class MotorRecorder:
                 return now, True
         return stop, False
 
+    def end(self) -> None:
+        """Stop recording: closing the device resets its scaling, and with it the positions."""
+        self._world.servo.run = self._run  # type: ignore[method-assign]
+
     def arrays(self) -> dict[str, np.ndarray]:
         return {
             "times_ns": np.array(self.times_ns),
@@ -161,6 +165,8 @@ def main(robot_file: str, backend: str, out: Path) -> None:
         sys.stdout.flush()
         threading.Thread(target=wait_for_end, daemon=True).start()
         paths = swing(robot, ending)
+        if motors is not None:
+            motors.end()
     finally:
         robot.shutdown()
     arrays = {

@@ -29,6 +29,7 @@ from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 BLEND_SHARE = 0.1  # of the velocity limit: highest speed relative to the path, as decision 8 says
 ROUNDING = 1.05  # of the motors, which follow their commands with a lag
 REVERSAL_SHARE = 0.02  # of the velocity limit
+MOVING = 1e-3  # of the velocity limit; a slower path counts as ended
 GAP_S = (0.05, 0.2)  # between two stalls
 LEAVING_NS = 300_000_000  # after a goal that failed
 HELD_NS = 120_000_000  # after a stall; a device that holds has noted it by then, and stops dead
@@ -44,11 +45,11 @@ class Verdict:
 
     Attributes:
         fastest: along the path's direction.
-        backward: largest velocity against the path's direction, positive.
+        backward: largest velocity against the direction of a path that moves, positive.
         beyond_path: velocity beyond the range of the path's velocities since the longest stall,
             in shares of the joint's velocity limit.
         acceleration: largest change of velocity over a control period, per second.
-        overshoot: largest distance beyond the ends of the swing.
+        overshoot: largest distance beyond the ends of the swing, from where the joint returns.
         reversals, leaps, jerks: numbers of events beyond the limits.
         silences: times at which the device's own process stalled. It then gets the setpoints of all
             that time at once; these moments are not judged.
@@ -91,6 +92,7 @@ def judge(
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
     beyond = np.maximum(velocity - high, low - velocity) / joint.velocity
     against = np.where(low >= 0.0, -velocity, np.where(high <= 0.0, velocity, 0.0))
+    against[np.abs(path) <= MOVING * joint.velocity] = 0.0  # a joint beyond the end returns to it
     # A goal that failed was stopped, by the device's watchdog or the core.
     beyond[between(times_ns, data["failed_ns"], LEAVING_NS)] = 0.0
     period_s = 1.0 / robot.cycle.rate_hz

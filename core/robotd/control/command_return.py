@@ -18,12 +18,11 @@ class CommandReturn:
 
     Args:
         command: (m,) position command, rad or m.
-        measured: (m,) positions of the joints at rest, rad or m.
+        offset: (m,) from the command to the joints at rest, rad or m.
         limits: of velocity and acceleration of the command.
     """
 
-    def __init__(self, command: FloatArray, measured: FloatArray, limits: JointLimits) -> None:
-        offset = measured - command
+    def __init__(self, command: FloatArray, offset: FloatArray, limits: JointLimits) -> None:
         self._ended = False
         self._start = command.copy()
         self._offset: FloatArray = np.where(np.abs(offset) > MIN_ERROR, offset, 0.0)

@@ -150,10 +150,10 @@ class DeviceTrajectory:
         """Return True while an axis is not idle, even if it is slow."""
         return bool((image.operation[self._axes] != Operation.IDLE).any())
 
-    def return_command(self, time_ns: int, measured: FloatArray) -> bool:
-        """Let the device move its command to ``measured`` (m,); return False once it is there."""
+    def return_command(self, time_ns: int, offset: FloatArray) -> bool:
+        """Let the device move its command by ``offset`` (m,); return False once it is there."""
         if self._return is None:
-            self._return = CommandReturn(self.setpoint[0], measured, self._limits)
+            self._return = CommandReturn(self.setpoint[0], offset, self._limits)
             if self._return.duration_s > 0.0:
                 self._at_rest.set()
         if self._return.duration_s == 0.0:

@@ -166,10 +166,10 @@ class StreamedTrajectory:
         """Return False: the device moves by setpoints only."""
         return False
 
-    def return_command(self, time_ns: int, measured: FloatArray) -> bool:
-        """Move the held command to ``measured`` (m,); return False once it is there."""
+    def return_command(self, time_ns: int, offset: FloatArray) -> bool:
+        """Move the held setpoint by ``offset`` (m,); return False once it is there."""
         if self._command_return is None:
-            self._command_return = CommandReturn(self._held[0], measured, self._limits)
+            self._command_return = CommandReturn(self._held[0], offset, self._limits)
             self._return_ns = time_ns
         time_s = (time_ns - self._return_ns) / NANOSECONDS
         return self._command_return.sample(time_s, self._held)

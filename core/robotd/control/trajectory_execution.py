@@ -78,6 +78,7 @@ class TrajectoryExecution:
         self._state = PhaseState(source.start_ns)
         goal_s = trajectory.goal_s
         self._passage = None if goal_s is None else GoalPassage(trajectory, goal_s, tolerances)
+        self._returning = False  # the command, to joints that did not follow it
         self._advanced_ns = source.start_ns
 
     @classmethod
@@ -310,11 +311,15 @@ class TrajectoryExecution:
         # The velocity of an offline drive is an old value.
         moving = bool((fast & ~image.offline[self._axes]).any())
         at_rest = self._state.settle(not moving and not self._source.is_active(image))
-        if self.ending and (at_rest or self._state.age_s(time_ns) > REST_TIMEOUT_S):
-            outcome, message = self.ending
-            stuck = outcome in TOLERANCES and not moving
-            if stuck and self._source.return_command(time_ns, self._tracking.measured[0]):
-                return
+        ready = at_rest or self._state.age_s(time_ns) > REST_TIMEOUT_S
+        if self.ending is None or not (ready or self._returning):
+            return
+        outcome, message = self.ending
+        if self._returning or (outcome in TOLERANCES and not moving):
+            # Once begun it ends, also when a joint that is free again moves.
+            offset = self._tracking.measured[0] - image.position_command[self._axes]
+            self._returning = self._source.return_command(time_ns, offset)
+        if ready and not self._returning:
             self.completion.finish(outcome, f"{message}; joints still move" if moving else message)
 
     def _success_text(self) -> str:

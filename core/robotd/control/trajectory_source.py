@@ -84,5 +84,9 @@ class TrajectorySource(Protocol):
     def is_active(self, image: ProcessImage) -> bool:
         """Return True while the device reports motion by itself."""
 
-    def return_command(self, time_ns: int, measured: FloatArray) -> bool:
-        """Move the command to joints that did not follow; False once there."""
+    def return_command(self, time_ns: int, offset: FloatArray) -> bool:
+        """Move the command by ``offset`` (m,), to joints that did not follow; False once there.
+
+        In each period until then. The first call counts: the measured positions minus the commands
+        of the device, which may differ from the setpoints.
+        """

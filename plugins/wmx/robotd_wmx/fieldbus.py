@@ -18,7 +18,7 @@ _STATES = {
     8: BusState.INPUTS_ONLY,  # Safeop
     16: BusState.OPERATIONAL,  # Op
 }
-"""States of the engine's master, in the SDK's numbers."""
+"""States in the numbers of the service. The SDK's differ; the binding maps them by name."""
 
 _MASTER_EXTRA = (
     "mode", "rings", "rx_pdo_size", "tx_pdo_size", "tx_delay", "min_tx_delay", "max_tx_delay",

@@ -13,7 +13,7 @@ struct AxisLimits {
 
 // Fades to zero as the core's StallRecovery does (decision 8), but gently, because the setpoints
 // themselves recover meanwhile: with half of the acceleration limit while its rate is large, then with
-// a tenth of it and 0.4 % of the velocity limit. It never reverses a moving path.
+// a tenth of it and 2 % of the velocity limit. It never reverses a moving path.
 struct Deviation {
     double offset = 0, rate = 0;
 
@@ -22,7 +22,8 @@ struct Deviation {
         if (offset == 0 && rate == 0) return;
         const double fastest = SHARE * limits.velocity, moving = MOVING * limits.velocity;
         const double speed = std::fabs(path_velocity);
-        double back = std::clamp(-offset / TIME_CONSTANT_S, -fastest, fastest);
+        const double constant_s = std::max(TIME_CONSTANT_S, 2 * fastest / (GENTLE * limits.acceleration));
+        double back = std::clamp(-offset / constant_s, -fastest, fastest);
         if (back * path_velocity < 0 && speed > moving) back = std::clamp(back, -speed, speed);
         const bool large = std::fabs(rate) > LARGE * limits.velocity;
         const double step = (large ? HARD : GENTLE) * limits.acceleration * cycle_s;
@@ -34,7 +35,7 @@ struct Deviation {
     }
 
 private:
-    static constexpr double SHARE = 0.004, LARGE = 0.02, MOVING = 1e-3;  // of the velocity limit
+    static constexpr double SHARE = 0.02, LARGE = 0.02, MOVING = 1e-3;  // of the velocity limit
     static constexpr double HARD = 0.5, GENTLE = 0.1;                   // of the acceleration limit
     static constexpr double TIME_CONSTANT_S = 0.05;
     static constexpr double NEGLIGIBLE = 1e-6;  // s, at the velocity limit

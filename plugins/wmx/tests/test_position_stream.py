@@ -160,6 +160,17 @@ def test_a_setpoint_that_comes_after_the_buffer_has_run_dry_makes_no_leap(
     assert np.abs(np.diff(velocities)).max() / CYCLE_S < 1.5 * ACCELERATION
 
 
+def test_a_difference_from_the_setpoints_is_gone_within_a_second(
+    device: Device, stream: PositionStream
+) -> None:
+    """A goal waits for that at its end, and fails after ``goal_time_s``."""
+    last = feed(stream, 0.2, 0.5)
+    run_dry(device)
+    target = last + 0.02
+    feed(stream, 1.0, 0.0, target)
+    assert Snapshot(device).position_command(0) == pytest.approx(target, abs=1e-3)
+
+
 def test_a_stop_of_a_buffer_that_has_run_dry_moves_nothing(
     device: Device, stream: PositionStream
 ) -> None:

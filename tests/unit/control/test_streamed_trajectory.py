@@ -5,24 +5,39 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.control.completion import Completion
+from robotd.control.completion import Completion, Outcome
 from robotd.control.streamed_trajectory import StreamedTrajectory
+from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
-from robotd.device.state import Underrun
-from robotd.motion import JointLimits, MotionState, TrajectoryRequest, plan
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import Operation, Underrun
+from robotd.motion import (
+    JointLimits,
+    JointTolerance,
+    MotionState,
+    Tolerances,
+    Trajectory,
+    TrajectoryRequest,
+    plan,
+)
 
 PERIOD_NS = 2_000_000
 STALLED = 20  # setpoints before the stall
 LIMITS = JointLimits(("a",), np.full(1, -3.0), np.full(1, 3.0), np.full(1, 3.0), np.full(1, 10.0))
+SETTINGS = TrajectorySettings()
+DEVIATION = 0.03  # of a device's commands from the setpoints
+
+
+def half_a_radian() -> Trajectory:
+    request = TrajectoryRequest.from_rows(("a",), [1.0], [[0.5]])
+    return plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(1)))
 
 
 @pytest.mark.parametrize("stall_ms", [0, 40, 100, 190])
 def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> None:
-    request = TrajectoryRequest.from_rows(("a",), [1.0], [[0.5]])
-    trajectory = plan(request, LIMITS, TrajectorySettings(), MotionState.at_rest(np.zeros(1)))
-    source = StreamedTrajectory(trajectory, LIMITS, 0, Underrun.HOLD, Completion())
-    measured, time_ns, positions = np.array([-0.1]), 0, []
-    while source.return_command(time_ns, measured):
+    source = StreamedTrajectory(half_a_radian(), LIMITS, 0, Underrun.HOLD, Completion())
+    offset, time_ns, positions = np.array([-0.1]), 0, []
+    while source.return_command(time_ns, offset):
         time_ns += PERIOD_NS
         if len(positions) == STALLED:
             time_ns += stall_ms * 1_000_000
@@ -34,3 +49,21 @@ def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> No
     accelerations = np.diff(speeds[STALLED:]) / (PERIOD_NS * 1e-9)  # in the stall the device holds
     assert np.abs(accelerations).max() < 2.5 * LIMITS.acceleration[0]
     assert positions[-1] == pytest.approx(-0.1, abs=0.02)
+
+
+def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
+    """The WMX engine's commands deviate after an underrun of its buffers."""
+    tolerances = Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", 0.01)], 0.1)
+    execution = TrajectoryExecution.streamed(
+        half_a_radian(), np.array([0]), LIMITS, tolerances, 0, LIMITS.stopped_velocity(SETTINGS)
+    )
+    image, time_ns = ProcessImage(1), 0
+    image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
+    while not execution.done:
+        time_ns += PERIOD_NS
+        image.fresh_ns = time_ns
+        image.position[:] = image.position_command[:] = execution.setpoint[0] - DEVIATION
+        assert execution.advance(time_ns, PERIOD_NS, image)
+        execution.sent(time_ns + PERIOD_NS)
+    assert execution.outcome is Outcome.GOAL_TOLERANCE, execution.message
+    assert execution.setpoint[:2] == pytest.approx(np.array([[0.5], [0.0]]))

@@ -464,6 +464,17 @@ def test_a_joint_that_is_held_ends_the_goal_and_does_not_leap_when_it_is_free(
     assert harness.image.position == pytest.approx(held_at, abs=5e-3)
 
 
+def test_a_joint_that_is_freed_while_the_command_returns_makes_no_jump(harness: Harness) -> None:
+    harness.faults.block(0, True)
+    with harness.goal(FAR) as execution:
+        while execution.ending is None or harness.setpoints.velocity[-1, 0] > -0.05:
+            harness.run(PERIOD_S)
+        harness.faults.block(0, False)
+        harness.end(execution)
+    assert execution.outcome is Outcome.PATH_TOLERANCE
+    harness.setpoints.assert_smooth(ACCELERATION)
+
+
 def test_default_tolerances_count_from_the_next_goal_on(harness: Harness) -> None:
     harness.up()
     joints = len(harness.robot.joint_names)
