@@ -22,6 +22,7 @@ class DeviceLoss:
         self._connection, self._image = connection, image
         self._found: tuple[object, str] | None = None  # key and text of the reason
         self._since_ns = 0  # 0: it is not lost
+        self._established = False  # in the period before
 
     def find(self, key: object, reason: str) -> str:
         """Return ``reason`` with the device's fault, which is read once for each ``key``."""
@@ -35,14 +36,18 @@ class DeviceLoss:
         self._found = None
 
     def report(self, time_ns: int) -> None:
-        """Log once when the device is lost, and once when it is back."""
+        """Log once when the device is lost, and once when it is back.
+
+        In the period in which a worker establishes the connection it may not be ready yet.
+        """
+        before, self._established = self._established, self._connection.established
         if self._connection.ready:
             if self._since_ns:
                 lost_s = (time_ns - self._since_ns) / NANOSECONDS
                 on = int(self._image.servo_on.sum())
                 log.info("device is back", after_s=round(lost_s, 1), servos_on=on)
             self._since_ns = 0
-        elif self._connection.established and not self._since_ns:
+        elif before and self._established and not self._since_ns:
             self._since_ns = time_ns
             reason = self._found[1] if self._found else self._connection.fault
             log.error("device lost", reason=reason)

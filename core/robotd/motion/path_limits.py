@@ -66,8 +66,9 @@ def check_path_limits(
         *_beyond_bound(peaks.velocity, "velocity", "/s", velocity, limits),
     ]
     if found := _beyond_bound(peaks.acceleration, "acceleration", "/s²", acceleration, limits):
-        ratio = float(np.max(peaks.acceleration.value / acceleration.value))
-        slower = math.ceil(100.0 * math.sqrt(ratio)) / 100.0
+        by_acceleration = math.sqrt(float(np.max(peaks.acceleration.value / acceleration.value)))
+        by_velocity = float(np.max(peaks.velocity.value / velocity.value))
+        slower = math.ceil(100.0 * max(by_acceleration, by_velocity)) / 100.0
         faults += [*found, f"allow the motion {slower:.2f} times its time"]
     if faults:
         raise reject("; ".join(faults))

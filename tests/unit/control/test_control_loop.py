@@ -6,12 +6,14 @@ import threading
 import time
 from collections.abc import Iterator
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 from structlog.testing import capture_logs
 
 from robotd.clock import FakeClock
 from robotd.control.control_loop import ControlLoop
+from robotd.control.device_loss import DeviceLoss
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
@@ -307,6 +309,19 @@ def test_a_requested_stop_is_not_logged_as_a_loss(harness: Harness) -> None:
         harness.connection.start_communication()
         harness.run(20)
     assert not [line for line in logs if line["event"] in ("device lost", "device is back")]
+
+
+def test_a_start_in_the_middle_of_a_period_is_not_logged_as_a_loss() -> None:
+    connection = SimpleNamespace(ready=False, established=True, fault="")
+    loss = DeviceLoss(connection, ProcessImage(1))  # type: ignore[arg-type]
+    with capture_logs() as logs:
+        loss.report(1)
+        connection.ready = True
+        loss.report(2)
+        assert logs == []
+        connection.ready = False
+        loss.report(3)
+    assert [line["event"] for line in logs] == ["device lost"]
 
 
 def test_a_period_that_would_begin_in_its_second_half_is_skipped() -> None:

@@ -110,6 +110,13 @@ def test_acceleration_beyond_its_margin_is_rejected_with_what_to_do() -> None:
     planned(request([0.5 * 1.55], [[0, 1.0, 0]]), limits(velocity=9.0, acceleration=5.0))
 
 
+def test_the_time_that_is_advised_is_enough_for_the_velocity_too() -> None:
+    asked = request([0.5], [[0, 1.0, 0]])  # 3 rad/s and 24 rad/s²
+    slow = limits(velocity=1.0, acceleration=11.0)
+    assert "allow the motion 2.73 times its time" in rejection(asked, slow)
+    planned(request([0.5 * 2.73], [[0, 1.0, 0]]), slow)
+
+
 def test_acceleration_is_only_noted_without_a_margin() -> None:
     settings = TrajectorySettings(acceleration_margin=None)
     trajectory = planned(
