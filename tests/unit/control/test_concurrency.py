@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import threading
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -20,7 +19,7 @@ from robotd.motion import TrajectoryRejected, TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 
-SECONDS = 2.0
+GOALS = 6  # of each client
 REACH_RAD = 0.2
 
 
@@ -45,9 +44,8 @@ class Client(threading.Thread):
         self._random = random.Random(seed)
 
     def run(self) -> None:
-        end = time.monotonic() + SECONDS
         try:
-            while time.monotonic() < end:
+            while len(self.executions) < GOALS:
                 self._act()
         except BaseException as error:  # noqa: BLE001 - the test looks at it
             self.error = error
@@ -87,11 +85,10 @@ def test_every_goal_of_every_client_ends_with_an_outcome(robot: Robot) -> None:
     for client in clients:
         client.start()
     for client in clients:
-        client.join(SECONDS + 30.0)
+        client.join(30.0)
         assert not client.is_alive()
         assert client.error is None, client.error
     executions = [execution for client in clients for execution in client.executions]
-    assert len(executions) > 20
     for execution in executions:
         assert execution.done
         assert execution.outcome is not None
