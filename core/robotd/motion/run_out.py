@@ -2,8 +2,8 @@
 
 All joints brake together, in the direction of the end velocity v: q(t) = q_e + v·T·(u - u³ + u⁴/2)
 with u = t/T, whose velocity is v·(1 - 3u² + 2u³). Its acceleration begins and ends with zero and is
-at most 1.5·|v|/T, which gives the shortest T that the joints' acceleration limits allow; the way is
-v·T/2.
+at most 1.5·|v|/T, which gives the shortest T that the joints' acceleration limits allow, at least
+``SHORTEST_S``; the way is v·T/2.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from robotd.motion.rejection import reject
 from robotd.motion.request import REST_VELOCITY
 from robotd.motion.trajectory import Trajectory
 
-SHORTEST_S = 0.05  # also of joints without an acceleration limit
+# Also of joints without an acceleration limit. A client that waits for the result of a goal and
+# then sends the next takes over 30 ms after it has arrived (``LEAD_S``), in motion.
+SHORTEST_S = 0.2
 _PEAK = 1.5  # of the acceleration, in |v|/T
 _ORDER = 5
 
