@@ -11,14 +11,17 @@ from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
+from aiohttp import web
+from aiohttp.test_utils import TestClient, TestServer
 from tests.page.viewer import TIMEOUT_S, connected, served_page, silent_viewer, wait_until
 
 from robotd.errors import OperationError
+from robotd.observation.foreign_requests import rejection
 from robotd.observation.metrics import metrics_text, registry
+from robotd.page.page_message import websocket_frames
 from robotd.page.page_server import PageServer
-from robotd.page.request_checks import rejection
 from robotd.page.robot_source import RobotSource
-from robotd.page.viewers import MAX_QUEUED
+from robotd.page.viewers import MAX_WAITING_BYTES
 from robotd.page.viewers import Viewer as ServedViewer
 
 
@@ -207,25 +210,57 @@ def test_a_viewer_that_stops_reading_is_dropped_and_others_are_not(tmp_path: Pat
 
 
 class Transport:
-    """Stand-in of a connection that takes nothing."""
+    """Stand-in of a connection that takes nothing, and of its WebSocket."""
 
     def __init__(self) -> None:
-        self.aborted = False
+        self.closed = False
+        self.waiting = bytearray()
 
     def is_closing(self) -> bool:
-        return self.aborted
+        return self.closed
 
     def abort(self) -> None:
-        self.aborted = True
+        self.closed = True
+
+    def get_write_buffer_size(self) -> int:
+        return len(self.waiting)
+
+    def write(self, data: bytes) -> None:
+        self.waiting += data
 
 
-def test_the_queue_of_a_viewer_is_bounded() -> None:
+def test_what_waits_for_a_viewer_is_bounded() -> None:
     transport = Transport()
-    viewer = ServedViewer(None, transport, ["first"], lambda: None)  # type: ignore[arg-type]
-    viewer.put([b"sample"] * (MAX_QUEUED - 1))
-    assert not transport.aborted
-    viewer.put([b"sample"])
-    assert transport.aborted
+    viewer = ServedViewer(transport, transport, b"first", lambda: None)  # type: ignore[arg-type]
+    viewer.send(b"s" * MAX_WAITING_BYTES)
+    assert not transport.closed
+    viewer.send(b"s")
+    assert transport.closed
+    viewer.send(b"s")  # without effect
+    assert len(transport.waiting) == 5 + MAX_WAITING_BYTES
+
+
+@pytest.mark.parametrize("size", [0, 125, 126, 65535, 65536, 200_000])
+def test_frames_are_read_by_a_client_of_websockets(size: int) -> None:
+    messages = [b"x" * size, "ä" * (size // 2)]
+
+    async def answer(request: web.Request) -> web.WebSocketResponse:
+        response = web.WebSocketResponse()
+        await response.prepare(request)
+        assert request.transport is not None
+        request.transport.write(websocket_frames(messages))
+        await response.receive()
+        return response
+
+    async def watch() -> None:
+        application = web.Application()
+        application.router.add_get("/ws", answer)
+        async with TestClient(TestServer(application)) as client:
+            viewer = await client.ws_connect("/ws")
+            assert await viewer.receive_bytes(timeout=TIMEOUT_S) == messages[0]
+            assert await viewer.receive_str(timeout=TIMEOUT_S) == messages[1]
+
+    asyncio.run(watch())
 
 
 def test_a_viewer_that_sends_something_is_closed(tmp_path: Path) -> None:

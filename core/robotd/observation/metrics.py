@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from socketserver import ThreadingMixIn
+from typing import TYPE_CHECKING
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 import numpy as np
 from prometheus_client import (
     CollectorRegistry,
     ProcessCollector,
     generate_latest,
-    start_http_server,
+    make_wsgi_app,
 )
 from prometheus_client.core import (
     CounterMetricFamily,
@@ -24,9 +28,14 @@ from robotd.clock import NANOSECONDS
 from robotd.errors import OperationError
 from robotd.events import OWN_PROCESS, EventKind
 from robotd.observation.flight_recorder import FlightRecorder
+from robotd.observation.foreign_requests import rejection
 from robotd.observation.tap import Tap
 
+if TYPE_CHECKING:
+    from wsgiref.types import StartResponse, WSGIEnvironment
+
 ADDRESS = "127.0.0.1"
+REQUEST_TIMEOUT_S = 10.0
 BUCKETS_S = (10e-6, 30e-6, 100e-6, 300e-6, 1e-3, 3e-3, 10e-3, 30e-3, 100e-3)
 MAX_LABELS = 64  # different values of a label; further ones are counted as "other"
 BUS_COUNTERS = ("lost_frames", "timeouts", "late_cycles")
@@ -158,13 +167,39 @@ class Metrics:
 def serve_metrics(made: CollectorRegistry, port: int) -> int:
     """Serve ``/metrics`` on the loopback interface until the process ends; return the port.
 
+    Requests with a foreign Host or Origin header are answered 403, as by the page.
+
     Raises OperationError: the port is in use.
     """
+    answer_metrics = make_wsgi_app(made)
+
+    def answer(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
+        if reason := rejection(environ.get("HTTP_HOST", ""), environ.get("HTTP_ORIGIN")):
+            start_response("403 Forbidden", [("Content-Type", "text/plain; charset=utf-8")])
+            return [f"robotd: {reason}\n".encode()]
+        return answer_metrics(environ, start_response)
+
     try:
-        server, _ = start_http_server(port, ADDRESS, made)
+        server = make_server(ADDRESS, port, answer, _Server, _RequestHandler)
     except OSError as error:
         raise OperationError(f"--metrics {port}: {error.strerror or error}") from error
-    return int(server.server_port)
+    threading.Thread(target=server.serve_forever, name="robotd-metrics", daemon=True).start()
+    return server.server_port
+
+
+class _Server(ThreadingMixIn, WSGIServer):
+    """Server with a thread for each connection, so that a silent one stops no other."""
+
+    daemon_threads = True
+
+
+class _RequestHandler(WSGIRequestHandler):
+    """Handler of one connection, without a line on stderr for each request."""
+
+    timeout = REQUEST_TIMEOUT_S
+
+    def log_message(self, *_: object) -> None:
+        """Log nothing."""
 
 
 def metrics_text(made: CollectorRegistry) -> bytes:

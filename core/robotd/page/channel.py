@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
 
-from robotd.page.page_message import Message
+from robotd.page.page_message import Message, websocket_frames
 from robotd.page.viewers import Viewer
 
 
@@ -57,7 +57,7 @@ class PageSource(Protocol):
 
 
 class Channel:
-    """Viewers of one feed: each message is made once. Thread of the server.
+    """Viewers of one feed: each frame is made once. Thread of the server.
 
     Args:
         feed: source of the messages.
@@ -70,15 +70,15 @@ class Channel:
         self._feed = feed
         self.viewers: set[Viewer] = set()
 
-    def first(self) -> list[Message]:
-        """Return the messages to one more viewer."""
-        return self._feed.first(len(self.viewers) + 1)
+    def first(self) -> bytes:
+        """Return the first frames to one more viewer."""
+        return websocket_frames(self._feed.first(len(self.viewers) + 1))
 
     def publish(self, *, changes: bool) -> None:
         """Send the newest samples, and the changes where they are due."""
-        messages = [*self._feed.messages(len(self.viewers), changes=changes)]
-        for viewer in self.viewers:
-            viewer.put(messages)
+        if frames := websocket_frames(self._feed.messages(len(self.viewers), changes=changes)):
+            for viewer in self.viewers:
+                viewer.send(frames)
 
     def discard(self, viewer: Viewer) -> None:
         """Remove a viewer that has gone."""

@@ -25,6 +25,7 @@ from robotd.page.control_jog import (
     Release,
     jog_velocities,
 )
+from robotd.page.page_message import websocket_frames
 from robotd.page.viewers import Viewer
 from robotd.robot import Robot
 from robotd.scenario import FaultSchedule
@@ -121,7 +122,7 @@ class PageControl:
         viewer = Viewer(
             socket,
             transport,
-            [json.dumps(self._welcome(name))],
+            websocket_frames([json.dumps(self._welcome(name))]),
             self._robot.control_loop.yield_to_control_loop,
         )
         controller = Controller(
@@ -276,7 +277,7 @@ class Controller:
             log.info("a page had left before its answer", name=self._name)
 
     def _put(self, message: dict[str, Any]) -> None:
-        self.viewer.put([json.dumps(message)])
+        self.viewer.send(websocket_frames([json.dumps(message)]))
 
 
 def _token(text: str) -> str:

@@ -44,18 +44,19 @@ class LiveSamples:
 
     def sample(self) -> bytes | None:
         """Return the newest sample; None without a new frame."""
-        frames, self._cursor, _ = self._tap.frames.since(self._cursor)
-        if not len(frames):
+        newest = self._tap.frames.newest(self._cursor)
+        if newest is None:
             return None
+        self._cursor = newest.cursor
         row, end = self._row, self._values
         row[:end] = (
-            frames["start_ns"][-1] / NANOSECONDS,
-            frames["late_ns"].max() / NANOSECONDS,
+            newest.start_ns / NANOSECONDS,
+            newest.late_ns / NANOSECONDS,
             self._finger_position(),
             *self._pose(),
             *map(_goal_s, self._robot.groups.values()),
         )
-        row[end:] = frames["values"][-1].ravel()
+        row[end:] = newest.values.ravel()
         return row.tobytes()
 
     def history(self) -> bytes:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
-LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
+from robotd.observation.foreign_requests import rejection
+
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:;"
     " connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -18,25 +19,6 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
 }
-
-
-def rejection(host: str, origin: str | None) -> str:
-    """Return why a request is rejected; "" where it is not.
-
-    The Host check stops DNS rebinding: a foreign name that leads to the loopback interface. The
-    Origin check stops pages of other servers. The port may differ from the server's own, so that
-    a tunnel works.
-
-    Args:
-        host: Host header.
-        origin: Origin header; None where the client sent none, as programs do.
-    """
-    name = host.rpartition(":")[0] if host.rpartition(":")[2].isdigit() else host
-    if name.lower() not in LOOPBACK_NAMES:
-        return f"host {host!r} is rejected: open http://localhost and the port"
-    if origin is not None and origin != f"http://{host}":
-        return f"origin {origin!r} is rejected: only the page itself may connect"
-    return ""
 
 
 @web.middleware

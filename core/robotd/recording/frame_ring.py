@@ -6,11 +6,12 @@ import mmap
 import os
 import weakref
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage, image_type
 
 MEMORY_BYTES = 16 * 2**20  # of the frames; plots, events and samples take up to 8 MiB
@@ -30,6 +31,22 @@ HEADER = (
 
 Frames = NDArray[Any]
 """Structured array of shape (n,) with the fields of ``frame_type``."""
+
+
+class Newest(NamedTuple):
+    """Newest frame, as a page shows it.
+
+    Attributes:
+        cursor: behind it.
+        start_ns: as in ``HEADER``.
+        late_ns: largest one since the cursor of the call.
+        values: rows of ``ProcessImage.values``.
+    """
+
+    cursor: int
+    start_ns: int
+    late_ns: int
+    values: FloatArray
 
 
 def frame_type(axes: int) -> np.dtype[Any]:
@@ -55,6 +72,8 @@ class FrameMemory:
         self._memory = memoryview(mmap.mmap(fd, size))
         self._count = self._memory[:8].cast("q")
         self._frames: Frames = np.frombuffer(self._memory, self.type, capacity, COUNT_BYTES)
+        self._starts_ns, self._late_ns = self._frames["start_ns"], self._frames["late_ns"]
+        self._values: FloatArray = self._frames["values"]
 
     @property
     def written(self) -> int:
@@ -71,6 +90,23 @@ class FrameMemory:
         """``start_ns`` of the oldest frame; 0 before the first."""
         frames, _, _ = self.since(0, 1)
         return int(frames["start_ns"][0]) if len(frames) else 0
+
+    def newest(self, cursor: int) -> Newest | None:
+        """Return the newest frame; None without one after ``cursor``. Any thread.
+
+        Copies its values only: a tenth of the time of ``since`` for the frames of a page.
+        """
+        end = self.written
+        if end == cursor:
+            return None
+        capacity = self.capacity
+        late_ns, last = self._late_ns, (end - 1) % capacity
+        first = max(cursor, end - capacity + 1) % capacity
+        if first <= last:
+            late = late_ns[first : last + 1].max()
+        else:
+            late = max(late_ns[first:].max(), late_ns[: last + 1].max())
+        return Newest(end, int(self._starts_ns[last]), int(late), self._values[last].copy())
 
     def since(self, cursor: int, limit: int | None = None) -> tuple[Frames, int, int]:
         """Return the frames after ``cursor``, the next cursor, and the number of lost frames.

@@ -20,6 +20,7 @@ PREFIX_BYTES = 12  # of a GUID: the participant; RTPS 2.5, table 9.1
 MAX_KNOWN = 256
 TOPIC_VALIDITY_S = 1.0  # of the publishers of a topic
 EVERY_NODE_PUBLISHES = "/parameter_events"
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # in the graph: its node is not known, as of one that has gone
 
 
 class Senders:
@@ -38,6 +39,9 @@ class Senders:
     def of_request(self, header: Any) -> str:
         """Return the nodes of the process that sent a request; "" if unknown.
 
+        Of a process without nodes in the graph, its number in the graph: it has gone already, or
+        was not discovered yet.
+
         Args:
             header: of the request, from rclpy.
         """
@@ -49,7 +53,7 @@ class Senders:
             if prefix not in self._known:
                 name = self._names(EVERY_NODE_PUBLISHES, prefix)
                 if not name:
-                    return f"process {prefix.hex()}"
+                    return f"unnamed client {prefix.hex()}"
                 if len(self._known) >= MAX_KNOWN:
                     self._known.clear()
                 self._known[prefix] = name
@@ -73,6 +77,6 @@ class Senders:
         names = {
             f"{each.node_namespace.rstrip('/')}/{each.node_name}"
             for each in found
-            if bytes(each.endpoint_gid).startswith(prefix)
+            if each.node_name != UNKNOWN and bytes(each.endpoint_gid).startswith(prefix)
         }
         return ", ".join(sorted(names))

@@ -10,7 +10,7 @@ _FORMAT = struct.Struct("<HB5s")
 
 # CiA 301 table 27 and CiA 402-2 (error codes of 0x603F). The longest match wins.
 _CLASSES = {
-    0x00: "no error",
+    0x00: "error reset or no error",  # 0x0000 to 0x00FF; 0x01 to 0x0F are not assigned
     0x10: "generic error",
     0x20: "current",
     0x21: "current, device input side",
@@ -43,6 +43,7 @@ _CLASSES = {
     0xFF: "device specific",
 }
 _CODES = {
+    0x0000: "no error",
     0x2310: "continuous over-current",
     0x2320: "short circuit or earth leakage",
     0x2330: "earth leakage",
@@ -88,7 +89,8 @@ def class_text(code: int) -> str:
         return ""
     if code >= 0xFF00:
         return "vendor specific"
-    return _CLASSES.get(code >> 8) or _CLASSES.get(code >> 8 & 0xF0, "")
+    family = code >> 8 & 0xF0
+    return _CLASSES.get(code >> 8) or (_CLASSES.get(family, "") if family else "")
 
 
 def known_texts() -> dict[int, str]:

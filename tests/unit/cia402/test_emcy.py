@@ -11,6 +11,9 @@ from robotd_cia402.emcy import Emergency, EmergencyLog, error_text
         (0x8611, "0x8611 following error"),
         (0xFF07, "0xFF07 vendor specific"),
         (0x1234, "0x1234 generic error"),
+        (0x0000, "0x0000 no error"),
+        (0x0012, "0x0012 error reset or no error"),
+        (0x0129, "0x0129 reserved"),  # not the class 0x00
     ],
 )
 def test_codes_in_words(code: int, text: str) -> None:

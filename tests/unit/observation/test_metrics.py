@@ -5,7 +5,8 @@ import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.request import urlopen
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
 from prometheus_client import CollectorRegistry, generate_latest
@@ -82,6 +83,17 @@ def test_every_metric_is_on_its_page(arm: Observed) -> None:
         if family.name.startswith("robotd_")
     }
     assert served == documented
+
+
+@pytest.mark.parametrize(
+    "headers", [{"Host": "evil.example"}, {"Origin": "http://evil.example"}], ids=str
+)
+def test_foreign_requests_are_rejected(arm: Observed, headers: dict[str, str]) -> None:
+    port = serve_metrics(registry(arm.tap, arm.flight), 0)
+    request = Request(f"http://127.0.0.1:{port}/metrics", headers=headers)
+    with pytest.raises(HTTPError, match="403") as raised:
+        urlopen(request, timeout=10)
+    assert b"evil.example' is rejected" in raised.value.read()
 
 
 def test_metrics_are_served_on_the_loopback_interface_only(arm: Observed) -> None:

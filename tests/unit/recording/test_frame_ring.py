@@ -52,6 +52,24 @@ def test_only_new_frames_are_returned_and_lost_ones_are_counted() -> None:
     assert len(ring.since(cursor)[0]) == 0
 
 
+def test_the_newest_frame_comes_with_the_largest_lateness_since_the_last_one() -> None:
+    image = ProcessImage(2)
+    ring = FrameRing(image, 10.0, 1.0)  # ten frames
+    assert ring.newest(0) is None
+    for number, late_ns in enumerate((5, 90, 7, 8, 6, 1, 2, 3, 4, 80, 3, 2, 1)):
+        image.position[:] = number
+        ring.write(number, 0, 0, late_ns, 0, 0, 0, True)
+    newest = ring.newest(10)
+    assert newest is not None
+    assert (newest.cursor, newest.start_ns, newest.late_ns) == (13, 12, 3)
+    np.testing.assert_array_equal(newest.values, image.values)
+    assert ring.newest(13) is None
+    for cursor in (9, 2, 0):  # around the end of the ring; the 90 was overwritten
+        newest = ring.newest(cursor)
+        assert newest is not None
+        assert newest.late_ns == 80
+
+
 @pytest.mark.parametrize(("axes", "rate_hz"), [(6, 500.0), (12, 1000.0), (128, 2000.0)])
 def test_frames_and_events_take_at_most_24_mib(axes: int, rate_hz: float) -> None:
     ring = FrameRing(ProcessImage(axes), rate_hz, 30.0)

@@ -11,7 +11,7 @@ import pytest
 from tests.unit.observation.harness import Observed
 
 from robotd.page.page_feed import PageFeed
-from robotd.page.viewers import Message
+from robotd.page.page_message import Message
 from robotd.recording.message_encoders import octets_message, string_message
 from robotd.ros.client.remote_feed import LOST_S, RemoteFeed
 from robotd.ros.page_messages import CHANGES, FIRST, SAMPLES, pack_first
