@@ -20,6 +20,7 @@ from tools.bench.targets import at_most
 
 from robotd.log import configure_logging
 from robotd.motion import TrajectoryRequest
+from robotd.observation.period_writer import period_writer
 from robotd.observation.recorder import observed
 from robotd.observation.tap import Tap
 from robotd.robot import Robot, build_robot
@@ -95,7 +96,8 @@ def measure(name: str, seconds: float, folder: Path) -> None:
 
 def tight_loop_us(robot: Robot) -> float:
     """Median cost of one frame with warm caches."""
-    write, costs, clock = Tap(robot, 30.0)._writer(), [], time.perf_counter_ns
+    tap = Tap(robot, 30.0)
+    write, costs, clock = period_writer(robot, tap.frames, tap._io), [], time.perf_counter_ns
     for _ in range(10_000):
         began = clock()
         write()

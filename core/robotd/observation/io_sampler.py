@@ -26,38 +26,21 @@ class IoSampler:
         now_ns: monotonic time of the robot's clock.
 
     Attributes:
-        look: looks for changes in a live image, at the time of the period; None without one.
-            Control-loop thread.
+        live: functions that read the inputs and the outputs of a live image; None without one.
+        add: takes a change of a live image. Control-loop thread.
     """
 
     def __init__(self, io: Io, now_ns: Callable[[], int]) -> None:
         self._io, self._now_ns = io, now_ns
         self._seen: dict[str, bytes] = {}
         self._changes: deque[Change] = deque(maxlen=MAX_WAITING)
-        self.look = self._looker()
-
-    def _looker(self) -> Callable[[int], None] | None:
-        """Return ``look``: a closure, because attributes would double its cost."""
-        if (live := self._io.live) is None:
-            return None
-        read_inputs, read_outputs = (image[:MAX_IO_BYTES].tobytes for image in live)
-        add = self._changes.append
-        inputs = outputs = b""
-
-        def look(time_ns: int) -> None:
-            nonlocal inputs, outputs
-            if (now := read_inputs()) != inputs:
-                inputs = now
-                add((time_ns, INPUTS, now))
-            if (now := read_outputs()) != outputs:
-                outputs = now
-                add((time_ns, OUTPUTS, now))
-
-        return look
+        self.add = self._changes.append
+        live = io.live
+        self.live = tuple(image[:MAX_IO_BYTES].tobytes for image in live) if live else None
 
     def changes(self) -> Iterator[Change]:
         """Yield the changes since the last call. Thread of the tap; the device communicates."""
-        if self.look is None:
+        if self.live is None:
             self._sample()
         while self._changes:
             yield self._changes.popleft()

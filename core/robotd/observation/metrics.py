@@ -32,7 +32,7 @@ from robotd.observation.foreign_requests import rejection
 from robotd.observation.tap import Tap
 
 if TYPE_CHECKING:
-    from wsgiref.types import StartResponse, WSGIEnvironment
+    from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
 
 ADDRESS = "127.0.0.1"
 REQUEST_TIMEOUT_S = 10.0
@@ -171,7 +171,7 @@ def serve_metrics(made: CollectorRegistry, port: int) -> int:
 
     Raises OperationError: the port is in use.
     """
-    answer_metrics = make_wsgi_app(made)
+    answer_metrics: WSGIApplication = make_wsgi_app(made)
 
     def answer(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
         if reason := rejection(environ.get("HTTP_HOST", ""), environ.get("HTTP_ORIGIN")):

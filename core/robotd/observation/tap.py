@@ -22,6 +22,7 @@ from robotd.events import MAX_BYTES, BoundedLog, Event, EventKind, EventLog, Lev
 from robotd.log import get_logger
 from robotd.observation.change_detector import ChangeDetector
 from robotd.observation.io_sampler import QUEUE_BYTES, IoSampler
+from robotd.observation.period_writer import period_writer
 from robotd.observation.plot_history import HISTORY_BYTES, PlotHistory
 from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
 from robotd.recording.message_encoders import named_values, octets_message
@@ -86,7 +87,7 @@ class Tap:
         self._failing = self._was_stopped = False
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robotd-tap", daemon=True)
-        robot.control_loop.observe(self._writer())
+        robot.control_loop.observe(period_writer(robot, self.frames, self._io))
 
     def add_reader(self, read: Callable[[], None]) -> None:
         """Call ``read`` after every sample, in the tap's thread; before ``start`` only."""
@@ -109,29 +110,6 @@ class Tap:
         self._thread.join()
         robot_log.remove_listener(self._log_line)
         self.observe()
-
-    def _writer(self) -> Callable[[], None]:
-        """Return the observer of the control loop: copies the period that has ended."""
-        robot, write = self.robot, self.frames.write
-        image, mixer, connection = robot.image, robot.mixer, robot.connection
-        stats, look = robot.control_loop.stats, self._io.look
-
-        def write_frame() -> None:
-            start_ns, late_ns, execution_ns = stats.last
-            write(
-                start_ns,
-                image.stamp_ns,
-                image.fresh_ns,
-                late_ns,
-                execution_ns,
-                stats.missed,
-                mixer.sent_ns,
-                connection.ready,
-            )
-            if look is not None:
-                look(start_ns)
-
-        return write_frame
 
     def _run(self) -> None:
         while not self._stop.wait(SAMPLE_PERIOD_S):

@@ -63,27 +63,31 @@ class FrameMemory:
         fd: file descriptor of the memory; stays with the caller.
         axes: number of axes of a frame.
         capacity: number of frames.
+
+    Attributes:
+        memory: number of frames written, then the frames from ``COUNT_BYTES`` on.
+        count: that number, in one item.
     """
 
     def __init__(self, fd: int, axes: int, capacity: int) -> None:
         self.fd, self.axes, self.capacity = fd, axes, capacity
         self.type = frame_type(axes)
         size = COUNT_BYTES + capacity * self.type.itemsize
-        self._memory = memoryview(mmap.mmap(fd, size))
-        self._count = self._memory[:8].cast("q")
-        self._frames: Frames = np.frombuffer(self._memory, self.type, capacity, COUNT_BYTES)
+        self.memory = memoryview(mmap.mmap(fd, size))
+        self.count = self.memory[:8].cast("q")
+        self._frames: Frames = np.frombuffer(self.memory, self.type, capacity, COUNT_BYTES)
         self._starts_ns, self._late_ns = self._frames["start_ns"], self._frames["late_ns"]
         self._values: FloatArray = self._frames["values"]
 
     @property
     def written(self) -> int:
         """Number of frames since the start: the cursor behind the newest."""
-        return self._count[0]
+        return self.count[0]
 
     @property
     def nbytes(self) -> int:
         """Size of the memory."""
-        return self._memory.nbytes
+        return self.memory.nbytes
 
     @property
     def oldest_ns(self) -> int:
@@ -168,7 +172,7 @@ class FrameRing(FrameMemory):
         The header is assigned where the image is, and one copy takes both: with cold caches this
         takes half the time of packing the header into the ring.
         """
-        memory, count, frame, header = self._memory, self._count, image.frame, image.header
+        memory, count, frame, header = self.memory, self.count, image.frame, image.header
         capacity, size = self.capacity, self.type.itemsize
         written = 0
 

@@ -99,7 +99,7 @@ def test_a_backend_without_a_live_image_is_sampled(arm: Observed) -> None:
 
     io = Closed()
     sampler = IoSampler(io, lambda: 5)  # type: ignore[arg-type]
-    assert sampler.look is None
+    assert sampler.live is None
     assert [*sampler.changes()] == [(5, INPUTS, b"\1\0")]
     assert [*sampler.changes()] == []
     io.image = b"\0\1"
