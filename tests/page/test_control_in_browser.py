@@ -22,6 +22,7 @@ from tests.page.viewer import TIMEOUT_S, wait_until
 
 from robotd.clock.simulated import PacedClock
 from robotd.motion import TrajectoryRequest
+from robotd.motion.planar import ZERO_TWIST
 from robotd.observation.recorder import observed
 from robotd.page.control_server import PageControl
 from robotd.page.page_server import PageServer
@@ -50,9 +51,9 @@ class Served:
 
 
 @contextmanager
-def serve(folder: Path) -> Iterator[Served]:
+def serve(folder: Path, name: str = "cr3a") -> Iterator[Served]:
     """A simulated robot in paced time, which no stall of the computer disturbs."""
-    robot = build_robot("cr3a", "sim", clock=PacedClock(1.0))
+    robot = build_robot(name, "sim", clock=PacedClock(1.0))
     with observed(robot, flight_folder=folder) as recorder:
         control = PageControl(robot, hold_timeout_s=HOLD_TIMEOUT_S)
         source = RobotSource(recorder.tap, robot.descriptor.nodes, has_control=True)
@@ -268,6 +269,36 @@ def test_every_command_works_and_a_rejected_one_shows_its_reason(
     page.get_by_role("button", name="Servos on").click()
     says(page, "servos are on")
     assert robot.image.servo_on[:6].all()
+
+
+def test_a_base_drives_while_its_button_is_held(tmp_path: Path, browser: Browser) -> None:
+    with serve(tmp_path, "baymax") as served:
+        base = served.robot.base
+        assert base is not None
+        page = light_page(browser, [])
+        unlock(page, served)
+        expect(page.locator("#jog")).to_be_hidden()  # it has wheels only
+        expect(page.locator("#drive-hint")).to_contain_text("slow down within 75 ms")
+
+        def drive(direction: str) -> None:
+            page.get_by_role("button", name=direction, exact=True).hover()
+            page.mouse.down()
+            wait_until(lambda: base.limited != ZERO_TWIST)
+            says(page, f"{direction}: moving while held")
+
+        drive("Forward")
+        wait_until(lambda: base.pose.x > 0.01)
+        page.mouse.up()
+        says(page, "Jog: released")
+        wait_until(lambda: not base.moving)
+        drive("Turn left")
+        wait_until(lambda: base.pose.heading > 0.01)
+        page.evaluate("dispatchEvent(new Event('blur'))")
+        wait_until(lambda: not base.moving)
+        page.mouse.up()
+        drive("Back")
+        page.close()
+        wait_until(lambda: not base.moving)
 
 
 def test_the_speed_can_be_set_and_motion_paused(served: Served, page: Page) -> None:

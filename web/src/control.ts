@@ -3,6 +3,7 @@
 import { ControlLink, takeToken } from "./control_link";
 import type { Answer, Command, JogEnd, Welcome } from "./control_messages";
 import { find, make, setClass, setText } from "./dom";
+import { DrivePanel } from "./drive_panel";
 import { FaultForm } from "./fault_form";
 import { HeldButtons } from "./held_button";
 import { JogPanel } from "./jog_panel";
@@ -29,10 +30,11 @@ export class Control {
     onError: (text) => this.say(text, "bad"),
     onClosed: (reason, isRejected) => this.close(reason, isRejected),
   });
-  private readonly held = new HeldButtons(this.link, ({ joint, step }) =>
-    this.say(`${joint}: ${step === null ? "moving while held" : "one step"}`, "busy"),
+  private readonly held = new HeldButtons(this.link, ({ name, step }) =>
+    this.say(`${name}: ${step === null ? "moving while held" : "one step"}`, "busy"),
   );
   private readonly jog: JogPanel;
+  private readonly drive: DrivePanel;
   private readonly outputs = new OutputPanel((command) => this.send(command));
   private readonly faults = new FaultForm((command) => this.send(command));
   private readonly answer = find("answer");
@@ -44,6 +46,7 @@ export class Control {
 
   constructor(units: Units) {
     this.jog = new JogPanel(units, this.held);
+    this.drive = new DrivePanel(this.held);
     for (const [id, command] of Object.entries(BUTTONS)) find(id).addEventListener("click", () => this.send(command));
     this.speed.addEventListener("input", () => this.showSpeed(Number(this.speed.value)));
     this.speed.addEventListener("change", () => this.send({ type: "speed", speed: Number(this.speed.value) / 100 }));
@@ -85,6 +88,7 @@ export class Control {
     if (!this.description) return;
     this.held.heartbeat_ms = welcome.heartbeat_ms;
     this.jog.open(welcome, this.description);
+    this.drive.open(welcome);
     this.outputs.open(welcome);
     this.faults.open(welcome, this.description);
     find("gripper").hidden = !welcome.gripper;

@@ -70,6 +70,10 @@ export class ControlLink {
     this.put({ type: "jog", hold, joint, velocity, step });
   }
 
+  drive(hold: number, linear: number, lateral: number, angular: number): void {
+    this.put({ type: "drive", hold, linear, lateral, angular });
+  }
+
   release(hold: number, reason: ReleaseReason): void {
     this.put({ type: "release", hold, reason });
   }

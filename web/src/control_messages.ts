@@ -7,11 +7,22 @@ export interface FaultField {
   optional: boolean;
 }
 
+// Highest velocities of the base in m/s and rad/s, and its way to rest from the highest one ahead.
+export interface Drive {
+  release_s: number; // from the last heartbeat until it slows down
+  rest_s: number;
+  rest_m: number;
+  linear: number;
+  angular: number;
+  motions: { name: string; linear: number; lateral: number; angular: number }[];
+}
+
 export interface Welcome {
   type: "welcome";
   name: string; // of this page, as owner of joints
   heartbeat_ms: number;
   jog_velocities: Record<string, number>; // highest, by joint
+  drive: Drive | null; // null: without a base
   gripper: boolean;
   outputs: Record<string, string>; // address such as "out0.3", by name
   output_bytes: number;

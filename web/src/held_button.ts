@@ -1,12 +1,12 @@
-// Hold to run: a joint moves while its button is held, by pointer or key, in a focused window.
+// Hold to run: a joint or the base moves while its button is held, by pointer or key, in a focused window.
 
 import type { ControlLink } from "./control_link";
 import type { JogEnd, ReleaseReason } from "./control_messages";
 
 export interface Motion {
-  joint: string;
-  velocity: number; // signed, or positive with a step
-  step: number | null;
+  name: string; // of the joint, or of the direction of the base
+  step: number | null; // signed distance; null: as long as the button is held
+  send: (link: ControlLink, hold: number, step: number | null) => void; // one heartbeat
 }
 
 const STALL_MS = 500; // a page that has not run for so long ends its hold
@@ -19,7 +19,7 @@ interface Held {
   beat_ms: number; // time of the last heartbeat
 }
 
-// One button is held at a time. The server stops the joint as well, when heartbeats are missing.
+// One button is held at a time. The server stops the motion as well, when heartbeats are missing.
 export class HeldButtons {
   private lastHold = 0;
   private held: Held | undefined;
@@ -94,7 +94,7 @@ export class HeldButtons {
     const { hold, motion, beat_ms } = this.held;
     this.held.beat_ms = performance.now();
     if (this.held.beat_ms - beat_ms > STALL_MS) this.end("page stalled");
-    else this.link.jog(hold, motion.joint, motion.velocity, motion.step);
+    else motion.send(this.link, hold, motion.step);
   }
 
   private releaseButton(button: HTMLButtonElement): void {

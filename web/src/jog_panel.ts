@@ -87,9 +87,11 @@ export class JogPanel {
   private motion(joint: AxisDescription, sign: number): Motion {
     const speed = (this.velocities[joint.name]! * Number(this.slider.value)) / 100;
     const distance = STEPS[this.step]![joint.unit as "rad" | "m"];
-    return distance
-      ? { joint: joint.name, velocity: speed, step: sign * distance }
-      : { joint: joint.name, velocity: sign * speed, step: null };
+    return {
+      name: joint.name,
+      step: distance ? sign * distance : null,
+      send: (link, hold, step) => link.jog(hold, joint.name, distance ? speed : sign * speed, step),
+    };
   }
 
   // Velocities of the slider; one for each unit, of the fastest joint.

@@ -104,11 +104,21 @@ class MobileBase:
         )
 
     @noted
-    def command(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> None:
-        """Set the twist until the next command, for ``command_timeout_s`` at most.
+    def command(
+        self,
+        linear_m_s: float,
+        angular_rad_s: float,
+        lateral_m_s: float = 0.0,
+        timeout_s: float | None = None,
+    ) -> None:
+        """Set the twist until the next command, for ``timeout_s`` at most.
 
         Any thread; never blocks. A twist beyond the limits is scaled down on its arc. Wheels that
         cannot be moved are logged once, and each command tries again.
+
+        Args:
+            linear_m_s, angular_rad_s, lateral_m_s: ahead, turning to the left, to the left.
+            timeout_s: None: ``command_timeout_s`` of the settings.
 
         Raises:
             InvalidArgument: a number is not finite, or the base cannot move sideways or turn on
@@ -138,7 +148,7 @@ class MobileBase:
             raise NotReady(
                 f"motion was stopped: send a zero twist, or none for {pause_s:g} s, first"
             )
-        self._command.set(twist, now_ns)
+        self._command.set(twist, now_ns, timeout_s)
         if not self.moving:
             self._worker.wake()
 

@@ -10,9 +10,12 @@ log = get_logger("base")
 
 
 class TwistCommand:
-    """Twist that holds until the next one, for ``timeout_s`` at most.
+    """Twist that holds until the next one, for its time-out at most.
 
     ``target`` is for the control loop, the rest for any thread.
+
+    Args:
+        timeout_s: of a command that brings none of its own.
 
     Attributes:
         stopped: no command holds until it is False again.
@@ -20,9 +23,8 @@ class TwistCommand:
 
     def __init__(self, timeout_s: float) -> None:
         self.stopped = False
-        self._timeout_s = timeout_s
         self._timeout_ns = round(timeout_s * NANOSECONDS)
-        self._command = (ZERO_TWIST, 0)  # and its time of arrival
+        self._command = (ZERO_TWIST, 0, 0)  # with its time of arrival and its time-out, ns
         self._late = False
         self._neutral, self._seen_ns = True, 0  # time of the last command, accepted or not
 
@@ -31,9 +33,10 @@ class TwistCommand:
         """The last ``target`` was standstill because of the time-out or ``stopped``."""
         return self._late or self.stopped
 
-    def set(self, twist: PlanarTwist, time_ns: int) -> None:
+    def set(self, twist: PlanarTwist, time_ns: int, timeout_s: float | None = None) -> None:
         """Replace the command by ``twist``, which arrived at ``time_ns``."""
-        self._command = (twist, time_ns)
+        own_ns = self._timeout_ns if timeout_s is None else round(timeout_s * NANOSECONDS)
+        self._command = (twist, time_ns, own_ns)
 
     def require_neutral(self) -> None:
         """Drop the command; accept none until a zero twist or a pause.
@@ -41,7 +44,7 @@ class TwistCommand:
         The pause has to be as long as the time-out. After a stop, a client that still sends its
         last command must not move the base.
         """
-        self._command, self._neutral = (ZERO_TWIST, 0), self._seen_ns == 0
+        self._command, self._neutral = (ZERO_TWIST, 0, 0), self._seen_ns == 0
 
     def is_accepted(self, twist: PlanarTwist, time_ns: int) -> bool:
         """Return False for a command that continues one from before ``require_neutral``."""
@@ -52,17 +55,18 @@ class TwistCommand:
 
     def moves(self, time_ns: int) -> bool:
         """Return True when a command other than standstill holds at ``time_ns``."""
-        twist, arrival_ns = self._command
-        in_time = time_ns - arrival_ns <= self._timeout_ns
+        twist, arrival_ns, timeout_ns = self._command
+        in_time = time_ns - arrival_ns <= timeout_ns
         return twist != ZERO_TWIST and in_time and not self.stopped
 
     def target(self, time_ns: int) -> PlanarTwist:
         """Return the twist to reach at ``time_ns``; a time-out in motion is logged."""
-        twist, arrival_ns = self._command
+        twist, arrival_ns, timeout_ns = self._command
         if self.stopped:
             return ZERO_TWIST
-        late = time_ns - arrival_ns > self._timeout_ns
+        late = time_ns - arrival_ns > timeout_ns
         if late and not self._late and twist != ZERO_TWIST:
-            log.warning("no command in time: the base slows to rest", timeout_s=self._timeout_s)
+            timeout_s = timeout_ns / NANOSECONDS
+            log.warning("no command in time: the base slows to rest", timeout_s=timeout_s)
         self._late = late
         return ZERO_TWIST if late else twist

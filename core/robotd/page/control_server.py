@@ -7,6 +7,7 @@ import itertools
 import json
 import secrets
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from typing import Annotated, Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -16,6 +17,7 @@ from robotd.errors import RobotdError
 from robotd.events import sent_by
 from robotd.log import get_logger
 from robotd.page import control_commands as commands
+from robotd.page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
 from robotd.page.control_jog import (
     HEARTBEAT_S,
     TIMEOUT_S,
@@ -43,6 +45,7 @@ WRONG_TOKEN_DELAY_S = 1.0
 
 Request = Annotated[
     Jog
+    | Drive
     | Release
     | commands.Stop
     | commands.Reset
@@ -169,6 +172,7 @@ class PageControl:
             "name": name,
             "heartbeat_ms": 1000 * HEARTBEAT_S,
             "jog_velocities": jog_velocities(robot),
+            "drive": _drive(robot),
             "gripper": robot.gripper is not None,
             "outputs": {name: f"out{at.byte}.{at.bit}" for name, at in robot.io.outputs.items()},
             "output_bytes": robot.io.sizes[1],
@@ -205,6 +209,7 @@ class Controller:
         self._loop = asyncio.get_running_loop()
         self._running = 0
         self._jog = HeldJog(robot, name, workers, self._jog_ended, hold_timeout_s)
+        self._drive = HeldDrive(robot, name, self._put_end, hold_timeout_s)
 
     def take(self, text: str) -> None:
         """Begin to execute a request."""
@@ -216,14 +221,18 @@ class Controller:
         match request:
             case Jog():
                 self._jog.beat(request)
-            case Release():
+            case Drive():
+                self._drive.beat(request)
+            case Release():  # the numbers of holds are common to both
                 self._jog.release(request.hold, request.reason)
+                self._drive.release(request.hold)
             case commands.Command():
                 self._begin(request)
 
     def close(self) -> None:
-        """End the jog: its client has gone."""
+        """End jog and driving: the client has gone."""
         self._jog.close()
+        self._drive.close()
 
     def _begin(self, command: commands.Command) -> None:
         is_stop = isinstance(command, commands.Stop)
@@ -259,15 +268,19 @@ class Controller:
 
     def _jog_ended(self, end: JogEnd) -> None:
         """Worker: say how a jog has ended."""
-        message = {
-            "type": "jog",
-            "hold": end.hold,
-            "ok": end.is_wanted,
-            "silent": end.is_silent,
-            "text": end.reason,
-            "remaining": end.remaining,
-        }
-        self._call(self._put, message)
+        self._call(self._put_end, end)
+
+    def _put_end(self, end: JogEnd) -> None:
+        self._put(
+            {
+                "type": "jog",
+                "hold": end.hold,
+                "ok": end.is_wanted,
+                "silent": end.is_silent,
+                "text": end.reason,
+                "remaining": end.remaining,
+            }
+        )
 
     def _call(self, function: Any, *args: Any) -> None:
         """Call in the server's thread; without effect after its end."""
@@ -278,6 +291,14 @@ class Controller:
 
     def _put(self, message: dict[str, Any]) -> None:
         self.viewer.send(websocket_frames([json.dumps(message)]))
+
+
+def _drive(robot: Robot) -> dict[str, Any] | None:
+    """Return what a page needs to drive the base; None without one."""
+    limits = drive_limits(robot)
+    if robot.base is None or limits is None:
+        return None
+    return {**asdict(limits), "motions": [*drive_motions(robot.base, limits)]}
 
 
 def _token(text: str) -> str:

@@ -1,0 +1,53 @@
+// Panel that drives the base: a button for each direction, and the speed.
+
+import type { Drive, Welcome } from "./control_messages";
+import { find, make, setText } from "./dom";
+import type { HeldButtons } from "./held_button";
+
+export class DrivePanel {
+  private readonly slider = find<HTMLInputElement>("drive-speed");
+  private drive: Drive | undefined;
+
+  constructor(private readonly held: HeldButtons) {
+    this.slider.addEventListener("input", () => this.showSpeed());
+  }
+
+  open({ drive }: Welcome): void {
+    find("drive").hidden = !drive;
+    if (!drive) return;
+    this.drive = drive;
+    find("drive-buttons").replaceChildren(
+      ...drive.motions.map(({ name, linear, lateral, angular }) => {
+        const button = make("button", "action", name);
+        button.type = "button";
+        this.held.add(button, () => {
+          const share = this.share();
+          return {
+            name,
+            step: null,
+            send: (link, hold) => link.drive(hold, share * linear, share * lateral, share * angular),
+          };
+        });
+        return button;
+      }),
+    );
+    const { release_s, rest_s, rest_m, linear } = drive;
+    setText(
+      find("drive-hint"),
+      `The base moves while its button is held. Letting go, or losing this page, lets it slow down within ` +
+        `${Math.round(1000 * release_s)} ms, as its own limits allow: from ${linear.toFixed(2)} m/s it rests after ` +
+        `${rest_s.toFixed(1)} s and ${(100 * rest_m).toFixed(0)} cm.`,
+    );
+    this.showSpeed();
+  }
+
+  private share(): number {
+    return Number(this.slider.value) / 100;
+  }
+
+  private showSpeed(): void {
+    if (!this.drive) return;
+    const { linear, angular } = this.drive;
+    setText(find("drive-speed-text"), `${(this.share() * linear).toFixed(3)} m/s, ${(this.share() * angular).toFixed(2)} rad/s`);
+  }
+}
