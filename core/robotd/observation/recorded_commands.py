@@ -35,7 +35,7 @@ class Repetition:
     """Result of a repetition.
 
     Attributes:
-        recorded, simulated: frames from the same moment on, period by period; of equal length.
+        recorded, simulated: frames of the same moments, one for each recorded period.
         commands: number of commands and goals.
         rejections: time in seconds and text of each command that the simulation rejected.
     """
@@ -103,9 +103,15 @@ class CommandRepeater:
             context.close()
         simulated = ring.since(0)[0]
         robot.shutdown()
-        count = min(len(self._frames), len(simulated))
+        # By time: the recorded control loop may have missed periods, the simulated one has not.
+        passed_s = (self._frames["start_ns"] - self._first_ns) / NANOSECONDS
+        periods = np.rint(passed_s * rate_hz).astype(np.int64)
+        there = periods < len(simulated)
         return Repetition(
-            self._frames[:count], simulated[:count], len(self._commands), tuple(self._rejections)
+            self._frames[there],
+            simulated[periods[there]],
+            len(self._commands),
+            tuple(self._rejections),
         )
 
     def _step_until(self, time_ns: int) -> None:

@@ -86,9 +86,9 @@ class RecorderProcess:
     def send(self, events: Sequence[Event], samples: Sequence[Sample]) -> Report | None:
         """Add events and samples; return the newest report, None before the first."""
         for begin in range(0, len(events), BATCH_EVENTS):
-            self._connection.send(Batch([*events[begin : begin + BATCH_EVENTS]], []))
+            self._put(Batch([*events[begin : begin + BATCH_EVENTS]], []))
             self._yield()
-        self._connection.send(Batch([], [*samples]))
+        self._put(Batch([], [*samples]))
         report = None
         while self._connection.poll():
             report = self._receive()
@@ -96,7 +96,7 @@ class RecorderProcess:
 
     def finish(self, timeout_s: float) -> Report:
         """Complete the file and return its report."""
-        self._connection.send(Batch([], [], last=True))
+        self._put(Batch([], [], last=True))
         report = None
         with suppress(EOFError):
             while self._connection.poll(timeout_s):
@@ -104,6 +104,16 @@ class RecorderProcess:
         if report is None:
             raise TimeoutError(f"the recording is not complete after {timeout_s:g} s")
         return report
+
+    def _put(self, batch: Batch) -> None:
+        """Send a batch. Raises OSError, with the reason of a writer that has ended."""
+        try:
+            self._connection.send(batch)
+        except BrokenPipeError:
+            with suppress(EOFError, ConnectionError):
+                while self._connection.poll():
+                    self._receive()  # raises the reason that its last report has
+            raise
 
     def _receive(self) -> Report:
         report: Report = self._connection.recv()

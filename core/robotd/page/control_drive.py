@@ -40,7 +40,7 @@ class Drive(Message):
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """Highest velocities of a base that is driven from a page, and its way to rest.
+    """Highest velocities of a base driven from a page, and its way to rest.
 
     Attributes:
         linear, lateral: m/s; lateral is 0 where the base cannot move sideways.

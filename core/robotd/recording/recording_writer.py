@@ -145,8 +145,7 @@ class RecordingWriter:
         self._channels = {
             topic: self._register(topic, schemas[name]) for topic, name in TOPICS.items()
         }
-        if urdf:
-            self._add(DESCRIPTION, 0, string_message(urdf), time_ns=info.offset_ns)
+        self._description = string_message(urdf) if urdf else b""  # until the first message
 
     @property
     def size_bytes(self) -> int:
@@ -227,8 +226,12 @@ class RecordingWriter:
             for time_ns, each in zip(times[chosen].tolist(), data, strict=True)
         ]
 
-    def _add(self, topic: str, monotonic_ns: int, data: bytes, time_ns: int | None = None) -> None:
-        log_time = monotonic_ns + self._offset_ns if time_ns is None else time_ns
+    def _add(self, topic: str, monotonic_ns: int, data: bytes) -> None:
+        log_time = monotonic_ns + self._offset_ns
+        if self._description:
+            # At the time of the first message: an earlier one would prolong the recording.
+            description, self._description = self._description, b""
+            self._writer.add_message(self._channels[DESCRIPTION], log_time, description, log_time)
         self._writer.add_message(self._channels[topic], log_time, data, log_time)
         self._written += 1
         if self._written % PAUSE_MESSAGES == 0:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from tests.unit.observation.harness import Observed
@@ -13,6 +15,9 @@ from robotd.cli import main
 from robotd.device.axes import Move
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
+from robotd.observation.recorded_commands import POSITION, CommandRepeater
+from robotd.plugin.manager import load_backend
+from robotd.recording.recording_reader import read_recording
 
 
 @pytest.fixture
@@ -36,6 +41,20 @@ def test_goals_and_moves_lead_to_the_same_motion(arm: Observed) -> None:
     assert "the simulation moved as recorded" in result.output
     assert " commands over" in result.output
     assert "joint6" in result.output
+
+
+def test_missed_periods_of_the_recording_are_no_difference(arm: Observed) -> None:
+    arm.step(0.5)
+    with arm.goal([0.3] * 6):
+        arm.step(1.3)
+    recording = read_recording(arm.flight.snapshot("test"))
+    frames = np.delete(recording.frames, slice(50, 150))  # 0.2 s before the goal
+    found = CommandRepeater(
+        replace(recording, frames=frames), arm.robot.descriptor, load_backend("sim")
+    ).run()
+    assert len(found.recorded) == len(found.simulated)
+    position = [each["values"][:, POSITION, 0] for each in (found.recorded, found.simulated)]
+    np.testing.assert_allclose(*position, atol=0.01)
 
 
 def test_goals_of_joint_groups_are_repeated_beside_each_other(tmp_path: Path) -> None:

@@ -136,8 +136,9 @@ def test_io_fieldbus_and_description_are_there(recorded: Path) -> None:
     assert list(bus.joint_names) == ["bus0", "bus0/node1"]
     assert list(bus.interface_values[0].interface_names) == ["lost_frames"]
     assert list(bus.interface_values[0].values) == [3.0]
-    ((_, urdf),) = messages(recorded, topics.DESCRIPTION)
+    ((time_ns, urdf),) = messages(recorded, topics.DESCRIPTION)
     assert urdf.data == "<robot/>"
+    assert time_ns == messages(recorded, topics.LOOP)[0][0]  # an older one prolongs the recording
 
 
 def test_channels_have_what_rosbag2_asks_for(recorded: Path) -> None:
