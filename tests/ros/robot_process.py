@@ -32,6 +32,13 @@ ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
 PATIENCE = {
     "sim": {"backends.sim.stream_timeout_s": 2},
     "wmx": {"backends.wmx.watchdog_s": 5},
+    "ethercat": {
+        "backends.ethercat.simulated": "true",
+        "backends.ethercat.stream_timeout_s": 2,
+        "backends.ethercat.max_lost_frames": 100,
+        "backends.ethercat.watchdog_ms": 1000,
+        "cycle.rate_hz": 250,
+    },
 }
 STALE_AFTER_S = 1
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
