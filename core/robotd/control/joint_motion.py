@@ -107,11 +107,13 @@ class JointMotion:
     def release(self, source: SetpointSource) -> None:
         """Stop ``source`` and wait for its end; the last one releases the joints.
 
-        A source that has passed its goal is not stopped: it comes to rest by itself.
+        A source that has passed its goal comes to rest by itself. It is stopped when it has not
+        after ``STOP_TIMEOUT_S``: it may be paused, or slowed down by the operator.
         """
-        if source.completion.result is None:
+        has_passed = source.completion.result is not None
+        if not (has_passed and self._await_end(source, STOP_TIMEOUT_S)):
             source.completion.request(Outcome.CANCELED, "canceled by the client")
-        self._await_end(source, STOP_TIMEOUT_S)
+            self._await_end(source, STOP_TIMEOUT_S)
         with self.lock:
             self._active -= 1
             if self._active == 0:

@@ -142,6 +142,20 @@ def test_half_the_speed_passes_the_point_with_half_the_velocity(harness: Harness
     assert harness.image.position == pytest.approx(END, abs=1e-3)
 
 
+def test_a_goal_paused_behind_its_last_point_is_stopped_before_the_joints_are_released(
+    harness: Harness,
+) -> None:
+    harness.robot.axes.speed.set(0.2)  # the pause begins before the run-out has ended
+    harness.run(1.0)
+    with harness.follower.follow(passing(harness)) as execution:
+        harness.until(lambda: execution.outcome is not None)
+        harness.robot.axes.speed.pause()
+    assert execution.outcome is Outcome.SUCCEEDED
+    assert execution.completion.outcome is Outcome.CANCELED, execution.completion.message
+    assert np.abs(harness.setpoints.velocity[-1]).max() < 1e-9
+    assert (np.abs(harness.setpoints.position[-1]) < np.abs(END)).all()
+
+
 def test_it_is_switched_on_and_off_at_run_time(harness: Harness) -> None:
     harness.follower.allow_end_velocity(False)
     request = passing(harness)
