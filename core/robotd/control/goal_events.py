@@ -12,6 +12,7 @@ from robotd.events import EventKind, EventLog, Level
 from robotd.motion import TrajectoryRequest
 
 SUBJECT = "goal"
+BAD = frozenset({Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
 
 
 @contextmanager
@@ -50,11 +51,10 @@ def note_result(events: EventLog, execution: TrajectoryExecution) -> None:
     """Note the outcome of a goal."""
     outcome = execution.outcome or Outcome.FAULT
     word = outcome.name.lower()
-    bad = outcome in (Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE)
     text = f"goal {word}: {execution.message}"
     completion = execution.completion
     if completion.outcome not in (outcome, Outcome.PREEMPTED, None):
-        bad, text = True, f"{text}; behind its last point: {completion.message}"
+        text = f"{text}; behind its last point: {completion.message}"
     data = {"outcome": word, "id": id(execution)}
-    level = Level.ERROR if bad else Level.INFO
+    level = Level.INFO if BAD.isdisjoint({outcome, completion.outcome}) else Level.ERROR
     events.add(EventKind.RESULT, SUBJECT, text, level=level, data=data)

@@ -12,6 +12,7 @@ from tests.unit.motion.helpers import peaks_of
 from robotd.control.trajectory_execution import Outcome
 from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.errors import NotReady
+from robotd.events import EventKind, Level
 from robotd.motion import JointTolerance, TrajectoryRejected, TrajectoryRequest
 from robotd.testing.fakes import FakeAxes
 
@@ -99,6 +100,10 @@ def test_a_stop_behind_the_last_point_ends_the_motion_and_not_the_result(harness
         harness.end(execution)
     assert execution.outcome is Outcome.SUCCEEDED
     assert execution.completion.outcome is Outcome.STOPPED
+    events, _ = harness.robot.axes.events.since(0)
+    (result,) = (each for each in events if each.kind is EventKind.RESULT)
+    assert "; behind its last point: " in result.text
+    assert result.level is Level.INFO  # as that of every goal that was stopped
     assert np.abs(harness.setpoints.velocity[-1]).max() < 1e-9
 
 
