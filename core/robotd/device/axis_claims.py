@@ -53,7 +53,9 @@ class AxisClaims:
             self._driver.end_stream(axes)
         except RobotdError as error:
             log.warning("a stream could not be ended", reason=str(error))
-        self._effect.wait_for(lambda: not self._streaming(axes))
+        self._effect.wait_for(lambda: not self._ending(axes))
 
-    def _streaming(self, axes: Sequence[int]) -> bool:
-        return any(self._image.operation[axis] == Operation.STREAM for axis in axes)
+    def _ending(self, axes: Sequence[int]) -> bool:
+        """The image still shows streaming, or the stop that ends it on some devices."""
+        ending = (Operation.STREAM, Operation.STOPPING)
+        return any(self._image.operation[axis] in ending for axis in axes)

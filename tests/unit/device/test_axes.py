@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import pytest
@@ -298,6 +298,27 @@ def test_a_claim_ends_with_its_block_whatever_happens_in_it(harness: Harness) ->
     harness.refresh()
     assert harness.axes.rejection(0, CommandMode.POSITION) is None
     assert harness.driver.calls[-1] == ("end_stream", [0])
+
+
+def test_a_claim_ends_when_the_image_shows_no_stop(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image = harness.driver.image
+
+    def end_stream(axes: Sequence[int]) -> None:
+        image.operation[list(axes)] = Operation.STOPPING
+        harness.refresh()
+
+    def sleep_until_ns(deadline_ns: int) -> None:
+        image.operation[:] = Operation.IDLE
+        harness.refresh()
+        harness.clock.advance(0.002)
+
+    monkeypatch.setattr(harness.driver, "end_stream", end_stream)
+    monkeypatch.setattr(harness.clock, "sleep_until_ns", sleep_until_ns)
+    with harness.axes.claimed("a goal", [0]):
+        harness.refresh()
+    assert harness.image.operation[0] == Operation.IDLE  # and the next goal can begin
 
 
 def test_a_moving_axis_cannot_be_claimed(harness: Harness) -> None:
