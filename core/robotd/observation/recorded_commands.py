@@ -19,6 +19,8 @@ from robotd.errors import RobotdError
 from robotd.events import EventKind
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
+from robotd.observation.io_sampler import IoSampler
+from robotd.observation.period_writer import period_writer
 from robotd.plugin.manager import Backend
 from robotd.recording.frame_ring import FrameRing, Frames
 from robotd.recording.recording_reader import Recording
@@ -86,14 +88,10 @@ class CommandRepeater:
         robot = self._robot
         duration_s = float(self._frames["start_ns"][-1] - self._first_ns) / NANOSECONDS
         rate_hz = robot.descriptor.cycle.rate_hz
-        ring = FrameRing(robot.image, rate_hz, duration_s + MARGIN_S, MEMORY_BYTES)
+        ring = FrameRing(robot.image.axes, rate_hz, duration_s + MARGIN_S, MEMORY_BYTES)
         robot.start()
-        image, stats, mixer = robot.image, robot.control_loop.stats, robot.mixer
-        robot.control_loop.observe(
-            lambda: ring.write(
-                stats.last[0], image.stamp_ns, image.fresh_ns, 0, 0, 0, mixer.sent_ns, True
-            )
-        )
+        io = IoSampler(robot.io, robot.clock.now_ns)
+        robot.control_loop.observe(period_writer(robot, ring, io))
         began_ns = robot.clock.now_ns()
         for command in self._commands:
             self._step_until(began_ns + command.time_ns - self._first_ns)

@@ -72,7 +72,7 @@ class Tap:
         self.robot = robot
         self.events: EventLog = robot.events
         rate_hz = robot.descriptor.cycle.rate_hz
-        self.frames = FrameRing(robot.image, rate_hz, seconds)
+        self.frames = FrameRing(robot.image.axes, rate_hz, seconds)
         self.history = PlotHistory(robot.image.axes, rate_hz)
         self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
         self.fieldbus: NamedValues = {}

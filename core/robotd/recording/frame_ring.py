@@ -5,14 +5,13 @@ from __future__ import annotations
 import mmap
 import os
 import weakref
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robotd.arrays import FloatArray
-from robotd.device.process_image import ProcessImage, image_type
+from robotd.device.process_image import image_type
 
 MEMORY_BYTES = 16 * 2**20  # of the frames; plots, events and samples take up to 8 MiB
 COUNT_BYTES = 64  # before the first frame: number of frames written, int64
@@ -137,13 +136,10 @@ class FrameMemory:
 class FrameRing(FrameMemory):
     """Last ``seconds`` of frames, fewer where they exceed the memory limit.
 
-    Any thread may read.
-
-    Attributes:
-        write: copies the image behind a header, in the order of ``HEADER``. Control-loop thread.
+    Any thread may read; ``period_writer`` fills it.
 
     Args:
-        image: process image that is copied.
+        axes: number of axes of a frame.
         rate_hz: of the control loop.
         seconds: time to hold.
         memory_bytes: limit of the frames.
@@ -151,47 +147,16 @@ class FrameRing(FrameMemory):
 
     def __init__(
         self,
-        image: ProcessImage,
+        axes: int,
         rate_hz: float,
         seconds: float,
         memory_bytes: int = MEMORY_BYTES,
     ) -> None:
-        size = frame_type(image.axes).itemsize
+        size = frame_type(axes).itemsize
         capacity = max(2, min(round(rate_hz * seconds), (memory_bytes - COUNT_BYTES) // size))
         fd = os.memfd_create("robotd-frames")
         os.ftruncate(fd, COUNT_BYTES + capacity * size)
-        super().__init__(fd, image.axes, capacity)
+        super().__init__(fd, axes, capacity)
         weakref.finalize(self, os.close, fd)
         # Written once, because the first access to a page costs the control loop 1 us or more.
         self._frames.view(np.uint8)[:] = 1
-        self.write = self._writer(image)
-
-    def _writer(self, image: ProcessImage) -> Callable[..., None]:
-        """Return ``write``: a closure, because attributes would double its cost.
-
-        The header is assigned where the image is, and one copy takes both: with cold caches this
-        takes half the time of packing the header into the ring.
-        """
-        memory, count, frame, header = self.memory, self.count, image.frame, image.header
-        capacity, size = self.capacity, self.type.itemsize
-        written = 0
-
-        def write(
-            start_ns: int,
-            stamp_ns: int,
-            fresh_ns: int,
-            late_ns: int,
-            execution_ns: int,
-            missed: int,
-            due_ns: int,
-            ready: bool,
-        ) -> None:
-            nonlocal written
-            header[0], header[1], header[2], header[3] = start_ns, stamp_ns, fresh_ns, late_ns
-            header[4], header[5], header[6], header[7] = execution_ns, missed, due_ns, ready
-            start = COUNT_BYTES + written % capacity * size
-            memory[start : start + size] = frame
-            written += 1
-            count[0] = written
-
-        return write

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from robotd.device.process_image import ProcessImage
-from robotd.recording.frame_ring import FrameRing, Frames
+from robotd.recording.frame_ring import COUNT_BYTES, HEADER, FrameMemory, FrameRing, Frames
 from robotd.recording.recording_writer import RecordingInfo, create_recording
 
 AXES = ("joint1", "joint2", "axis 2")
@@ -28,10 +28,20 @@ INFO = RecordingInfo(
 )
 
 
+def write_frame(ring: FrameMemory, image: ProcessImage, **header: int) -> None:
+    """Append a copy of the image, with the numbers of its header; 0 where they are not given."""
+    for place, name in enumerate(HEADER):
+        image.header[place] = header.get(name, 0)
+    size = ring.type.itemsize
+    at = COUNT_BYTES + ring.written % ring.capacity * size
+    ring.memory[at : at + size] = image.frame
+    ring.count[0] += 1
+
+
 def ramp(periods: int = 100) -> Frames:
     """Frames of a motion; an alarm of axis 1 in the second half, no setpoint in the first ten."""
     image = ProcessImage(len(AXES))
-    ring = FrameRing(image, 500.0, 10.0)
+    ring = FrameRing(image.axes, 500.0, 10.0)
     image.servo_on[:] = True
     image.offline[:] = False
     for period in range(1, periods + 1):
@@ -42,7 +52,18 @@ def ramp(periods: int = 100) -> Frames:
         image.amp_alarm[1] = period > periods // 2
         image.alarm_code[1] = 0x8611 if period > periods // 2 else 0
         due_ns = time_ns + PERIOD_NS if period > 10 else 0
-        ring.write(time_ns + 70, time_ns, time_ns - 500, 70, 31_000, 3, due_ns, True)
+        write_frame(
+            ring,
+            image,
+            start_ns=time_ns + 70,
+            stamp_ns=time_ns,
+            fresh_ns=time_ns - 500,
+            late_ns=70,
+            execution_ns=31_000,
+            missed=3,
+            due_ns=due_ns,
+            ready=True,
+        )
     return ring.since(0)[0]
 
 

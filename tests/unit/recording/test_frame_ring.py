@@ -4,35 +4,28 @@ import threading
 
 import numpy as np
 import pytest
+from tests.unit.recording.frames import write_frame
 
 from robotd.device.process_image import ProcessImage
 from robotd.events import MAX_BYTES as EVENT_BYTES
 from robotd.observation.io_sampler import QUEUE_BYTES
 from robotd.observation.plot_history import PlotHistory
 from robotd.observation.tap import MAX_MEMORY_BYTES, SAMPLE_BYTES
-from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
-
-
-def write(ring: FrameRing, number: int) -> None:
-    ring.write(number, number, 0, 0, 0, 0, 0, True)
+from robotd.recording.frame_ring import HEADER, MEMORY_BYTES, FrameRing
 
 
 def test_a_frame_holds_every_value_of_the_image() -> None:
     image = ProcessImage(3)
-    ring = FrameRing(image, 500.0, 1.0)
+    ring = FrameRing(image.axes, 500.0, 1.0)
     image.position[:] = 1.0, 2.0, 3.0
     image.torque[1] = -4.0
     image.setpoint[0, 2] = 0.25
     image.alarm_code[1], image.mode[0], image.operation[2] = 0x8611, 1, 3
     image.amp_alarm[1] = image.servo_on[0] = True
-    ring.write(11, 12, 13, 14, 15, 16, 17, True)
+    header = {name: 11 + number for number, name in enumerate(HEADER)}
+    write_frame(ring, image, **header)
     frame = ring.since(0)[0][0]
-    assert [int(frame[name]) for name in ("start_ns", "stamp_ns", "fresh_ns", "late_ns")] == [
-        11, 12, 13, 14,
-    ]  # fmt: skip
-    assert [int(frame[name]) for name in ("execution_ns", "missed", "due_ns", "ready")] == [
-        15, 16, 17, 1,
-    ]  # fmt: skip
+    assert {name: int(frame[name]) for name in HEADER} == header
     np.testing.assert_array_equal(frame["values"], image.values)
     np.testing.assert_array_equal(frame["setpoint"], image.setpoint)
     np.testing.assert_array_equal(frame["numbers"], image.numbers)
@@ -40,13 +33,14 @@ def test_a_frame_holds_every_value_of_the_image() -> None:
 
 
 def test_only_new_frames_are_returned_and_lost_ones_are_counted() -> None:
-    ring = FrameRing(ProcessImage(1), 10.0, 1.0)  # ten frames
+    image = ProcessImage(1)
+    ring = FrameRing(image.axes, 10.0, 1.0)  # ten frames
     for number in range(4):
-        write(ring, number)
+        write_frame(ring, image, start_ns=number)
     frames, cursor, lost = ring.since(0)
     assert ([*frames["start_ns"]], cursor, lost) == ([0, 1, 2, 3], 4, 0)
     for number in range(4, 20):
-        write(ring, number)
+        write_frame(ring, image, start_ns=number)
     frames, cursor, lost = ring.since(cursor)
     assert ([*frames["start_ns"]], cursor, lost) == ([*range(11, 20)], 20, 7)
     assert len(ring.since(cursor)[0]) == 0
@@ -54,11 +48,11 @@ def test_only_new_frames_are_returned_and_lost_ones_are_counted() -> None:
 
 def test_the_newest_frame_comes_with_the_largest_lateness_since_the_last_one() -> None:
     image = ProcessImage(2)
-    ring = FrameRing(image, 10.0, 1.0)  # ten frames
+    ring = FrameRing(image.axes, 10.0, 1.0)  # ten frames
     assert ring.newest(0) is None
     for number, late_ns in enumerate((5, 90, 7, 8, 6, 1, 2, 3, 4, 80, 3, 2, 1)):
         image.position[:] = number
-        ring.write(number, 0, 0, late_ns, 0, 0, 0, True)
+        write_frame(ring, image, start_ns=number, late_ns=late_ns)
     newest = ring.newest(10)
     assert newest is not None
     assert (newest.cursor, newest.start_ns, newest.late_ns) == (13, 12, 3)
@@ -72,7 +66,7 @@ def test_the_newest_frame_comes_with_the_largest_lateness_since_the_last_one() -
 
 @pytest.mark.parametrize(("axes", "rate_hz"), [(6, 500.0), (12, 1000.0), (128, 2000.0)])
 def test_frames_and_events_take_at_most_24_mib(axes: int, rate_hz: float) -> None:
-    ring = FrameRing(ProcessImage(axes), rate_hz, 30.0)
+    ring = FrameRing(axes, rate_hz, 30.0)
     assert ring.nbytes <= MEMORY_BYTES
     past = PlotHistory(axes, rate_hz).nbytes
     used = ring.nbytes + past + EVENT_BYTES + SAMPLE_BYTES + QUEUE_BYTES
@@ -83,7 +77,7 @@ def test_frames_and_events_take_at_most_24_mib(axes: int, rate_hz: float) -> Non
 
 def test_a_reader_beside_the_writer_never_gets_a_torn_frame() -> None:
     image = ProcessImage(4)
-    ring = FrameRing(image, 100.0, 1.0)
+    ring = FrameRing(image.axes, 100.0, 1.0)
     end = threading.Event()
 
     def run() -> None:
@@ -91,7 +85,7 @@ def test_a_reader_beside_the_writer_never_gets_a_torn_frame() -> None:
         while not end.is_set():
             number += 1
             image.values[:] = number
-            write(ring, number)
+            write_frame(ring, image, start_ns=number)
 
     thread = threading.Thread(target=run)
     thread.start()
