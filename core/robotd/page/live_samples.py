@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class LiveSamples:
         self._closed, self._closed_ns = 0.0, 0
         self._values = len(HEADER) + len(tap.robot.groups)  # column of the first value
         self.width = self._values + len(VALUES) * tap.frames.axes
-        self._row = np.empty(self.width, "<f8")
+        self._head = struct.Struct(f"<{self._values}d")
 
     def restart(self) -> None:
         """Skip the frames up to now."""
@@ -48,16 +49,14 @@ class LiveSamples:
         if newest is None:
             return None
         self._cursor = newest.cursor
-        row, end = self._row, self._values
-        row[:end] = (
+        head = self._head.pack(
             newest.start_ns / NANOSECONDS,
             newest.late_ns / NANOSECONDS,
             self._finger_position(),
             *self._pose(),
             *map(_goal_s, self._robot.groups.values()),
         )
-        row[end:] = newest.values.ravel()
-        return row.tobytes()
+        return head + newest.values
 
     def history(self) -> bytes:
         """Return samples of the last minute, one behind the other."""

@@ -39,13 +39,13 @@ class Newest(NamedTuple):
         cursor: behind it.
         start_ns: as in ``HEADER``.
         late_ns: largest one since the cursor of the call.
-        values: rows of ``ProcessImage.values``.
+        values: block of ``ProcessImage.values``, float64, little-endian.
     """
 
     cursor: int
     start_ns: int
     late_ns: int
-    values: FloatArray
+    values: bytes
 
 
 def frame_type(axes: int) -> np.dtype[Any]:
@@ -75,8 +75,11 @@ class FrameMemory:
         self.memory = memoryview(mmap.mmap(fd, size))
         self.count = self.memory[:8].cast("q")
         self._frames: Frames = np.frombuffer(self.memory, self.type, capacity, COUNT_BYTES)
-        self._starts_ns, self._late_ns = self._frames["start_ns"], self._frames["late_ns"]
         self._values: FloatArray = self._frames["values"]
+        # One column of the header each: reading items of an array takes ten times as long.
+        numbers, columns = self.memory[COUNT_BYTES:].cast("q"), self.type.itemsize // 8
+        self._starts_ns = numbers[HEADER.index("start_ns") :: columns]
+        self._late_ns = numbers[HEADER.index("late_ns") :: columns]
 
     @property
     def written(self) -> int:
@@ -102,14 +105,11 @@ class FrameMemory:
         end = self.written
         if end == cursor:
             return None
-        capacity = self.capacity
-        late_ns, last = self._late_ns, (end - 1) % capacity
-        first = max(cursor, end - capacity + 1) % capacity
-        if first <= last:
-            late = late_ns[first : last + 1].max()
-        else:
-            late = max(late_ns[first:].max(), late_ns[: last + 1].max())
-        return Newest(end, int(self._starts_ns[last]), int(late), self._values[last].copy())
+        first = max(cursor, end - self.capacity + 1)
+        late_ns = max(self._late_ns[each % self.capacity] for each in range(first, end))
+        last = (end - 1) % self.capacity
+        values = self._values[last].tobytes()
+        return Newest(end, self._starts_ns[last], late_ns, values)
 
     def since(self, cursor: int, limit: int | None = None) -> tuple[Frames, int, int]:
         """Return the frames after ``cursor``, the next cursor, and the number of lost frames.
