@@ -21,7 +21,6 @@ class CanopenObjects:
     def __init__(self, number: int, layout: AxisLayout, node: Node, feedback: Feedback) -> None:
         self.name = f"node {node.id}"
         self.rpdos = RpdoWriter(layout)
-        self.outputs = tuple(entry.base for pdo in layout.rpdos for entry in pdo.entries)
         self.inputs = frozenset(entry.base for pdo in layout.tpdos for entry in pdo.entries)
         self.put = self.rpdos.values.__setitem__
         self._number, self._layout, self._node = number, layout, node

@@ -29,6 +29,10 @@ from robotd_cia402.state_machine import Control, DriveState, Status
 log = get_logger("cia402")
 
 _GENERIC_ERROR = 0x1000  # of a drive that has no number for its fault
+_STATE_ROWS = (
+    "offline", "servo_on", "amp_alarm", "alarm_code", "reason", "home_done", "motion_complete",
+    "mode", "operation", "negative_limit", "positive_limit", "home_switch",
+)  # fmt: skip
 
 
 class Axis:
@@ -53,6 +57,7 @@ class Axis:
         self.estimate = ProfileEstimate(options.quick_stop_deceleration_rad_s2)
         self.outputs = OutputValues(drive, scaling)
         self.objects = DriveObjects(drive)
+        self._shown: tuple[object, ...] = ()  # state that the image has
 
     @property
     def streaming(self) -> bool:
@@ -185,38 +190,37 @@ class Axis:
         return self.activity.is_at_rest(self.report.velocity, commanded=commanded)
 
     def _fill(self, image: ProcessImage) -> None:
-        number, report, activity = self.number, self.report, self.activity
-        if report.known:
-            image.position[number] = report.position
-            image.velocity[number] = report.velocity
-            image.torque[number] = report.torque
-        alarm = report.in_alarm
-        image.offline[number] = not report.known
-        image.servo_on[number] = report.powered
-        image.amp_alarm[number] = alarm
-        image.alarm_code[number] = (report.error_code or _GENERIC_ERROR) if alarm else 0
-        image.reason[number] = self._reason()
-        image.home_done[number] = activity.home_done
-        image.motion_complete[number] = activity.complete
-        image.mode[number] = self.mode.command_mode
-        image.operation[number] = activity.operation
-        negative, positive, home = report.switches
-        image.negative_limit[number], image.positive_limit[number] = negative, positive
-        image.home_switch[number] = home
-        if report.known:
-            self._fill_command(image)
+        if self.report.known:
+            self._fill_values(image)
+        state = self._state()
+        if state != self._shown or image.offline[self.number]:  # offline: also a forgotten image
+            self._shown = state
+            for row, value in zip(_STATE_ROWS, state, strict=True):
+                getattr(image, row)[self.number] = value
 
-    def _fill_command(self, image: ProcessImage) -> None:
-        """Write the position and velocity command: ours, the estimated or the measured one."""
-        mode, setpoint = self.mode, self.setpoint
+    def _state(self) -> tuple[object, ...]:
+        """Return the values of ``_STATE_ROWS``; they change rarely, and writing them is slow."""
+        report, activity = self.report, self.activity
+        alarm = report.in_alarm
+        code = (report.error_code or _GENERIC_ERROR) if alarm else 0
+        servo = not report.known, report.powered, alarm, code, self._reason()
+        motion = activity.home_done, activity.complete, self.mode.command_mode, activity.operation
+        return servo + motion + report.switches
+
+    def _fill_values(self, image: ProcessImage) -> None:
+        """Write the measured values, and the command: ours, the estimated or the measured one."""
+        mode, setpoint, report, number = self.mode, self.setpoint, self.report, self.number
+        image.position[number] = report.position
+        image.velocity[number] = report.velocity
+        image.torque[number] = report.torque
         own = mode.is_cyclic_position or self.activity.is_idle
         position = setpoint.position if own else self.estimate.position
         homing = mode.requested is OperationMode.HOMING
-        if not self.report.powered or mode.is_velocity or homing:
-            position = self.report.position
-        image.position_command[self.number] = position
+        if not report.powered or mode.is_velocity or homing:
+            position = report.position
+        image.position_command[number] = position
         velocity = setpoint.velocity if mode.is_ours else self.estimate.velocity
-        image.velocity_command[self.number] = velocity
+        image.velocity_command[number] = velocity
 
     def _reason(self) -> str:
         """Return why the axis cannot move, beginning with the node; "" if it can."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Protocol
 
 from robotd.api import OperationError
@@ -50,17 +50,13 @@ class CyclicObjects(Protocol):
         """Emergency in force; None without one. Any thread."""
 
     @property
-    def outputs(self) -> Sequence[int]:
-        """Objects in the cyclic frames to the drive; they never change."""
-
-    @property
     def inputs(self) -> Collection[int]:
-        """Objects in the cyclic frames from the drive; they never change."""
+        """Objects in the cyclic frames from the drive, once it is configured."""
 
     def put(self, index: int, value: int) -> None:
         """Set an output for the next cyclic frame, and those after it. Control loop.
 
-        Only objects in ``outputs`` are set.
+        No effect for an object that the frames do not hold.
         """
 
     def get(self, index: int) -> int:

@@ -26,6 +26,8 @@ class DriveReport:
     Attributes:
         known: the node is online and every cyclic input has come.
         state: UNKNOWN while the drive is not ``known``.
+        powered, in_alarm: the power stage is on, the drive reports a fault.
+        position: measured, rad or m; an endless axis runs over 32 bits.
         statusword: object 0x6041.
         displayed_mode: object 0x6061.
     """
@@ -33,23 +35,11 @@ class DriveReport:
     def __init__(self, drive: CyclicObjects, scaling: Scaling) -> None:
         self.known = False
         self.state = DriveState.UNKNOWN
+        self.powered = self.in_alarm = False
         self.statusword = self.displayed_mode = 0
+        self.position = 0.0
         self._drive, self._scaling = drive, scaling
         self._counts = self._raw = 0  # position without and with the wrap of the encoder
-        self._has_demand = DEMAND in drive.inputs
-
-    @property
-    def powered(self) -> bool:
-        return self.state in POWERED
-
-    @property
-    def in_alarm(self) -> bool:
-        return self.state in FAULTY
-
-    @property
-    def position(self) -> float:
-        """Measured position, rad or m; an endless axis runs over 32 bits."""
-        return self._counts * self._scaling.position
 
     @property
     def velocity(self) -> float:
@@ -88,7 +78,7 @@ class DriveReport:
 
     def demand(self) -> float:
         """Return the drive's own position command; the measured one where it reports none."""
-        if not self._has_demand:
+        if DEMAND not in self._drive.inputs:
             return self.position
         ahead = wrapped(self._drive.get(DEMAND) - self._raw)
         return (self._counts + ahead) * self._scaling.position
@@ -96,17 +86,21 @@ class DriveReport:
     def update(self) -> None:
         """Control loop: decode the values taken last."""
         drive = self._drive
-        self.statusword = drive.get(STATUSWORD)
         self.displayed_mode = drive.get(MODE_DISPLAY)
         raw = drive.get(POSITION)
         self._counts += wrapped(raw - self._raw)
         self._raw = raw
-        self.known = drive.online and drive.complete
-        self.state = drive_state(self.statusword) if self.known else DriveState.UNKNOWN
+        self.position = self._counts * self._scaling.position
+        word, known = drive.get(STATUSWORD), drive.online and drive.complete
+        if word != self.statusword or known is not self.known:
+            self.statusword, self.known = word, known
+            self.state = state = drive_state(word) if known else DriveState.UNKNOWN
+            self.powered, self.in_alarm = state in POWERED, state in FAULTY
 
     def rebase(self) -> None:
         """Worker: restart the count at a position that the drive has set."""
         self._counts = self._raw = self._drive.get(POSITION)
+        self.position = self._counts * self._scaling.position
 
     def forget(self) -> None:
         """Worker: discard the values; the drive has been configured anew."""

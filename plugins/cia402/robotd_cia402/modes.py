@@ -33,8 +33,9 @@ VELOCITY_MODES = {
     VelocityMode.PV: OperationMode.PROFILE_VELOCITY,
     VelocityMode.CSV: OperationMode.CYCLIC_VELOCITY,
 }
-CYCLIC = frozenset(STREAM_MODES.values())
-VELOCITY = frozenset(VELOCITY_MODES.values())
+# Tuples: a set would call the slow hash of an enum, several times in each period.
+CYCLIC = tuple(STREAM_MODES.values())
+VELOCITY = tuple(VELOCITY_MODES.values())
 
 
 def rest_mode(options: DriveOptions, command: CommandMode) -> OperationMode:

@@ -18,6 +18,7 @@ from robotd_cia402.scaling import Scaling, wrapped
 from robotd_cia402.setpoint import Setpoint
 
 _NOTHING_SENT = -1
+_PROFILE_POSITION = OperationMode.PROFILE_POSITION
 
 
 class OutputValues:
@@ -33,22 +34,17 @@ class OutputValues:
 
     def put(self, word: int, mode: ModeControl, setpoint: Setpoint) -> None:
         """Put the values into the next frame, with controlword ``word``."""
-        drive = self._drive
-        for index in drive.outputs:
-            drive.put(index, self._value(index, word, mode, setpoint))
+        put, requested, position = self._drive.put, mode.requested, setpoint.position
+        counts = wrapped(self._scaling.counts(position)) if math.isfinite(position) else 0
+        target = setpoint.target_counts
+        put(CONTROLWORD, word)
+        put(MODE, requested)
+        put(INTERPOLATION, counts)
+        put(TARGET_POSITION, wrapped(target) if requested is _PROFILE_POSITION else counts)
+        put(TARGET_VELOCITY, self._velocity(mode, setpoint) if mode.is_velocity else 0)
         self.controlword = word
 
-    def _value(self, index: int, word: int, mode: ModeControl, setpoint: Setpoint) -> int:
-        if index == CONTROLWORD:
-            return word
-        if index == MODE:
-            return int(mode.requested)
-        if index == TARGET_VELOCITY and mode.is_velocity:
-            cyclic = mode.requested is OperationMode.CYCLIC_VELOCITY
-            velocity = setpoint.velocity if cyclic else setpoint.target_velocity
-            return self._scaling.velocity_units(velocity)
-        if index == TARGET_POSITION and mode.requested is OperationMode.PROFILE_POSITION:
-            return wrapped(setpoint.target_counts)
-        if index in (TARGET_POSITION, INTERPOLATION) and math.isfinite(setpoint.position):
-            return wrapped(self._scaling.counts(setpoint.position))
-        return 0
+    def _velocity(self, mode: ModeControl, setpoint: Setpoint) -> int:
+        cyclic = mode.requested is OperationMode.CYCLIC_VELOCITY
+        velocity = setpoint.velocity if cyclic else setpoint.target_velocity
+        return self._scaling.velocity_units(velocity)

@@ -83,8 +83,8 @@ TOWARDS_ENABLED: dict[DriveState, Control] = {
 }
 """State → controlword that leads to OPERATION_ENABLED; other states need no command."""
 
-POWERED = frozenset({DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE})
-FAULTY = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
+POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+FAULTY = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 
 
 def drive_state(statusword: int) -> DriveState:

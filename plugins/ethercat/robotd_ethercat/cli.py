@@ -50,7 +50,8 @@ def scan(interface: str, *, as_json: bool) -> None:
         return
     for slave in found:
         click.echo(str(slave))
-    click.echo(f"{len(found)} slave{'' if len(found) == 1 else 's'} on {interface}")
+    advice = "" if found else ": check power and the cable to the IN port of the first one"
+    click.echo(f"{len(found)} slave{'' if len(found) == 1 else 's'} on {interface}{advice}")
 
 
 @ethercat.command()

@@ -86,11 +86,12 @@ def _link(interface: str) -> Iterator[Finding]:
         yield Finding("failed", f"{interface} is down", advice)
     else:
         yield Finding("ok", f"{interface} is {'up' if state == 'up' else 'present'}")
-    speed = _read(folder / "speed")
+    device = folder / "device"  # a virtual interface has none, and any speed
+    speed = _read(folder / "speed") if device.exists() else ""
     if speed.isdigit() and speed != "100":
         advice = "EtherCAT runs at 100 Mbit/s: is a slave connected, and no switch between?"
         yield Finding("warning", f"{interface} runs at {speed} Mbit/s", advice)
-    driver = folder / "device" / "driver"
+    driver = device / "driver"
     if driver.exists():
         yield Finding("ok", f"driver {driver.resolve().name}")
     addresses = _tool("ip", "-brief", "address", "show", "dev", interface).split()[2:]

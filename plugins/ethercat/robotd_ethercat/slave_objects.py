@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 from robotd_cia402.emcy import Emergency
 from robotd_cia402.object_numbers import (
@@ -28,6 +28,7 @@ class SlaveObjects:
 
     def __init__(self, slave: Slave, axis_offset: int, exchange: Exchange) -> None:
         self._slave, self._offset, self._exchange = slave, axis_offset, exchange
+        self._image = slave.image
         self._output_slots: dict[int, int] = {}
         self._input_slots: dict[int, int] = {}
         self._forgotten_at = 0
@@ -57,19 +58,17 @@ class SlaveObjects:
         return self._slave.emergency
 
     @property
-    def outputs(self) -> Sequence[int]:
-        return tuple(self._output_slots)
-
-    @property
     def inputs(self) -> Collection[int]:
         return self._input_slots
 
     def put(self, index: int, value: int) -> None:
-        self._slave.image.outputs[self._output_slots[index]] = value
+        slot = self._output_slots.get(index)
+        if slot is not None:
+            self._image.outputs[slot] = value
 
     def get(self, index: int) -> int:
         slot = self._input_slots.get(index)
-        return self._slave.image.inputs[slot] if slot is not None else 0
+        return self._image.inputs[slot] if slot is not None else 0
 
     def has(self, index: int) -> bool:
         return self._slave.has(on_axis(index, self._offset))
@@ -85,9 +84,8 @@ class SlaveObjects:
 
     def find_slots(self) -> None:
         """Worker: take the mapping of the slave, which has been configured."""
-        image = self._slave.image
-        self._input_slots = self._slots(image.input_slots)
-        found = self._slots(image.output_slots)
+        self._input_slots = self._slots(self._image.input_slots)
+        found = self._slots(self._image.output_slots)
         self._output_slots = {index: found[index] for index in _SET_BY_AXIS if index in found}
 
     def _slots(self, slots: dict[tuple[int, int], int]) -> dict[int, int]:

@@ -12,17 +12,13 @@ from robotd_cia402.cyclic_objects import CyclicObjects, SdoAbort
 from robotd_cia402.drive_setup import set_up
 from robotd_cia402.emcy import Emergency
 from robotd_cia402.object_numbers import (
-    CONTROLWORD,
     DEMAND,
     ERROR_CODE,
     INTERPOLATION,
-    MODE,
     MODE_DISPLAY,
     POSITION,
     STATUSWORD,
     SWITCHES,
-    TARGET_POSITION,
-    TARGET_VELOCITY,
     TORQUE,
     VELOCITY,
     on_axis,
@@ -46,7 +42,6 @@ class LoopedObjects:
         self.online, self.fault = True, ""
         self.complete, self.frames = False, 0
         self.emergency: Emergency | None = None
-        self.outputs = (CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, INTERPOLATION)
         self.inputs = (
             STATUSWORD, MODE_DISPLAY, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, SWITCHES,
         )  # fmt: skip

@@ -176,6 +176,13 @@ def test_a_lost_node_is_offline_with_its_cause(on: LoopedDrive) -> None:
         on.commands.move(1.0, FAST)
 
 
+def test_an_image_that_was_forgotten_is_filled_again(on: LoopedDrive) -> None:
+    on.image.forget()
+    on.run(0.01)
+    assert on.image.servo_on[0]
+    assert not on.image.offline[0]
+
+
 def test_a_node_that_returns_holds_its_position(on: LoopedDrive) -> None:
     on.commands.move(1.0, FAST)
     on.run(0.3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from tests.unit.ethercat.fake_bus import COUNTS_PER_RAD
 from tests.unit.ethercat.harness import Harness
 
 from robotd.device.state import CommandMode, Operation
@@ -29,6 +30,14 @@ def test_a_trajectory_is_followed_to_its_end(harness: Harness) -> None:
 def test_mapped_outputs_without_a_part_keep_the_values_of_the_drive(harness: Harness) -> None:
     """A torque limit of 0 in the first frame would take the torque from the drive."""
     assert harness.slave(0).values[0x6072, 0] == 3000
+
+
+def test_a_mapped_demand_is_the_command_of_the_drive(harness: Harness) -> None:
+    """The mapping is known after bring-up only, when the axes have been made."""
+    image, report = harness.master.slaves[0].image, harness.master.axes[0].report
+    demand = image.input_slots[0x6062, 0]
+    image.inputs = [v + 500 * (slot == demand) for slot, v in enumerate(image.inputs)]
+    assert report.demand() == pytest.approx(report.position + 500 / COUNTS_PER_RAD)
 
 
 def test_a_jog_in_cyclic_velocity_ends_at_rest(harness: Harness) -> None:

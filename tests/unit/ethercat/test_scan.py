@@ -42,6 +42,14 @@ def test_the_scan_lists_identity_state_and_modes(bus: FakeBus) -> None:
     assert lines[-1] == "3 slaves on eth0"
 
 
+def test_a_scan_without_slaves_says_what_to_check(bus: FakeBus) -> None:
+    bus.all[0].present = False
+    assert (
+        run("scan")
+        == "0 slaves on eth0: check power and the cable to the IN port of the first one\n"
+    )
+
+
 def test_the_scan_shows_an_al_status_in_words(bus: FakeBus) -> None:
     bus.all[1].rejects[AlState.PRE_OP] = 0x0016
     assert "Init (AL status 0x0016: invalid mailbox configuration in PreOp" in run("scan")
@@ -96,7 +104,7 @@ def test_the_doctor_finds_what_delays_frames(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     folder = tmp_path / "eth9"
-    folder.mkdir()
+    (folder / "device").mkdir(parents=True)
     (folder / "operstate").write_text("down\n")
     (folder / "speed").write_text("1000\n")
     answers = {
@@ -124,12 +132,14 @@ def test_the_doctor_finds_what_delays_frames(
         assert expected in text
     answers |= {"ip": "eth9 UP\n", "-k": "", "-c": "rx-usecs: 0\n"}
     (folder / "operstate").write_text("up\n")
+    (folder / "device").rmdir()
     (tmp_path / "rt").touch()
     monkeypatch.setattr(machine_check, "REALTIME", tmp_path / "rt")
     text = "\n".join(found.what for found in check_machine("eth9"))
     assert "real-time kernel" in text
     assert "no IRQ coalescing" in text
     assert "offloads off" in text
+    assert "Mbit/s" not in text  # a virtual interface
 
 
 def test_the_doctor_ends_at_an_interface_that_does_not_exist() -> None:

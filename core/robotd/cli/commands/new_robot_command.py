@@ -51,7 +51,7 @@ Examples:
     "--bus",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Drives of the robot: output of 'robotd canopen scan --json' or 'robotd wmx scan --json'."
+    help="Drives of the robot: output of 'scan --json' of robotd canopen, ethercat or wmx."
     " Without --urdf they are the robot: one joint for each drive.",
 )
 @click.option(
