@@ -52,7 +52,7 @@ def instrument(robot: Robot, times: Times) -> None:
     control_loop._connection.update_ready = timed(
         times, "update_ready", control_loop._connection.update_ready
     )
-    for periodic in control_loop._tasks._tasks:
+    for periodic in (*control_loop._tasks._first, *control_loop._tasks._others):
         periodic.task = timed(times, f"task {periodic.name}", periodic.task)
     plain = HotPublisher.publish
 

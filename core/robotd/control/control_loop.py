@@ -8,6 +8,7 @@ counted and skipped, never made up for in a burst.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
@@ -199,7 +200,7 @@ class ControlLoop:
                 self._connection.set_stale(False)
             self._loss.report(self._deadlines.nominal(time_ns))
             return
-        nominal_ns = self._reader.read(lambda: self._deadlines.nominal(time_ns))
+        nominal_ns = self._reader.read(partial(self._deadlines.nominal, time_ns))
         if self._is_fresh(time_ns):  # by the time when the read began: a slow one is no loss
             self._mixer.advance(nominal_ns, self._image)
         self._loss.report(nominal_ns)

@@ -34,12 +34,12 @@ class JointTracking:
     """
 
     def __init__(self, setpoint: FloatArray) -> None:
-        self.desired: FloatArray = setpoint.copy()
-        self.measured: FloatArray = setpoint.copy()
+        self._motion: FloatArray = np.stack([setpoint, setpoint])
+        self.desired, self.measured = self._motion
         self.max_error: FloatArray = np.zeros(setpoint.shape[1])
         self._error: FloatArray = np.zeros(setpoint.shape[1])
         # Replaced as a whole: another thread sees the values of one period.
-        self._snapshot = (0.0, self.desired.copy(), self.measured.copy())
+        self._snapshot = (0.0, self._motion.copy())
 
     def update(self, measured: FloatArray, time_s: float) -> None:
         """Take the ``measured`` (2, m) of a period, whose ``desired`` is written already."""
@@ -47,9 +47,9 @@ class JointTracking:
         np.subtract(self.desired[0], self.measured[0], self._error)
         np.abs(self._error, self._error)
         np.fmax(self.max_error, self._error, self.max_error)
-        self._snapshot = time_s, self.desired.copy(), self.measured.copy()
+        self._snapshot = time_s, self._motion.copy()
 
     def progress(self) -> Progress:
         """Return the values of one control period: path at ``time_s`` and measurement."""
-        time_s, desired, measured = self._snapshot
+        time_s, (desired, measured) = self._snapshot
         return Progress(time_s, desired[0], desired[1], measured[0], measured[1])

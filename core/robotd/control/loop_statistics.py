@@ -67,16 +67,15 @@ class LoopStatistics:
         self.cycles = 0
         self.missed = 0
         self.late_setpoints = 0
-        self._start_ns = np.zeros(WINDOW, np.int64)
-        self._lateness_ns = np.zeros(WINDOW, np.int64)
-        self._execution_ns = np.zeros(WINDOW, np.int64)
+        self._start_ns, self._lateness_ns, self._execution_ns = np.zeros((3, WINDOW), np.int64)
+        # A memory view takes one number several times faster than an array.
+        self._cells = (self._start_ns.data, self._lateness_ns.data, self._execution_ns.data)
 
     def record(self, late_ns: int, start_ns: int, end_ns: int) -> None:
         """Record a period from ``start_ns`` to ``end_ns``, begun ``late_ns`` late. Loop thread."""
+        starts, lateness, execution = self._cells
         slot = self.cycles % WINDOW
-        self._start_ns[slot] = start_ns
-        self._lateness_ns[slot] = late_ns
-        self._execution_ns[slot] = end_ns - start_ns
+        starts[slot], lateness[slot], execution[slot] = start_ns, late_ns, end_ns - start_ns
         self.last = (start_ns, late_ns, end_ns - start_ns)
         self.cycles += 1
 

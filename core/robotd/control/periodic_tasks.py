@@ -19,7 +19,6 @@ class _Periodic:
     task: Task
     name: str
     period_ns: int
-    first: bool
     due_ns: int = 0
     failing: bool = False
 
@@ -35,16 +34,18 @@ class PeriodicTasks:
     def __init__(self, period_ns: int, image: ProcessImage) -> None:
         self._slack_ns = period_ns // 2
         self._image = image
-        self._tasks: list[_Periodic] = []
+        self._first: list[_Periodic] = []  # before the image is read
+        self._others: list[_Periodic] = []
 
     def add(self, rate_hz: float, name: str, task: Task, *, first: bool) -> None:
         """Add a task; ``first``: it runs before the image is read."""
-        self._tasks.append(_Periodic(task, name, round(NANOSECONDS / rate_hz), first))
+        tasks = self._first if first else self._others
+        tasks.append(_Periodic(task, name, round(NANOSECONDS / rate_hz)))
 
     def run(self, time_ns: int, *, first: bool) -> None:
         """Run the tasks due at ``time_ns``; an exception is logged once for each task."""
-        for periodic in self._tasks:
-            if periodic.first is not first or time_ns + self._slack_ns < periodic.due_ns:
+        for periodic in self._first if first else self._others:
+            if time_ns + self._slack_ns < periodic.due_ns:
                 continue
             behind = time_ns - periodic.due_ns > periodic.period_ns
             periodic.due_ns = (time_ns if behind else periodic.due_ns) + periodic.period_ns

@@ -65,7 +65,8 @@ class SetpointMixer:
     def advance(self, time_ns: int, image: ProcessImage) -> None:
         """Run one period, with setpoints due at ``time_ns + period_ns``."""
         self.due_ns = time_ns + self.period_ns
-        self._hold_idle_axes(image)
+        if len(self._slots) > 1:
+            self._hold_idle_axes(image)
         streams = [slot for slot in self._slots if slot.advance(time_ns, image, self._setpoints)]
         if streams and self._send(self.due_ns):
             image.setpoint[:] = self._setpoints
@@ -83,10 +84,9 @@ class SetpointMixer:
 
         Another group may be streaming when a worker has just claimed these axes.
         """
-        if len(self._slots) > 1:
-            idle = image.operation != Operation.STREAM
-            np.copyto(self._setpoints[0], image.position_command, where=idle)
-            np.copyto(self._setpoints[1], 0.0, where=idle)
+        idle = image.operation != Operation.STREAM
+        np.copyto(self._setpoints[0], image.position_command, where=idle)
+        np.copyto(self._setpoints[1], 0.0, where=idle)
 
     def _send(self, due_ns: int) -> bool:
         """Send the setpoints; return False when the device has continued without them."""

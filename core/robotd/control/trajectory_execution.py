@@ -224,7 +224,7 @@ class TrajectoryExecution:
 
         Returns False where the device computes it.
         """
-        if not self.done:
+        if self.completion.outcome is None:
             self._run_period(time_ns, period_ns, image)
         return self._source.streams
 

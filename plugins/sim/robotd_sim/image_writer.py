@@ -38,15 +38,12 @@ class Readout:
             return
         if image is not self._image or image.fresh_ns != self._fresh_ns:
             self._image, self._states, self._motion = image, None, None
-        states = (
-            simulation.communicating,
-            simulation.switches.changes,
-            simulation.states.snapshot(),
-        )
+        communicating = simulation.communicating
+        states = (communicating, simulation.switches.changes, simulation.states.snapshot())
         if states != self._states:
             self._states, self._motion = states, None
             self._show_states(image)
-        if simulation.communicating:
+        if communicating:
             image.fresh_ns = simulation.world.now_ns
             motion = simulation.servo.snapshot()
             if motion != self._motion or self._noisy:

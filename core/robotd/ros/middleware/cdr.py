@@ -168,6 +168,8 @@ class HotPublisher:
 
     Attributes:
         topic: its resolved name.
+        view: numbers of a path of ``views``, shape (count,): keep it, write into it, publish.
+        stamp: sets every time stamp in the message; ns since the epoch.
         has_readers: somebody subscribes; False: the message needs neither values nor ``publish``.
             Set by the node's executor when a subscription comes or goes.
 
@@ -196,6 +198,7 @@ class HotPublisher:
         except LayoutError as error:
             log.warning("publishing ordinary messages", topic=self.topic, reason=str(error))
             self._message = PlainMessage(template, paths)
+        self.view, self.stamp = self._message.view, self._message.stamp
 
     def _create(self, node: Node, topic: str, depth: int, message_type: type) -> Publisher:
         """Return the publisher; where the middleware has no such event, readers are assumed."""
@@ -208,14 +211,6 @@ class HotPublisher:
 
     def _on_matched(self, event: Any) -> None:
         self.has_readers = event.current_count > 0
-
-    def view(self, path: str) -> NDArray[Any]:
-        """The numbers of ``path``, shape (count,): keep it, write into it, publish."""
-        return self._message.view(path)
-
-    def stamp(self, time_ns: int) -> None:
-        """Set every time stamp in the message; ns since the epoch."""
-        self._message.stamp(time_ns)
 
     def publish(self) -> None:
         """Send the message. Never raises for a destroyed publisher."""

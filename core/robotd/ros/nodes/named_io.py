@@ -30,7 +30,6 @@ class NamedIo:
     def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
         self._io, self._connection = robot.io, robot.connection
         self._overview = node.create_publisher(String, TOPIC, LATCHED)
-        self._text: str | None = None
         io = robot.io
         self._readers = {("input", name): io.input_watcher(*io.inputs[name]) for name in io.inputs}
         self._readers |= {
@@ -40,7 +39,7 @@ class NamedIo:
             (kind, name): node.create_publisher(Bool, f"~/{kind}s/{name}", LATCHED)
             for kind, name in self._readers
         }
-        self._levels: dict[tuple[str, str], bool | None] = dict.fromkeys(self._readers)
+        self._levels: dict[tuple[str, str], bool | None] | None = None  # not published yet
         for name in io.outputs:
             add_service(node, host, SetBool, f"~/outputs/{name}", partial(self._set, name))
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
@@ -49,18 +48,15 @@ class NamedIo:
     def publish(self, image: ProcessImage) -> None:
         """Publish the levels that have changed. Control loop."""
         ready = self._connection.ready
-        for key, read in self._readers.items():
-            level = read() if ready else None
-            if level != self._levels[key]:
-                self._levels[key] = level
-                if level is not None:
-                    publish_if_alive(self._publishers[key], Bool(data=level))
-        text = "\n".join(
-            f"{kind} {name}: {WORDS[level]}" for (kind, name), level in self._levels.items()
-        )
-        if text != self._text:
-            self._text = text
-            publish_if_alive(self._overview, String(data=text))
+        levels = {key: read() if ready else None for key, read in self._readers.items()}
+        if levels == self._levels:
+            return
+        before, self._levels = self._levels or {}, levels
+        for key, level in levels.items():
+            if level is not None and level != before.get(key):
+                publish_if_alive(self._publishers[key], Bool(data=level))
+        lines = (f"{kind} {name}: {WORDS[level]}" for (kind, name), level in levels.items())
+        publish_if_alive(self._overview, String(data="\n".join(lines)))
 
     def _set(self, name: str, request: Any, response: Any) -> Any:
         self._io.set_output(name, request.data)
