@@ -77,7 +77,7 @@ void bind_device(nb::class_<Device> &device, nb::module_ &module) {
         .def("set_watchdog", [](Device &self, unsigned int milliseconds) {
             check("SetWatchdog", Api::Engine, self.engine.SetWatchdog(milliseconds));
         }, Unlocked())
-        .def("state", &engine_state)
+        .def("state", &engine_state, Unlocked())
         .def("devices", &devices, Unlocked())
         .def("id", &device_id, Unlocked())
         .def("start_communication", [](Device &self, unsigned int wait_ms) {

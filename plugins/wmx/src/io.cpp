@@ -1,4 +1,4 @@
-// The I/O images. Reads answer from memory and keep the interpreter; writes let go of it.
+// The I/O images.
 #include <nanobind/nanobind.h>
 
 #include <vector>
@@ -8,16 +8,27 @@
 namespace robotd {
 
 namespace {
-nb::bytes read_inputs(Device &device, int address, int length) {
+// The bytes that `get(data)` writes, called without the interpreter.
+template <class Get>
+nb::bytes bytes_of(const char *call, int length, Get get) {
     std::vector<unsigned char> data(length > 0 ? length : 0);
-    check("GetInBytesEx", Api::Io, device.io.GetInBytesEx(address, length, data.data()));
+    {
+        nb::gil_scoped_release unlocked;
+        check(call, Api::Io, get(data.data()));
+    }
     return nb::bytes(reinterpret_cast<char *>(data.data()), data.size());
 }
 
+nb::bytes read_inputs(Device &device, int address, int length) {
+    return bytes_of("GetInBytesEx", length, [&](unsigned char *data) {
+        return device.io.GetInBytesEx(address, length, data);
+    });
+}
+
 nb::bytes read_outputs(Device &device, int address, int length) {
-    std::vector<unsigned char> data(length > 0 ? length : 0);
-    check("GetOutBytesEx", Api::Io, device.io.GetOutBytesEx(address, length, data.data()));
-    return nb::bytes(reinterpret_cast<char *>(data.data()), data.size());
+    return bytes_of("GetOutBytesEx", length, [&](unsigned char *data) {
+        return device.io.GetOutBytesEx(address, length, data);
+    });
 }
 
 void write_outputs(Device &device, int address, nb::bytes data) {

@@ -68,7 +68,10 @@ public:
 
     // The engine's cycle counter. It does not count while nothing is exchanged.
     long long read() {
-        get_status(device_, *status_);
+        {
+            nb::gil_scoped_release unlocked;  // the watchdog of an engine that hangs needs it
+            get_status(device_, *status_);
+        }
         for (std::size_t axis = 0; axis < axes_; axis++) copy(axis, status_->axesStatus[axis]);
         return status_->cycleCounter[0];
     }

@@ -21,7 +21,7 @@ from robotd.motion.profile import Profile
 from robotd.robot import Robot, build_robot
 from robotd_wmx import _native
 from robots import descriptor, eventually, goal, running
-from standin_port import port
+from standin_port import hanging_calls, port
 
 SPAN_S = 0.02  # over which decelerations are measured
 STEEPEST_RAD_S2 = 12.0  # joint1 may slow down by 12.57 rad/s²
@@ -145,6 +145,18 @@ def test_a_killed_engine_is_noticed_and_opened_again(tmp_path: Path) -> None:
         robot.connection.close()
         robot.connection.start()
         works_again(robot)
+
+
+def test_an_engine_whose_calls_hang_ends_motion_and_is_named(tmp_path: Path) -> None:
+    """The watchdog needs the interpreter, which the hanging call must not keep."""
+    with running(tmp_path) as robot, robot.follower.follow(goal([4.0], 1.0)) as execution:
+        eventually(lambda: robot.image.position[0] > 0.05)
+        with hanging_calls() as hanging:
+            assert execution.wait(5.0)
+            assert hanging.poll() is None
+        assert execution.outcome is Outcome.FAULT
+        assert "the control loop hangs" in execution.message
+        assert "robotd_wmx" in execution.message  # the place of the call
 
 
 def test_an_expired_licence_ends_motion_and_is_named(tmp_path: Path) -> None:

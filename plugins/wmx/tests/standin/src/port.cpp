@@ -78,6 +78,11 @@ const Entry COMMANDS[] = {
     {"home_switch", "AXIS 0|1", 2,
      [](Block &b, const long *a) { status(b, a[0]).homeSwitch = a[1]; }},
     {"input", "BYTE VALUE", 2, [](Block &b, const long *a) { b.inputs[a[0]] = a[1]; }},
+    {"hang", "", 0, [](Block &, const long *) {  // every call, until standard input ends
+         std::puts("hanging");
+         std::fflush(stdout);
+         while (std::getchar() != EOF) {}
+     }},
     {"stop_engine", "", 0, [](Block &b, const long *) { b.quit = true; }},
     {"kill_engine", "", 0, [](Block &b, const long *) {
          if (b.engine_pid) kill(b.engine_pid, SIGKILL);
