@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -160,6 +161,12 @@ def test_a_controller_that_dies_in_motion_ends_it(robot: Robot, faults: FakeFaul
     assert_fault_in_motion(robot, faults.stop_engine, "connection lost")
     robot.recover()  # the stand-in is started anew
     assert_moves(robot, 0.1)
+
+
+def test_ctrl_c_does_not_reach_the_controller(faults: FakeFaultInjector) -> None:
+    process = faults.device.process
+    assert process is not None
+    assert os.getpgid(process.pid) != os.getpgid(0)
 
 
 def test_outputs_are_terminals(robot: Robot, faults: FakeFaultInjector) -> None:

@@ -67,6 +67,7 @@ class FakeDevice(DobotDevice):
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            start_new_session=True,  # Ctrl-C is for robotd, which stops the arm first
         )
         line = self.process.stdout.readline() if self.process.stdout else ""
         if not line:
@@ -82,14 +83,18 @@ class FakeDevice(DobotDevice):
 
 
 class FakeFaultInjector(FaultInjector):
-    """Faults by a port of the stand-in."""
+    """Faults by a port of the stand-in.
+
+    Attributes:
+        device: with the stand-in's process.
+    """
 
     def __init__(self, device: FakeDevice) -> None:
-        self._device = device
+        self.device = device
 
     def send(self, name: str, *values: float) -> float:
         """Send one fault and return the number that is answered."""
-        with socket.create_connection(("127.0.0.1", self._device.fault_port), END_S) as link:
+        with socket.create_connection(("127.0.0.1", self.device.fault_port), END_S) as link:
             link.sendall(" ".join([name, *map(str, map(float, values))]).encode("ascii") + b"\n")
             return float(link.makefile().readline())
 
@@ -124,10 +129,10 @@ class FakeFaultInjector(FaultInjector):
         self.send("cut")
 
     def stop_engine(self) -> None:
-        if self._device.process is not None:
+        if self.device.process is not None:
             with suppress(ProcessLookupError):
-                self._device.process.kill()
-            self._device.process.wait(END_S)
+                self.device.process.kill()
+            self.device.process.wait(END_S)
 
 
 @hookimpl
