@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Iterator
 
 import pytest
@@ -95,3 +97,27 @@ def test_corrupt_frames_are_counted_at_the_port_that_sees_them(robot: EthercatRo
     robot.inject("2 corrupt 0.0")
     fieldbus.reset_statistics(0)
     assert fieldbus.status(0).nodes[2].extra["invalid_frames"] == 0
+
+
+def test_no_late_frame_is_taken_for_a_new_one_after_a_pause_of_the_bus(
+    robot: EthercatRobot,
+) -> None:
+    """SOEM numbers its frames from 0 to 15: its values stayed 16 periods old."""
+    master = robot.master
+    period_ns = round(master.plan.period_s * 1e9)
+
+    def age_ns() -> int:
+        """Of the values, with a constant that does not matter."""
+        return master.exchange.sent_ns - master.bus.bus_time_ns
+
+    before_ns = age_ns()
+    assert robot.device.simulation is not None
+    pid = robot.device.simulation.pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        robot.until(lambda: master.exchange.bad_in_row > 20)
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    good = master.exchange.good_frames
+    robot.until(lambda: master.exchange.good_frames > good + 40)
+    robot.until(lambda: age_ns() < before_ns + 3 * period_ns, 1.0)

@@ -81,17 +81,19 @@ def bare(rate_hz: int) -> Figures:
         request_realtime(robot.descriptor.cycle.realtime_priority)
         times: list[int] = []
         began, cpu = time.monotonic(), time.process_time()
-        exchange(cast(pysoem.Master, master.bus._master), layouts, rate_hz, times)
+        lost = exchange(cast(pysoem.Master, master.bus._master), layouts, rate_hz, times)
         wall_s, cpu_s = time.monotonic() - began, time.process_time() - cpu
-        return {"cpu_percent": 100 * cpu_s / wall_s, **frame_errors(times, rate_hz)}
+        figures = {"lost_frames": float(lost), "cpu_percent": 100 * cpu_s / wall_s}
+        return {**figures, **frame_errors(times, rate_hz)}
     finally:
         device.close()
 
 
 def exchange(
     master: pysoem.Master, layouts: list[tuple[Any, Any, Any]], rate_hz: int, times: list[int]
-) -> None:
-    """Receive, decode, encode and send in each period, as robotd does."""
+) -> int:
+    """Receive, decode, encode and send in each period, as robotd does; return the lost frames."""
+    lost = 0
     period_ns = 1_000_000_000 // rate_hz
     outputs = [bytes(packed.size) for _, _, packed in layouts]
     master.send_processdata()
@@ -99,12 +101,13 @@ def exchange(
     for _ in range(round(CYCLE_S * rate_hz)):
         due_ns += period_ns
         time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
-        master.receive_processdata(100)
+        lost += master.receive_processdata(100) <= 0
         for (raw, unpacked, packed), output in zip(layouts, outputs, strict=True):
             unpacked.unpack(raw.input)
             raw.output = packed.pack(*output)
         times.append(time.monotonic_ns())
         master.send_processdata()
+    return lost
 
 
 def noted(bus: Any) -> list[int]:

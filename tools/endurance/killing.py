@@ -21,7 +21,7 @@ from tools.bench.tables import aligned
 from tools.endurance.lives import Life, Lives, Phase
 from tools.endurance.rest import come_to_rest
 from tools.endurance.vitals import shm_segments
-from tools.endurance.worlds import World, canopen_world, wmx_world
+from tools.endurance.worlds import World, canopen_world, ethercat_world, wmx_world
 
 from robotd.testing.domain import own_domain
 
@@ -99,6 +99,7 @@ def _deaths_of(client: Client, count: int, chance: random.Random) -> Iterator[De
     with tempfile.TemporaryDirectory(prefix="robotd-killing-") as folder:
         worlds: dict[str, AbstractContextManager[World]] = {
             "canopen": canopen_world(Path(folder)),
+            "ethercat": ethercat_world(),
             "wmx": wmx_world(),
         }
         for backend, opened in worlds.items() if count else ():
@@ -111,7 +112,7 @@ def _deaths_of(client: Client, count: int, chance: random.Random) -> Iterator[De
 
 def deaths(client: Client, world: World, count: int, chance: random.Random) -> Iterator[Death]:
     """Kill robotd while the drives of ``world`` move, ``count`` times."""
-    lives = Lives(client, robot=world.robot, backend=world.backend)
+    lives = Lives(client, world.arguments, world.robot, world.backend)
     limit_s = world.watchdog_s + world.braking_s
     process, _ = lives.start()
     for _ in range(count):

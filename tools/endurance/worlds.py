@@ -6,13 +6,15 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from tests.canopen.drives_process import DrivesProcess, write_robot
 from tools.endurance.rest import Position
+
+from robotd_ethercat.slaves_process import SlavesProcess
 
 WMX_TESTS = Path(__file__).parents[2] / "plugins" / "wmx" / "tests"
 
@@ -25,6 +27,7 @@ class World:
         robot, backend: of ``robotd run``.
         watchdog_s: after which the drives know by themselves that nobody leads them.
         braking_s: the most that they need from then to standstill.
+        arguments: more of ``robotd run``.
         look: called with the process id of robotd, before it is killed; what it returns tells the
             position of the first axis in the drive's units, or None when the engine is gone, and
             every axis with it.
@@ -35,6 +38,7 @@ class World:
     watchdog_s: float
     braking_s: float
     look: Callable[[int], Position]
+    arguments: Sequence[str] = ()
 
 
 @contextmanager
@@ -44,6 +48,26 @@ def canopen_world(folder: Path) -> Iterator[World]:
     robot = write_robot(folder, heartbeat_timeout_s=watchdog_s)
     with DrivesProcess() as drives, drives.observed() as drive:
         yield World(str(robot), "canopen", watchdog_s, braking_s=1.0, look=lambda _: drive.position)
+
+
+@contextmanager
+def ethercat_world() -> Iterator[World]:
+    """Simulated EtherCAT slaves of the arm, on a virtual cable of this computer. Needs root."""
+    watchdog_s, ends = 0.5, ("robotd-kill0", "robotd-kill1")
+    options = f"simulated=false interface={ends[0]} watchdog_ms={1000 * watchdog_s:g}".split()
+    arguments = [word for each in options for word in ("--set", f"backends.ethercat.{each}")]
+    _ip("link", "add", ends[0], "type", "veth", "peer", "name", ends[1])
+    try:
+        for end in ends:
+            _ip("link", "set", end, "up")
+        with SlavesProcess(["--robot", "cr3a", "--interface", ends[1]]) as slaves:
+
+            def position() -> float:
+                return float(slaves.inject("0 position"))
+
+            yield World("cr3a", "ethercat", watchdog_s, 1.0, lambda _: position, arguments)
+    finally:
+        _ip("link", "delete", ends[0])
 
 
 @contextmanager
@@ -74,6 +98,10 @@ def wmx_world() -> Iterator[World]:
         for engine in engines:
             tell(engine, "reset")
             Path("/dev/shm", engine["WMX_STANDIN_SHM"]).unlink(missing_ok=True)
+
+
+def _ip(*arguments: str) -> None:
+    subprocess.run(["ip", *arguments], check=True)
 
 
 def _position(shown: str) -> float | None:

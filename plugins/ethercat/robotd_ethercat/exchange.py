@@ -12,6 +12,7 @@ from robotd_ethercat.soem import NO_FRAME, Soem
 
 _LIVE_TIMEOUT_US = 100  # the frame was sent a period ago: it is here, or it is lost
 _FIRST_TIMEOUT_US = 2000
+_SUSPECT_FRAMES = 16  # after a lost one; SOEM numbers its frames from 0 to 15
 
 
 @dataclass
@@ -52,6 +53,7 @@ class Exchange:
         self._bus, self._slaves, self._io = bus, slaves, io
         self._drives: list[tuple[Slave, Any]] = []
         self._in_flight = False
+        self._suspect = 0  # frames from now on that may be late ones
 
     def begin(self) -> None:
         """Worker: the slaves are configured; send outputs of all, receive from all."""
@@ -92,9 +94,11 @@ class Exchange:
         While frames are lost, the interpreter lock is released: the wait may take 4 ms.
         """
         self._in_flight = False
-        self.working_counter = counter = self._bus.receive(
-            timeout_us, release_gil=self.bad_in_row > 0
-        )
+        counter = self._bus.receive(timeout_us, release_gil=self.bad_in_row > 0)
+        if self._suspect and self._bus.drop_late_frames():
+            counter = NO_FRAME  # with others behind it: it may be an old one of the same number
+        self._suspect = _SUSPECT_FRAMES if counter <= 0 else max(0, self._suspect - 1)
+        self.working_counter = counter
         if counter < self.needed or counter <= 0:
             self.bad_in_row += 1
             if counter <= 0:

@@ -43,6 +43,11 @@ class Simulation:
         if slaves is not None:
             slaves.stop()
 
+    @property
+    def pid(self) -> int:
+        """Process id of the slaves. Raises ConnectError while powered off."""
+        return self._running().pid
+
     def run(self, action: Callable[[], None]) -> None:
         """Run ``action`` where the interfaces are. Raises ConnectError while powered off."""
         run_in_namespace(self._running().namespace, action)

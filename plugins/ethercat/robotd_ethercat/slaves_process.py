@@ -11,7 +11,7 @@ from typing import Self
 
 from robotd_ethercat.simulate_command import MASTER, SECOND_MASTER
 
-_STARTED = re.compile(r": \d+ slaves on .* of (/proc/\d+/ns/net);")
+_STARTED = re.compile(r": \d+ slaves on .+?(?: of (/proc/\d+/ns/net))?;")
 
 
 class SlavesProcess:
@@ -23,7 +23,9 @@ class SlavesProcess:
         arguments: of the command, such as ``["--generic", "3"]`` or ``["--robot", "cr3a"]``.
 
     Attributes:
-        interface, redundant_interface: network interfaces for the master.
+        interface, redundant_interface: for the master, on the virtual cable of the process.
+        namespace: network namespace of that cable, for ``run_in_namespace``; None while the slaves
+            do not run, and where they serve an interface of this computer.
     """
 
     interface = MASTER
@@ -32,19 +34,19 @@ class SlavesProcess:
     def __init__(self, arguments: Sequence[str]) -> None:
         self._arguments = list(arguments)
         self._process: subprocess.Popen[str] | None = None
-        self._namespace: Path | None = None
-
-    @property
-    def namespace(self) -> Path:
-        """Network namespace of the bus, for ``run_in_namespace``. Raises RuntimeError."""
-        if self._namespace is None:
-            raise RuntimeError("the simulated slaves were not started; call start()")
-        return self._namespace
+        self.namespace: Path | None = None
 
     @property
     def running(self) -> bool:
         """True from ``start`` to ``stop``, while the process has not ended by itself."""
         return self._process is not None and self._process.poll() is None
+
+    @property
+    def pid(self) -> int:
+        """Process id. Raises RuntimeError if it was not started."""
+        if self._process is None:
+            raise RuntimeError("the simulated slaves are not running; call start()")
+        return self._process.pid
 
     def start(self) -> None:
         """Power on; returns when the slaves are on the bus. Raises RuntimeError."""
@@ -65,11 +67,11 @@ class SlavesProcess:
             rest, _ = process.communicate()
             raise RuntimeError(f"no simulated slaves: {(answer + rest).strip()}")
         self._process = process
-        self._namespace = Path(started.group(1))
+        self.namespace = Path(started.group(1)) if started.group(1) else None
 
     def stop(self) -> None:
         """Power off: kill the process. Twice is not an error."""
-        process, self._process, self._namespace = self._process, None, None
+        process, self._process, self.namespace = self._process, None, None
         if process is not None:
             process.kill()
             process.communicate()

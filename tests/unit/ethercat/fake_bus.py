@@ -100,6 +100,7 @@ class FakeBus:
     Attributes:
         all: the slaves on the cable; ``slaves``: those found by the last scan.
         lost_frames: frames that are lost from now on.
+        late_frames: frames that wait behind the next one.
         answers_late: AL states are read as if no slave had answered.
         misread: slave → wrong AL state that is read next, once.
         interfaces: opened so far.
@@ -111,7 +112,7 @@ class FakeBus:
         self.all = [self._drive(number) for number in range(drives)]
         self.all += [FakeSlave(f"io{number}") for number in range(modules)]
         self.slaves: Sequence[FakeSlave] = ()
-        self.lost_frames = 0
+        self.lost_frames = self.late_frames = 0
         self.answers_late = False
         self.misread: dict[int, SlaveState] = {}
         self.frame_timeout_s = 0.0
@@ -227,6 +228,10 @@ class FakeBus:
     def receive(self, timeout_us: int, *, release_gil: bool) -> int:
         counter, self._counter = self._counter, None
         return NO_FRAME if counter is None else counter
+
+    def drop_late_frames(self) -> bool:
+        found, self.late_frames = self.late_frames, 0
+        return found > 0
 
     def upload(self, slave: int, index: int, sub: int) -> bytes:
         one = self._mailbox(slave)

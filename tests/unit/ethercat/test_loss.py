@@ -20,6 +20,19 @@ def test_single_lost_frames_stop_nothing(harness: Harness) -> None:
     assert harness.device.state() is ConnectionState.COMMUNICATING
 
 
+def test_a_frame_before_late_ones_is_not_taken(harness: Harness) -> None:
+    """SOEM takes a late frame for a later one of the same number."""
+    exchange, bus = harness.master.exchange, harness.bus
+    bus.lost_frames = 1
+    harness.until(lambda: exchange.counters.lost == 1)
+    bus.late_frames = 3
+    good = exchange.good_frames
+    harness.robot.step(1)
+    assert (exchange.good_frames, exchange.counters.lost, bus.late_frames) == (good, 2, 0)
+    harness.robot.step(1)
+    assert exchange.good_frames == good + 1
+
+
 def test_lost_frames_in_a_row_stop_all_axes(harness: Harness) -> None:
     harness.robot.axes._driver.begin_stream([0, 1])
     harness.bus.lost_frames = 6

@@ -126,7 +126,7 @@ def test_an_interface_that_does_not_exist_is_named_with_the_others() -> None:
 
 
 def test_without_rights_the_capability_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise PermissionError
 
     def refuse_to_open() -> None:
