@@ -152,6 +152,12 @@ class RecorderSettings(Section):
     )
     keep_files: int = Field(20, ge=1, le=10000, description="Recordings to keep, newest first.")
     keep_mib: float = Field(500.0, ge=10, description="Size of all recordings to keep, MiB.")
+    split_mib: float = Field(
+        1024.0, ge=1, description="Size at which a continuous recording begins a new file, MiB."
+    )
+    split_s: float = Field(
+        3600.0, ge=1, description="Time after which a continuous recording begins a new file."
+    )
 
 
 def _count_axes(data: dict[str, Any]) -> int:

@@ -19,8 +19,6 @@ from robotd.robot import Robot
 log = get_logger("recorder")
 
 MIB = 2**20
-SPLIT_MIB = 1024.0
-SPLIT_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -47,8 +45,6 @@ def observed(
     *,
     flight_folder: Path | None = None,
     record_folder: Path | None = None,
-    split_mib: float = SPLIT_MIB,
-    split_s: float = SPLIT_S,
     metrics_port: int | None = None,
     count_metrics: bool = False,
 ) -> Iterator[Recorder]:
@@ -59,7 +55,6 @@ def observed(
         flight_folder: replaces the descriptor's; None: not replaced.
         record_folder: record continuously there, from now on; None: when it is requested, and in
             the folder of the flight recorder.
-        split_mib, split_s: size and time after which a continuous recording begins a new file.
         metrics_port: serve metrics there, on the loopback interface; 0: any port; None: none.
         count_metrics: for ``Recorder.metrics``, where prometheus_client is installed.
 
@@ -72,7 +67,7 @@ def observed(
     recorded = RecordingFolder(record_folder or folder, name, settings.keep_files, keep_bytes)
     tap = Tap(robot, settings.seconds)
     flight = FlightRecorder(tap, kept, settings.after_s)
-    continuous = ContinuousRecorder(tap, recorded, split_mib * MIB, split_s)
+    continuous = ContinuousRecorder(tap, recorded, settings.split_mib * MIB, settings.split_s)
     tap.add_reader(flight.check)
     metrics = None
     if metrics_port is not None or count_metrics:
