@@ -106,8 +106,11 @@ class DeviceTrajectory:
     def sent(self, due_ns: int) -> None:
         """Do nothing: no setpoint is sent."""
 
-    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> None:
-        """Write the device's command, or the last point after the arrival, into ``out``."""
+    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> float:
+        """Write the device's command, or the last point after the arrival, into ``out``.
+
+        Returns its trajectory time.
+        """
         if time_ns >= self._monitor_from_ns:
             self._monitored.set()
         if phase is Phase.ARRIVING:
@@ -115,6 +118,7 @@ class DeviceTrajectory:
         else:
             self.setpoint[:2] = image.commands[:, self._columns]
         out[:] = self.setpoint[:2]
+        return (time_ns - self.start_ns) / NANOSECONDS if phase is Phase.RUNNING else self.time_s
 
     def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
         """Monitor the device; return ARRIVING when it has arrived."""

@@ -64,9 +64,10 @@ class StallRecovery:
         self.pause_s = 0.0
         self._extrapolates = underrun is Underrun.EXTRAPOLATE
         self._sent, self._sent_ns = start.copy(), start_ns
+        self._sent_time_s = 0.0
         self._buffer_s = buffer_s
-        self._buffered: deque[tuple[int, FloatArray]] = (
-            deque([(start_ns, start.copy())]) if buffer_s > 0.0 else deque()
+        self._buffered: deque[tuple[int, float, FloatArray]] = (
+            deque([(start_ns, 0.0, start.copy())]) if buffer_s > 0.0 else deque()
         )
         self._deviation: FloatArray = np.zeros_like(start)  # of the last setpoint that was sent
         self._next: FloatArray = np.zeros_like(start)  # of the one that is not sent yet
@@ -90,14 +91,28 @@ class StallRecovery:
         far: BoolArray = np.abs(self.offset) > LONGEST_S * self._fastest
         return far
 
-    def expect(self, time_ns: int, out: FloatArray) -> None:
-        """Write the command that the device has at ``time_ns`` into ``out`` (2, m)."""
+    def expect(self, time_ns: int, out: FloatArray) -> float:
+        """Write the command that the device has at ``time_ns`` into ``out`` (2, m).
+
+        Returns the trajectory time of that command.
+        """
         if self._buffered:
-            out[:] = self._of_buffer(time_ns - round(self._buffer_s * NANOSECONDS))
-            return
+            time_s, out[:] = self._of_buffer(time_ns - round(self._buffer_s * NANOSECONDS))
+            return time_s
         out[:] = self._sent
-        if time_ns > self._sent_ns:
-            self._continue((time_ns - self._sent_ns) / NANOSECONDS, out)
+        elapsed_s = (time_ns - self._sent_ns) / NANOSECONDS
+        if elapsed_s > 0.0:
+            self._continue(elapsed_s, out)
+        holds = elapsed_s > 0.0 and not self._extrapolates
+        return self._sent_time_s if holds else self._sent_time_s + elapsed_s
+
+    def begin_path(self, start_ns: int) -> None:
+        """Count trajectory time from ``start_ns``: a successor continues from here."""
+        self._sent_time_s = (self._sent_ns - start_ns) / NANOSECONDS
+        self._buffered = deque(
+            (due_ns, (due_ns - start_ns) / NANOSECONDS, setpoint)
+            for due_ns, _, setpoint in self._buffered
+        )
 
     def lay_over(self, path: FloatArray, due_ns: int, period_s: float) -> bool:
         """Turn the path's setpoint for ``due_ns`` into the one to send, in place.
@@ -148,21 +163,24 @@ class StallRecovery:
         self.active = False
         self._next[:] = self._deviation[:] = 0.0
 
-    def sent(self, setpoint: FloatArray, due_ns: int) -> None:
-        """Note that ``setpoint``, made by ``lay_over``, has been handed to the device."""
-        self._sent[:], self._sent_ns = setpoint, due_ns
+    def sent(self, setpoint: FloatArray, due_ns: int, time_s: float = 0.0) -> None:
+        """Note that ``setpoint``, made by ``lay_over``, has been handed to the device.
+
+        ``time_s`` is its trajectory time, for sources that have one.
+        """
+        self._sent[:], self._sent_ns, self._sent_time_s = setpoint, due_ns, time_s
         self._deviation[:] = self._next
         if self._buffered:
-            self._buffered.append((due_ns, setpoint.copy()))
+            self._buffered.append((due_ns, time_s, setpoint.copy()))
 
     def _is_underrun(self, elapsed_s: float, period_s: float) -> bool:
         return elapsed_s > GAP_PERIODS * period_s + self._buffer_s
 
-    def _of_buffer(self, time_ns: int) -> FloatArray:
-        """The last setpoint that was due by ``time_ns``; older ones are forgotten."""
+    def _of_buffer(self, time_ns: int) -> tuple[float, FloatArray]:
+        """The last setpoint that was due by ``time_ns``, and its time; older ones are forgotten."""
         while len(self._buffered) > 1 and self._buffered[1][0] <= time_ns:
             self._buffered.popleft()
-        return self._buffered[0][1]
+        return self._buffered[0][1:]
 
     def _continue(self, seconds: float, setpoint: FloatArray) -> None:
         if self._extrapolates:

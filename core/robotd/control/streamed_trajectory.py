@@ -94,15 +94,19 @@ class StreamedTrajectory:
         self._sent_time_s = None
         if running.stall_recovery is not None:
             self.stall_recovery = running.stall_recovery
+            self.stall_recovery.begin_path(self.start_ns)
 
     def sent(self, due_ns: int) -> None:
         """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
         self._sent_time_s = self.time_s if self.on_path else None
-        self.stall_recovery.sent(self._motion, due_ns)
+        self.stall_recovery.sent(self._motion, due_ns, self.time_s)
 
-    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> None:
-        """Write the command that the device has at ``time_ns`` into ``out`` (2, m)."""
-        self.stall_recovery.expect(time_ns, out)
+    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> float:
+        """Write the command that the device has at ``time_ns`` into ``out`` (2, m).
+
+        Returns its trajectory time.
+        """
+        return self.stall_recovery.expect(time_ns, out)
 
     def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
         """Compute the setpoint for ``due_ns``, at full rate or along the stop."""

@@ -250,10 +250,7 @@ class TrajectoryExecution:
                 self._rest(time_ns, image)
 
     def _observe(self, image: ProcessImage, time_ns: int) -> None:
-        self._source.expect(time_ns, self._state.phase, image, self._tracking.desired)
-        time_s = self._source.time_s
-        if self._state.phase is Phase.RUNNING:
-            time_s = (time_ns - self._source.start_ns) / NANOSECONDS
+        time_s = self._source.expect(time_ns, self._state.phase, image, self._tracking.desired)
         if self._history is not None and self._state.phase in (Phase.RUNNING, Phase.STOPPING):
             desired = self._tracking.desired
             self._history.add(time_ns, desired)

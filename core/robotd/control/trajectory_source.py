@@ -52,8 +52,11 @@ class TrajectorySource(Protocol):
     def sent(self, due_ns: int) -> None:
         """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
 
-    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> None:
-        """Write the command that the device has at ``time_ns`` into ``out`` (2, m)."""
+    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> float:
+        """Write the command that the device has at ``time_ns`` into ``out`` (2, m).
+
+        Returns its trajectory time.
+        """
 
     def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
         """Continue on the path, or along the stop, to ``due_ns``.

@@ -51,6 +51,32 @@ def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> No
     assert positions[-1] == pytest.approx(-0.1, abs=0.02)
 
 
+@pytest.mark.parametrize("buffer_s", [0.0, 0.01])
+def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer_s: float) -> None:
+    execution = TrajectoryExecution.streamed(
+        half_a_radian(),
+        np.array([0]),
+        LIMITS,
+        Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
+        0,
+        LIMITS.stopped_velocity(SETTINGS),
+        underrun=Underrun.HOLD,
+        buffer_s=buffer_s,
+    )
+    image, time_ns, periods = ProcessImage(1), 0, 0
+    image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
+    while not execution.done:
+        periods += 1
+        time_ns += PERIOD_NS if periods % 100 else 50_000_000
+        image.position[:], image.velocity[:] = execution.setpoint[:2, 0]
+        assert execution.advance(time_ns, PERIOD_NS, image)
+        execution.sent(time_ns + PERIOD_NS)
+        progress = execution.progress()
+        planned = execution.trajectory.evaluate(np.array([progress.time_s]))[0][0]
+        assert progress.desired_position == pytest.approx(planned, abs=1e-9)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+
+
 def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
     """The WMX engine's commands deviate after an underrun of its buffers."""
     tolerances = Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", 0.01)], 0.1)
