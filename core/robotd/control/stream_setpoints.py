@@ -102,10 +102,10 @@ class StreamSetpoints:
         command = self._command
         if command is None or command.position is None or command.velocity is None:
             return self._limiter.step()
-        age_s = (due_ns - command.time_ns) / NANOSECONDS
-        position, velocity = command.position + age_s * command.velocity, command.velocity
+        age_s, velocity = (due_ns - command.time_ns) / NANOSECONDS, command.velocity
+        position = command.position + age_s * velocity
         reference = np.array([position, velocity, np.zeros_like(velocity)])
-        return self._limiter.track(reference, position, velocity == 0.0)
+        return self._limiter.track(reference, position.tolist(), (velocity == 0.0).tolist())
 
     def _go(self, command: StreamCommand) -> None:
         self._spline = None

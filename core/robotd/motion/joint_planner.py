@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
 from ruckig import (
     ControlInterface,
     InputParameter,
@@ -14,7 +15,7 @@ from ruckig import (
     Trajectory,
 )
 
-from robotd.arrays import BoolArray, FloatArray
+Row = list[float]  # one value for each joint; at six joints faster than an array
 
 # Some boundary cases, such as a way on which the speed limit is just reached, have no solution in
 # floating-point arithmetic; beside them there is one.
@@ -23,18 +24,24 @@ _INTERFACES = (ControlInterface.Position, ControlInterface.Velocity)  # to a pos
 
 
 class Bounds(NamedTuple):
-    """Limits of one plan; each (m,), lowest ≤ 0 ≤ highest, SI units."""
+    """Limits of one plan, lowest ≤ 0 ≤ highest, SI units."""
 
-    lowest_velocity: FloatArray
-    highest_velocity: FloatArray
-    lowest_acceleration: FloatArray
-    highest_acceleration: FloatArray
-    jerk: FloatArray
+    lowest_velocity: Row
+    highest_velocity: Row
+    lowest_acceleration: Row
+    highest_acceleration: Row
+    jerk: Row
 
     @classmethod
-    def symmetric(cls, velocity: FloatArray, acceleration: FloatArray, jerk: FloatArray) -> Bounds:
+    def symmetric(cls, velocity: Row, acceleration: Row, jerk: Row) -> Bounds:
         """Return the same limits in both directions."""
-        return cls(-velocity, velocity, -acceleration, acceleration, jerk)
+        return cls(
+            [-each for each in velocity],
+            velocity,
+            [-each for each in acceleration],
+            acceleration,
+            jerk,
+        )
 
 
 class JointPlanner:
@@ -47,62 +54,69 @@ class JointPlanner:
         self._input.target_acceleration = [0.0] * joints
         self._trajectory = Trajectory(joints)
         self._anywhere = [False] * joints
+        self._origin = self._zeros = [0.0] * joints
         self._bounds: Bounds | None = None
 
-    def plan(
-        self, state: FloatArray, target: FloatArray, velocity: FloatArray, bounds: Bounds
-    ) -> bool:
-        """Plan from ``state`` (3, m) to each joint's target, without acceleration.
+    def plan(self, state: Sequence[Row], target: Row, velocity: Row, bounds: Bounds) -> bool:
+        """Plan from ``state`` to each joint's target, without acceleration.
 
         Args:
             state: position, velocity and acceleration.
-            target: (m,) positions; NaN: anywhere, at ``velocity``.
-            velocity: (m,) at the target; afterwards the joint continues with it.
+            target: positions; NaN: anywhere, at ``velocity``.
+            velocity: at the target; afterwards the joint continues with it.
             bounds: of the way.
 
         Returns:
             False when ruckig finds no plan; ``at`` is then undefined.
         """
         parameters = self._input
-        position = target.tolist()
-        anywhere = [each != each for each in position]  # noqa: PLR0124 - NaN
+        position, parameters.current_velocity, acceleration = state
+        anywhere = [each != each for each in target]  # noqa: PLR0124 - NaN
         if anywhere != self._anywhere:
-            self._anywhere = anywhere
+            self._anywhere, self._origin = anywhere, self._zeros
             parameters.per_dof_control_interface = [_INTERFACES[each] for each in anywhere]
         if True in anywhere:
-            position = [0.0 if each != each else each for each in position]  # noqa: PLR0124
-        parameters.current_position, parameters.current_velocity, acceleration = state.tolist()
+            # ruckig counts the target of the plan before among the extrema of a way to anywhere,
+            # 0 for the first: such a way is the first one of its trajectory, and begins at 0.
+            self._trajectory = Trajectory(len(target))
+            pairs = list(zip(position, anywhere, strict=True))
+            self._origin = [each if free else 0.0 for each, free in pairs]
+            position = [0.0 if free else each for each, free in pairs]
+            target = [0.0 if each != each else each for each in target]  # noqa: PLR0124
+        parameters.current_position = position
         parameters.current_acceleration = acceleration
-        parameters.target_position = position
-        parameters.target_velocity = velocity.tolist()
+        parameters.target_position = target
+        parameters.target_velocity = velocity
         self._limit(bounds)
-        return any(self._calculate(bounds.jerk * share) for share in JERK_SHARES)
+        return any(self._calculate(bounds.jerk, share) for share in JERK_SHARES)
 
     def _limit(self, bounds: Bounds) -> None:
         """Set the limits of the way, if they are not those of the plan before."""
         if bounds is self._bounds:
             return
         self._bounds, parameters = bounds, self._input
-        parameters.min_velocity = bounds.lowest_velocity.tolist()
-        parameters.max_velocity = bounds.highest_velocity.tolist()
-        parameters.min_acceleration = bounds.lowest_acceleration.tolist()
-        parameters.max_acceleration = bounds.highest_acceleration.tolist()
+        parameters.min_velocity = bounds.lowest_velocity
+        parameters.max_velocity = bounds.highest_velocity
+        parameters.min_acceleration = bounds.lowest_acceleration
+        parameters.max_acceleration = bounds.highest_acceleration
 
-    def _calculate(self, jerk: FloatArray) -> bool:
-        self._input.max_jerk = jerk.tolist()
+    def _calculate(self, jerk: Row, share: float) -> bool:
+        self._input.max_jerk = [each * share for each in jerk]
         try:
             self._ruckig.calculate(self._input, self._trajectory)
         except (RuckigError, ValueError):  # ValueError: a result that its enum does not have
             return False
         return True
 
-    def at(self, time_s: float) -> FloatArray:
-        """Return (3, m) position, velocity and acceleration ``time_s`` after the start."""
-        state: FloatArray = np.array(self._trajectory.at_time(time_s))
-        return state
+    def at(self, time_s: float) -> tuple[Row, Row, Row]:
+        """Return position, velocity and acceleration ``time_s`` after the start."""
+        position, velocity, acceleration = self._trajectory.at_time(time_s)
+        return list(map(operator.add, self._origin, position)), velocity, acceleration
 
-    def leaves(self, lower: FloatArray, upper: FloatArray) -> BoolArray:
-        """Return (m,) joints that the plan takes below ``lower`` or above ``upper``."""
-        extrema = np.array([(each.min, each.max) for each in self._trajectory.position_extrema])
-        left: BoolArray = (extrema[:, 0] < lower) | (extrema[:, 1] > upper)
-        return left
+    def leaves(self, lower: Row, upper: Row) -> list[bool]:
+        """Return the joints that the plan takes below ``lower`` or above ``upper``."""
+        extrema = zip(self._origin, self._trajectory.position_extrema, strict=True)
+        return [
+            origin + each.min < low or origin + each.max > high
+            for (origin, each), low, high in zip(extrema, lower, upper, strict=True)
+        ]

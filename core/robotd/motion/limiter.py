@@ -3,14 +3,21 @@
 A target is approached by a time-optimal plan. A joint tracks a moving reference r with its
 deviation e = s - r: e goes to zero in minimal time, within what r leaves of the joint's limits,
 and from then on the joint moves exactly as r does.
+
+What goes into a plan is computed with lists, which the planner takes: for six joints they are as
+fast as arrays.
 """
 
 from __future__ import annotations
 
+import math
+import operator
+from collections.abc import Sequence
+
 import numpy as np
 
-from robotd.arrays import BoolArray, FloatArray
-from robotd.motion.joint_planner import Bounds, JointPlanner
+from robotd.arrays import FloatArray
+from robotd.motion.joint_planner import Bounds, JointPlanner, Row
 from robotd.motion.joints import JointLimits, MotionState
 
 NEGLIGIBLE = 1e-9  # rad or m: numerical error of a plan's extremum
@@ -43,19 +50,19 @@ class SetpointLimiter:
         joints = len(limits.names)
         self.state: FloatArray = np.zeros((3, joints))
         self.failures = 0
-        self._limits, self._period_s = limits, period_s
-        self._bounds = Bounds.symmetric(limits.velocity, limits.acceleration, limits.jerk)
+        self._period_s = period_s
+        self._lower, self._upper = limits.lower.tolist(), limits.upper.tolist()
+        self._bounds = Bounds.symmetric(
+            limits.velocity.tolist(), limits.acceleration.tolist(), limits.jerk.tolist()
+        )
         self._planner, self._stop_planner = JointPlanner(joints), JointPlanner(joints)
-        self._ramp_s = limits.acceleration / limits.jerk
         dt = period_s
         self._back = np.array([[1.0, -dt, dt**2 / 2.0], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
-        self._carefree = self._carefree_states()
-        self._anywhere: FloatArray = np.full(joints, np.nan)
-        self._rest: FloatArray = np.zeros(joints)
-        self._every: BoolArray = np.ones(joints, bool)
+        self._carefree = _carefree_states(limits)
+        self._anywhere, self._rest = [math.nan] * joints, [0.0] * joints
         self._target, self._velocity = self._anywhere, self._rest  # of the plan
         self._elapsed_s = 0.0
-        self._strongest: FloatArray = np.full(joints, np.inf)
+        self._strongest = [math.inf] * joints
         self.stop()
 
     @property
@@ -71,36 +78,36 @@ class SetpointLimiter:
             strongest: factor of the acceleration limits that no stop exceeds until the next
                 reset. A stop that needs more leaves the position limit, and comes back.
         """
-        self._strongest = strongest * self._limits.acceleration
+        self._strongest = [strongest * each for each in self._bounds.highest_acceleration]
         self.state[:] = state.position, state.velocity, state.acceleration
         self.stop()
 
     def stop(self) -> None:
         """Slow to rest in minimal time."""
-        self.move(self._rest)
+        self._go(self._anywhere, self._rest, self._bounds)
 
     def approach(self, target: FloatArray) -> None:
         """Move to rest at ``target``, which is clipped to the position limits."""
-        target = self._within_limits(target)
-        self._go(target, self._rest, self._bounds)
+        self._go(self._within_limits(target.tolist()), self._rest, self._bounds)
 
     def move(self, velocity: FloatArray) -> None:
         """Move with ``velocity``, which is clipped to the limits, to rest at a position limit."""
-        limits, position = self._limits, self.state[0]
-        velocity = np.clip(velocity, -limits.velocity, limits.velocity)
-        above, below = position > limits.upper, position < limits.lower
+        fastest = np.array(self._bounds.highest_velocity)
+        velocity, position = np.clip(velocity, -fastest, fastest), self.state[0]
+        above, below = position > self._upper, position < self._lower
         outward = (above & (velocity > 0.0)) | (below & (velocity < 0.0))
-        back = np.where(outward, self._within_limits(position), self._anywhere)
-        self._go(back, np.where(outward, 0.0, velocity), self._bounds)
+        back = np.where(outward, np.clip(position, self._lower, self._upper), np.nan)
+        self._go(back.tolist(), np.where(outward, 0.0, velocity).tolist(), self._bounds)
 
     def step(self) -> FloatArray:
         """Return the next setpoint, ``state``, on the way to the last command's target."""
-        before = self.state.copy()
+        moves = any(self._velocity)
+        before = self.state.tolist() if moves else []
         self._elapsed_s += self._period_s
-        self.state[:] = self._planner.at(self._elapsed_s)
-        if self._velocity.any() and not self._is_inside():
-            unsafe = ~self._can_stop(*self._range(before[0]))
-            if unsafe.any():
+        self.state[:] = after = self._planner.at(self._elapsed_s)
+        if moves:
+            unsafe = self._unstoppable(after, *self._range(before[0]))
+            if True in unsafe:
                 self.state[:] = before
                 self._end_at_limit(unsafe)
                 self._elapsed_s = self._period_s
@@ -109,157 +116,201 @@ class SetpointLimiter:
 
     def after(self, seconds: float) -> FloatArray:
         """Return the setpoint ``seconds`` after the last one; not while tracking or at limits."""
-        return self._planner.at(self._elapsed_s + seconds)
+        return np.array(self._planner.at(self._elapsed_s + seconds))
 
-    def track(self, reference: FloatArray, target: FloatArray, stands: BoolArray) -> FloatArray:
+    def track(self, reference: FloatArray, target: Row, stands: list[bool]) -> FloatArray:
         """Return the next setpoint, ``state``, on ``reference`` or on the way to it.
 
         Args:
-            reference: (3, m) position, velocity and acceleration at the end of this period.
-            target: (m,) where the reference leads; a joint whose reference exceeds the limits moves
-                there by itself. Clipped to the limits.
-            stands: (m,) targets that stand still and are not overshot.
+            reference: (3, m) position, velocity and acceleration at the end of this period; NaN
+                for joints that are not commanded.
+            target: where the reference leads; a joint whose reference exceeds the limits moves
+                there by itself. Clipped to the limits. NaN: the joint slows to rest.
+            stands: targets that stand still and are not overshot.
         """
-        carefree = not stands.any() and self._is_carefree(reference)
+        carefree = True not in stands and self._is_carefree(reference)
         if carefree and self._is_on(reference):
             self.state[:] = reference
             return self.state
         start, target = self.state.copy(), self._within_limits(target)
-        tracked = self._every if carefree else self._trackable(reference)
-        self._follow(start, reference, target, tracked)
-        if carefree and self._is_carefree(self.state):
-            return self.state
-        unsafe = tracked & self._too_fast()
-        if stands.any() or not self._is_inside():
-            lower, upper = self._range(start[0])
-            lower = np.where(stands & (start[0] > target), target - NEGLIGIBLE, lower)
-            upper = np.where(stands & (start[0] < target), target + NEGLIGIBLE, upper)
-            unsafe |= tracked & ~self._can_stop(lower, upper)
-        if unsafe.any():
-            self._follow(start, reference, target, tracked & ~unsafe)
+        if carefree:
+            self._follow(start, reference, self._rest)
+            if self._is_carefree(self.state):
+                return self.state
+        tracked = self._trackable(reference)
+        if not carefree:
+            self._follow_some(start, reference, target, tracked)
+        lower, upper = self._range(start[0].tolist())
+        for joint, (begin, end) in enumerate(zip(start[0].tolist(), target, strict=True)):
+            if stands[joint] and begin > end:
+                lower[joint] = end - NEGLIGIBLE
+            elif stands[joint] and begin < end:
+                upper[joint] = end + NEGLIGIBLE
+        state = self.state.tolist()
+        unsafe = map(operator.or_, self._unstoppable(state, lower, upper), self._too_fast(state))
+        safe = [each and not cannot for each, cannot in zip(tracked, unsafe, strict=True)]
+        if safe != tracked:
+            self._follow_some(start, reference, target, safe)
         return self.state
 
-    def _go(self, target: FloatArray, velocity: FloatArray, bounds: Bounds) -> None:
+    def _go(self, target: Row, velocity: Row, bounds: Bounds) -> None:
         """Plan from ``state`` to ``target`` (NaN: to ``velocity``) within the position limits."""
         self._target, self._velocity, self._elapsed_s = target, velocity, 0.0
-        lower, upper = self._range(self.state[0])
+        start = self.state.tolist()
+        lower, upper = self._range(start[0])
         for _ in range(ATTEMPTS):
-            if not self._planner.plan(self.state, target, velocity, bounds):
+            if not self._planner.plan(start, target, velocity, bounds):
                 self.failures += 1
                 target, velocity = self._anywhere, self._rest
                 continue
-            left = self._planner.leaves(lower, upper) & (velocity == 0.0)
-            if not left.any():
+            leaves = self._planner.leaves(lower, upper)
+            left = [leaving and not each for leaving, each in zip(leaves, velocity, strict=True)]
+            if True not in left:
                 return
             bounds = self._strengthen(bounds, left)
 
-    def _strengthen(self, bounds: Bounds, joints: BoolArray) -> Bounds:
+    def _strengthen(self, bounds: Bounds, joints: list[bool]) -> Bounds:
         """Return ``bounds`` with which ``joints`` stop in a shorter way."""
-        factor = np.where(joints, STRONGER, 1.0)
-        highest = np.minimum(bounds.highest_acceleration * factor, self._strongest)
-        return bounds._replace(
-            lowest_acceleration=-highest,
-            highest_acceleration=highest,
-            jerk=bounds.jerk * factor,
+        factors = [STRONGER if each else 1.0 for each in joints]
+        highest = map(operator.mul, bounds.highest_acceleration, factors)
+        return Bounds.symmetric(
+            bounds.highest_velocity,
+            list(map(min, highest, self._strongest)),
+            list(map(operator.mul, bounds.jerk, factors)),
         )
 
-    def _end_at_limit(self, joints: BoolArray) -> None:
+    def _end_at_limit(self, joints: list[bool]) -> None:
         """Let ``joints``, which move with a velocity, come to rest at their position limits."""
-        limits, velocity = self._limits, self._velocity
-        end = np.where(velocity > 0.0, limits.upper, limits.lower)
-        fastest = np.where(joints, np.abs(velocity), limits.velocity)
-        bounds = self._bounds._replace(lowest_velocity=-fastest, highest_velocity=fastest)
-        self._go(np.where(joints, end, self._target), np.where(joints, 0.0, velocity), bounds)
+        target, velocity = list(self._target), list(self._velocity)
+        fastest = list(self._bounds.highest_velocity)
+        for joint, ends in enumerate(joints):
+            if ends:
+                target[joint] = (self._upper if velocity[joint] > 0.0 else self._lower)[joint]
+                fastest[joint], velocity[joint] = abs(velocity[joint]), 0.0
+        bounds = self._bounds
+        self._go(
+            target,
+            velocity,
+            Bounds.symmetric(fastest, bounds.highest_acceleration, bounds.jerk),
+        )
 
     def _is_on(self, reference: FloatArray) -> bool:
         """Return True where every joint is on ``reference``."""
-        return bool((np.abs(self.state - self._back @ reference) < ON_REFERENCE).all())
+        deviation = np.abs(self.state - self._back @ reference)
+        return int(np.count_nonzero(deviation < ON_REFERENCE)) == deviation.size
 
     def _is_carefree(self, state: FloatArray) -> bool:
         """Return True where every joint is certainly able to stop from ``state`` (3, m)."""
         lowest, highest = self._carefree
-        return bool(((state > lowest) & (state < highest)).all())
+        return int(np.count_nonzero((state > lowest) & (state < highest))) == state.size
 
-    def _trackable(self, reference: FloatArray) -> BoolArray:
-        """Return (m,) joints whose reference is within what they can track."""
-        limits, (position, velocity, acceleration) = self._limits, reference
-        tracked: BoolArray = (
-            (np.abs(velocity) <= TRACKABLE * limits.velocity)
-            & (np.abs(acceleration) <= TRACKABLE * limits.acceleration)
-            & (position >= limits.lower)
-            & (position <= limits.upper)
-        )
-        return tracked
+    def _trackable(self, reference: FloatArray) -> list[bool]:
+        """Return the joints whose reference is within what they can track."""
+        limits = self._bounds.highest_velocity, self._bounds.highest_acceleration
+        rows = (*reference.tolist(), *limits, self._lower, self._upper)
+        return [
+            abs(v) <= TRACKABLE * fastest and abs(a) <= TRACKABLE * strongest and low <= p <= high
+            for p, v, a, fastest, strongest, low, high in zip(*rows, strict=True)
+        ]
 
-    def _follow(
-        self, start: FloatArray, reference: FloatArray, target: FloatArray, tracked: BoolArray
+    def _follow_some(
+        self, start: FloatArray, reference: FloatArray, target: Row, tracked: list[bool]
     ) -> None:
-        """Advance from ``start``: ``tracked`` joints to the reference, the others to target.
+        """Advance from ``start``: ``tracked`` joints to the reference, the others to target."""
+        aims = [0.0 if tracks else each for tracks, each in zip(tracked, target, strict=True)]
+        self._follow(start, np.where(tracked, reference, 0.0), aims)
+
+    def _follow(self, start: FloatArray, reference: FloatArray, target: Row) -> None:
+        """Advance from ``start`` to a deviation from ``reference`` of ``target``.
 
         Within the period the reference's acceleration is constant, so that all jerk is that of
         the deviation, which is limited.
         """
-        bounds, period_s = self._bounds, self._period_s
-        after = reference * tracked
-        before = self._back @ after
+        _, velocity, acceleration = reference.tolist()
+        bounds = self._bounds
         relative = Bounds(
-            bounds.lowest_velocity - after[1],
-            bounds.highest_velocity - after[1],
-            bounds.lowest_acceleration - after[2],
-            bounds.highest_acceleration - after[2],
+            _difference(bounds.lowest_velocity, velocity),
+            _difference(bounds.highest_velocity, velocity),
+            _difference(bounds.lowest_acceleration, acceleration),
+            _difference(bounds.highest_acceleration, acceleration),
             bounds.jerk,
         )
-        if self._planner.plan(start - before, np.where(tracked, 0.0, target), self._rest, relative):
-            self.state[:] = after + self._planner.at(period_s)
+        deviation = (start - self._back @ reference).tolist()
+        if self._planner.plan(deviation, target, self._rest, relative):
+            self.state[:] = self._planner.at(self._period_s)
+            self.state += reference
             return
         self.failures += 1
         self.state[:] = start
         self.stop()
         self.step()
 
-    def _carefree_states(self) -> tuple[FloatArray, FloatArray]:
-        """Return (3, m) lowest and highest state from which any stop is within the limits."""
-        limits = self._limits
-        acceleration = TRACKABLE * limits.acceleration
-        gained = limits.acceleration * self._ramp_s / 2.0
-        velocity = np.minimum(TRACKABLE * limits.velocity, limits.velocity - gained)
-        speed = np.maximum(velocity, 0.0) + gained
-        room = speed * (2.0 * self._ramp_s + speed / (2.0 * limits.acceleration))
+    def _too_fast(self, state: Sequence[Row]) -> list[bool]:
+        """Return the joints whose acceleration cannot end before the velocity limit."""
+        _, velocity, acceleration = state
+        limits = self._bounds.highest_velocity, self._bounds.jerk
+        return [
+            abs(v + a * abs(a) / (2.0 * jerk)) > limit
+            for v, a, limit, jerk in zip(velocity, acceleration, *limits, strict=True)
+        ]
+
+    def _unstoppable(self, state: Sequence[Row], lower: Row, upper: Row) -> list[bool]:
+        """Return the joints that leave the range before they come to rest from ``state``."""
+        if self._surely_stops(state, lower, upper):
+            return [False] * len(lower)
+        if not self._stop_planner.plan(state, self._anywhere, self._rest, self._bounds):
+            return [True] * len(lower)
+        return self._stop_planner.leaves(lower, upper)
+
+    def _surely_stops(self, state: Sequence[Row], lower: Row, upper: Row) -> bool:
+        """Return True where each joint certainly stops within the range.
+
+        With acceleration limit A and jerk limit J, the acceleration a ends within |a|/J, at a speed
+        of at most v_p = v + a²/2J, and the stop from there takes at most v_p/A + A/J.
+        """
+        bounds = self._bounds
+        limits = bounds.highest_acceleration, bounds.jerk
+        for p, v, a, low, high, strong, jerk in zip(*state, lower, upper, *limits, strict=True):
+            peak = v + a * abs(a) / (2.0 * jerk)
+            forward, backward = max(v, peak, 0.0), max(-v, -peak, 0.0)
+            seconds = (abs(a) + strong / 2.0) / jerk
+            if p + forward * (seconds + forward / (2.0 * strong)) > high:
+                return False
+            if p - backward * (seconds + backward / (2.0 * strong)) < low:
+                return False
+        return True
+
+    def _within_limits(self, target: Row) -> Row:
+        """Return ``target`` clipped to the position limits; NaN stays."""
+        return list(map(min, map(max, target, self._lower), self._upper))
+
+    def _range(self, position: Row) -> tuple[Row, Row]:
+        """Return the allowed positions: unlimited where a joint is beyond its limit."""
         return (
-            np.array([limits.lower + room, -velocity, -acceleration]),
-            np.array([limits.upper - room, velocity, acceleration]),
+            [
+                low - NEGLIGIBLE if each >= low - NEGLIGIBLE else -math.inf
+                for each, low in zip(position, self._lower, strict=True)
+            ],
+            [
+                high + NEGLIGIBLE if each <= high + NEGLIGIBLE else math.inf
+                for each, high in zip(position, self._upper, strict=True)
+            ],
         )
 
-    def _too_fast(self) -> BoolArray:
-        """Return (m,) joints whose acceleration cannot end before the velocity limit."""
-        _, velocity, acceleration = self.state
-        peak = velocity + acceleration * np.abs(acceleration) / (2.0 * self._limits.jerk)
-        beyond: BoolArray = np.abs(peak) > self._limits.velocity
-        return beyond
 
-    def _is_inside(self) -> bool:
-        """Return True where every joint is certainly able to stop within its limits."""
-        position, speed, limits = self.state[0], np.abs(self.state[1]), self._limits
-        speed += self._ramp_s * limits.acceleration / 2.0  # still gained while braking begins
-        room = speed * (2.0 * self._ramp_s + speed / (2.0 * limits.acceleration))
-        return bool(((position - room > limits.lower) & (position + room < limits.upper)).all())
+def _carefree_states(limits: JointLimits) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest state (3, m) of which any stop keeps the limits."""
+    ramp_s = limits.acceleration / limits.jerk
+    acceleration = TRACKABLE * limits.acceleration
+    gained = limits.acceleration * ramp_s / 2.0
+    velocity = np.minimum(TRACKABLE * limits.velocity, limits.velocity - gained)
+    speed = np.maximum(velocity, 0.0) + gained
+    room = speed * (2.0 * ramp_s + speed / (2.0 * limits.acceleration))
+    return (
+        np.array([limits.lower + room, -velocity, -acceleration]),
+        np.array([limits.upper - room, velocity, acceleration]),
+    )
 
-    def _can_stop(self, lower: FloatArray, upper: FloatArray) -> BoolArray:
-        """Return (m,) joints that come to rest from ``state`` without leaving the range."""
-        if not self._stop_planner.plan(self.state, self._anywhere, self._rest, self._bounds):
-            return np.zeros(len(self._rest), bool)
-        within: BoolArray = ~self._stop_planner.leaves(lower, upper)
-        return within
 
-    def _within_limits(self, target: FloatArray) -> FloatArray:
-        clipped: FloatArray = np.minimum(
-            np.maximum(target, self._limits.lower), self._limits.upper
-        )  # several times faster than np.clip
-        return clipped
-
-    def _range(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the allowed positions: unlimited where a joint is beyond its limit."""
-        lower, upper = self._limits.lower - NEGLIGIBLE, self._limits.upper + NEGLIGIBLE
-        lower = np.where(position < lower, -np.inf, lower)
-        upper = np.where(position > upper, np.inf, upper)
-        return lower, upper
+def _difference(minuend: Row, subtrahend: Row) -> Row:
+    return list(map(operator.sub, minuend, subtrahend))

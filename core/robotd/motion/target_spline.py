@@ -12,8 +12,9 @@ from collections import deque
 
 import numpy as np
 
-from robotd.arrays import BoolArray, FloatArray
+from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
+from robotd.motion.joint_planner import Row
 
 SPARE = 0.25  # of an input period: arrivals may be late by that
 BEHIND = 1.5 + SPARE  # input periods from a target's arrival to the curve's passing it
@@ -46,23 +47,24 @@ class TargetSpline:
         self._period_s = FIRST_PERIOD_S
         self._phase = 0.0  # within the present three points; below 0: waits at its beginning
         self._lag = 0.0  # mean number of input periods behind the intended phase
-        self._stands: BoolArray | None = None  # None: has to be found again
+        self._stands: list[bool] | None = None  # None: has to be found again
         self._padded = False  # the last point repeats the one before: no target came in time
 
     @property
-    def newest(self) -> FloatArray:
-        """(m,) the last target."""
-        return self._waiting[-1] if self._waiting else self._points[-1]
+    def newest(self) -> Row:
+        """The last target."""
+        newest: Row = (self._waiting[-1] if self._waiting else self._points[-1]).tolist()
+        return newest
 
     @property
-    def stands(self) -> BoolArray:
-        """(m,) joints whose last or last but one target repeats the one before.
+    def stands(self) -> list[bool]:
+        """Joints whose last or last but one target repeats the one before.
 
         A joint that has just begun to move may stop at its first target.
         """
         if self._stands is None:
             before, middle, last = [*self._points, *self._waiting][-3:]
-            self._stands = (last == middle) | (middle == before)
+            self._stands = ((last == middle) | (middle == before)).tolist()
         return self._stands
 
     def add(self, target: FloatArray, time_ns: int) -> None:

@@ -43,6 +43,19 @@ def test_targets_at_30_hz_are_followed_smoothly(robot: Harness, mode: str) -> No
     assert stream.message == "closed by the client"
 
 
+@pytest.mark.parametrize(("mode", "velocity"), [("smooth", None), ("target", [0.0])])
+def test_a_stream_of_one_joint_moves_it_and_no_other(
+    robot: Harness, mode: str, velocity: list[float] | None
+) -> None:
+    with robot.robot.stream(["joint2"], mode=mode) as stream:
+        for index in range(31):
+            stream.send([0.01 * index], velocity)
+            robot.run(1.0 / 30.0)
+        robot.run(0.3)
+    assert robot.image.position == pytest.approx([0.0, 0.3, 0.0], abs=1e-3)
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
 def test_a_velocity_with_the_position_leaves_no_lag(robot: Harness) -> None:
     with robot.robot.stream() as stream:
         for index in range(200):

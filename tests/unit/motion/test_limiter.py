@@ -192,6 +192,25 @@ def test_a_start_that_is_too_fast_to_stop_brakes_harder_than_the_limit() -> None
     assert limiter.at_rest
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_whose_range_excludes_zero_stops_within_its_limits(sign: float) -> None:
+    one = np.ones(1)
+    lower, upper = sorted((sign * 0.5, sign * 2.0))
+    limits = JointLimits(("lift",), lower * one, upper * one, one, 2.0 * one, jerk=40.0 * one)
+    run = Recorder(limits)
+    run.limiter.reset(MotionState.at_rest(sign * one))
+    run.limiter.move(0.5 * one)
+    for _ in range(100):
+        run.step()
+    run.limiter.stop()
+    run.come_to_rest()
+    run.limiter.approach(sign * 2.0 * one)
+    for _ in range(100):
+        run.step()
+    run.limiter.stop()
+    run.come_to_rest()
+
+
 @pytest.mark.parametrize("jitter", [0.0, 0.3])
 def test_a_30_hz_sine_is_followed_without_ripple_and_with_a_short_lag(jitter: float) -> None:
     amplitude, angular = 0.4, 2.0 * np.pi * 0.4
