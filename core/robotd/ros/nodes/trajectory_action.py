@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,10 +118,10 @@ class TrajectoryAction:
 
     def _run(self, goal: Any, requester: Any, ticket: int) -> None:
         """Worker thread: execute the goal, then let the executor thread end it."""
-        with self._host.sent_by_request(requester):
-            ending = self._ending_of(goal, ticket)
-        if ending is not None:
-            self._end(goal, ending)
+        with self._host.sent_by_request(requester), ExitStack() as motion:
+            # Joints that move on behind the last point are released after the result: the next
+            # goal of the client may take over.
+            self._end(goal, self._ending_of(goal, ticket, motion))
 
     def _end(self, goal: Any, ending: Ending) -> None:
         self._server.notify_execute(goal, lambda goal: self._finish(goal, ending))
@@ -137,10 +138,10 @@ class TrajectoryAction:
         self._log.info("goal ended", outcome=_word(ending), reason=ending.text)
         return _RESULT(error_code=ending.code, error_string=ending.text)
 
-    def _ending_of(self, goal: Any, ticket: int) -> Ending | None:
-        """Worker thread: from the goal message to standstill; None: ended before that."""
+    def _ending_of(self, goal: Any, ticket: int, motion: ExitStack) -> Ending:
+        """Worker thread: from the goal message to the result."""
         try:
-            return self._follow(goal, ticket)
+            return self._follow(goal, ticket, motion)
         except TrajectoryRejected as error:
             return Ending(None, int(error.code), str(error))
         except RobotdError as error:
@@ -151,7 +152,7 @@ class TrajectoryAction:
         finally:
             self._executions.pop(bytes(goal.goal_id.uuid), None)
 
-    def _follow(self, goal: Any, ticket: int) -> Ending | None:
+    def _follow(self, goal: Any, ticket: int, motion: ExitStack) -> Ending:
         message, follower = goal.request, self._group.follower
         request = trajectory_request(message)
         tolerances = follower.tolerances(
@@ -160,14 +161,14 @@ class TrajectoryAction:
             duration_s(message.goal_time_tolerance),
         )
         start_ns = self._start_ns(message.trajectory.header.stamp, request)
-        with follower.follow(request, tolerances, start_ns, ticket) as execution:
+        with ExitStack() as joints:
+            execution = joints.enter_context(follower.follow(request, tolerances, start_ns, ticket))
             self._executions[bytes(goal.goal_id.uuid)] = execution
             self._watch(goal, execution)
             ending = _ending(goal, execution, tolerances)
-            moves_on = not execution.done
-            if moves_on:  # behind its last point; the next goal of the client may take over now
-                self._end(goal, ending)
-        return None if moves_on else ending
+            if not execution.done:
+                motion.push(joints.pop_all())
+        return ending
 
     def _watch(self, goal: Any, execution: TrajectoryExecution) -> None:
         """Publish feedback until the goal has ended."""
