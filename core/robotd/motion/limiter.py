@@ -157,6 +157,7 @@ class SetpointLimiter:
         """Plan from ``state`` to ``target`` (NaN: to ``velocity``) within the position limits."""
         self._target, self._velocity, self._elapsed_s = target, velocity, 0.0
         start = self.state.tolist()
+        bounds = bounds._replace(jerk=self._jerk(start[2]))
         lower, upper = self._range(start[0])
         for _ in range(ATTEMPTS):
             if not self._planner.plan(start, target, velocity, bounds):
@@ -233,7 +234,7 @@ class SetpointLimiter:
             _difference(bounds.highest_velocity, velocity),
             _difference(bounds.lowest_acceleration, acceleration),
             _difference(bounds.highest_acceleration, acceleration),
-            bounds.jerk,
+            self._jerk(start[2].tolist()),
         )
         deviation = (start - self._back @ reference).tolist()
         if self._planner.plan(deviation, target, self._rest, relative):
@@ -244,6 +245,20 @@ class SetpointLimiter:
         self.state[:] = start
         self.stop()
         self.step()
+
+    def _jerk(self, acceleration: Row) -> Row:
+        """Return the jerk limits of a plan that begins with ``acceleration``.
+
+        The velocity changes by a²/2J while an acceleration a ends. Where a stop exceeds the limit
+        of a, J is raised so that the velocity changes by no more than from that limit.
+        """
+        bounds = self._bounds
+        return [
+            jerk * max(1.0, (a / strongest) ** 2)
+            for a, strongest, jerk in zip(
+                acceleration, bounds.highest_acceleration, bounds.jerk, strict=True
+            )
+        ]
 
     def _too_fast(self, state: Sequence[Row]) -> list[bool]:
         """Return the joints whose acceleration cannot end before the velocity limit."""

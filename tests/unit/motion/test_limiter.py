@@ -258,6 +258,28 @@ def test_a_stop_may_be_held_within_twice_the_acceleration_limit(room: float) -> 
     assert positions[-1] == pytest.approx(2.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("periods", [1, 2, 5, 15])
+@pytest.mark.parametrize("room", [0.03, 0.1, 0.3])
+def test_a_command_during_a_stop_beyond_the_limits_keeps_the_velocity_limit(
+    room: float, periods: int, smooth: bool
+) -> None:
+    limiter = SetpointLimiter(limits_of(), PERIOD_S)
+    limiter.reset(MotionState(np.array([2.0 - room]), np.array([3.0]), np.array([0.0])))
+    for _ in range(periods):
+        limiter.step()
+    target = np.array([1.0])
+    spline = TargetSpline(limiter.state[0], limiter.state[1], target, 0)
+    limiter.approach(target)
+    for _ in range(1000):
+        if smooth:
+            limiter.track(spline.advance(PERIOD_S), spline.newest, spline.stands)
+        else:
+            limiter.step()
+        assert abs(limiter.state[1, 0]) <= 3.14 * (1.0 + 1e-6)
+    assert limiter.state[0] == pytest.approx(target, abs=1e-6)
+
+
 @pytest.mark.parametrize("begin", [2.1, -2.1])
 def test_a_velocity_does_not_lead_a_joint_beyond_its_limit_farther_out(begin: float) -> None:
     limiter = SetpointLimiter(limits_of(), PERIOD_S)
