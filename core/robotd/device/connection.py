@@ -104,8 +104,8 @@ class Connection:
         """Reason for rejecting axis commands while ``commandable`` is False."""
         if self._ending.is_set():
             return ENDING
-        text = f"engine is not ready (state {self.state.value})"
-        return f"{text}: {self.reason}" if self.reason else text
+        text, reason = f"engine is not ready (state {self.state.value})", self.reason
+        return f"{text}: {reason}" if reason else text
 
     @property
     def reason(self) -> str:

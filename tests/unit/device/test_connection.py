@@ -404,3 +404,11 @@ def test_the_failure_of_the_last_start_is_the_reason_until_it_is_stopped(
     engine.start_communication()
     engine.stop_communication()
     assert engine.rejection == "engine is not ready (state Running)"
+
+
+def test_a_rejection_while_the_reason_ends_is_a_whole_sentence(
+    device: FakeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, reasons = make(device), iter(["values are old", ""])
+    monkeypatch.setattr(Connection, "reason", property(lambda _: next(reasons)))
+    assert engine.rejection.endswith("): values are old")
