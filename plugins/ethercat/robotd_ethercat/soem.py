@@ -12,6 +12,7 @@ import socket
 import stat
 import struct
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -26,6 +27,7 @@ NO_FRAME = -1  # working counter of a frame that did not come back
 MAX_OBJECT_BYTES = 4096
 _MICROSECONDS = 1_000_000
 _TRIES = 3  # of a mailbox transfer, and of a register
+_REGISTER_RETRY_S = 0.02  # outlasts a short stall of the computer
 _FRAME_TIMEOUT_US = 2000  # of SOEM
 _SERIAL_WORD = 0x000E  # of the SII (ETG.1000.6)
 _AL_STATUS, _AL_LAYOUT = 0x0130, struct.Struct("<H2xH")  # register, and status code behind it
@@ -242,6 +244,7 @@ class Soem:
         for _ in range(_TRIES):
             with suppress(self._pysoem.WkcError):
                 return action(self._frame_timeout_us)
+            time.sleep(_REGISTER_RETRY_S)
         raise DeviceTimeout(f"register 0x{address:04X}: no answer, {_TRIES} tries")
 
     def _transfer(self, action: Callable[[Any], Any], slave: int) -> Any:
