@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robotd.api import FloatArray, LateSetpoint
+from robotd.api import FloatArray
 from robotd_wmx import _native
 from robotd_wmx._native import Device
 from robotd_wmx.connection import Connection
@@ -47,9 +47,9 @@ class PositionStream:
         return self._native is not None and self._native.stopping(axis)
 
     def put(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-        """See ``AxisDriver.stream``; raises LateSetpoint while the buffers have run dry."""
-        if self._native is not None and not self._native.put(position, velocity, due_ns):
-            raise LateSetpoint
+        """See ``AxisDriver.stream``."""
+        if self._native is not None:
+            self._native.put(position, velocity, due_ns)
 
     def begin(self, axes: Sequence[int]) -> None:
         """Let ``axes`` obey from where their commands are. Raises CallError."""

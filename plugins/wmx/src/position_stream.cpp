@@ -12,6 +12,7 @@ namespace robotd {
 namespace {
 using namespace wmx3Api;
 
+constexpr std::size_t RING = 64;            // setpoints between two turns of the sending thread
 constexpr unsigned int CAPACITY = 4000;     // commands of a buffer; a stop must fit
 constexpr double GAP_PERIODS = 1.5;         // as the core's: a longer gap is an underrun
 constexpr double MAX_RATE_CHANGE = 0.01, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
@@ -39,8 +40,7 @@ bool exec_quick_stop(Buffer &buffer, AxisSelection &axes) {
 PositionStream::PositionStream(Device &device, Settings settings)
     : device_(device), buffer_(&device.engine), settings_(std::move(settings)),
       axes_(settings_.units.size()), states_(axes_.size()), open_(axes_.size(), false),
-      // More setpoints would be older than the buffers when the sending thread comes to them.
-      ring_(2 + static_cast<std::size_t>(settings_.buffer_s / settings_.period_s)) {
+      ring_(RING) {
     for (auto &state : states_) state = OFF;
     for (Setpoint &setpoint : ring_) {
         setpoint.position.resize(axes_.size());
@@ -121,25 +121,19 @@ void PositionStream::begin(const std::vector<int> &axes) {
     {
         std::lock_guard lock(waiting_);
         fault_.clear();
-        rejecting_ = false;
         if (last_due_ns_ == 0) count_ = 0;  // setpoints of an earlier stream
     }
     for (int axis : axes) states_[axis] = STREAMING;
 }
 
-// Longest time between two setpoints that is no underrun, here and in the control loop.
-double PositionStream::bridged_s() const {
-    return GAP_PERIODS * settings_.period_s + settings_.buffer_s;
-}
-
-bool PositionStream::put(const double *position, const double *velocity, long long due_ns) {
+void PositionStream::put(const double *position, const double *velocity, long long due_ns) {
     {
         std::lock_guard guard(waiting_);
-        const double gap_s = (due_ns - put_ns_) * 1e-9;
-        rejecting_ &= gap_s <= bridged_s() + settings_.period_s / 2;  // the control loop knows by then
-        if (rejecting_ || count_ == ring_.size()) return false;
-        put_ns_ = due_ns;
-        Setpoint &setpoint = ring_[(first_ + count_++) % ring_.size()];
+        if (count_ == RING) {  // the sending thread hangs in the engine: the newest counts
+            first_ = (first_ + 1) % RING;
+            count_--;
+        }
+        Setpoint &setpoint = ring_[(first_ + count_++) % RING];
         setpoint.due_ns = due_ns;
         for (std::size_t axis = 0; axis < axes_.size(); axis++) {
             setpoint.position[axis] = position[axis] * settings_.units[axis];
@@ -147,14 +141,6 @@ bool PositionStream::put(const double *position, const double *velocity, long lo
         }
     }
     work_.notify_one();
-    return true;
-}
-
-// The control loop finds the gap; its path waits for the axes, which are at rest on it.
-void PositionStream::reject_until_gap() {
-    std::lock_guard guard(waiting_);
-    count_ = 0;
-    rejecting_ = true;
 }
 
 void PositionStream::stop(const std::vector<int> &axes) {
@@ -210,7 +196,7 @@ bool PositionStream::wait(Setpoint &setpoint) {
     requested_ = false;
     if (count_ == 0) return false;
     setpoint = ring_[first_];
-    first_ = (first_ + 1) % ring_.size();
+    first_ = (first_ + 1) % RING;
     count_--;
     return true;
 }
@@ -266,13 +252,9 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     // No room: the engine does not execute. The image shows that, and the control loop judges it.
     if (axes.empty() || fill.room < CAPACITY / 2) return true;
     const bool first = last_due_ns_ == 0 && begins(axes, setpoint);
-    const bool gap = gap_s <= 0 || gap_s > bridged_s();
-    if (fill.dry && !first && !gap) {
-        reject_until_gap();
-        return true;
-    }
+    const bool gap = gap_s <= 0 || gap_s > GAP_PERIODS * settings_.period_s + settings_.buffer_s;
     commands_.clear();
-    if (gap && !first) {
+    if (!first && (gap || fill.dry)) {
         rejoin(axes, setpoint, fill);
     } else {
         start_s_ = first ? -settings_.period_s : -gap_s;

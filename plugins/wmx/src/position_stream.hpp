@@ -24,8 +24,7 @@ struct Setpoint {
 // Between two setpoints runs the cubic through their positions and velocities, one command for
 // each cycle of the engine. The buffers are kept `target` cycles full, by sampling the cubics up to
 // 1 % faster or slower than the clock. A gap that the buffers cannot bridge ends in rest; from there
-// the commands come back to the setpoints within the limits, see Deviation. Buffers that run dry
-// without such a gap drop the setpoints that wait, and reject more of them until there is one.
+// the commands come back to the setpoints within the limits, see Deviation.
 //
 // `put` is for one thread and never waits for the engine; everything else may be called by any
 // thread, without the interpreter's lock.
@@ -41,8 +40,7 @@ public:
     ~PositionStream();
 
     void begin(const std::vector<int> &axes);
-    // False for a setpoint that is rejected.
-    bool put(const double *position, const double *velocity, long long due_ns);
+    void put(const double *position, const double *velocity, long long due_ns);
     void stop(const std::vector<int> &axes);
     void quick_stop(const std::vector<int> &axes);
     void close();
@@ -67,9 +65,7 @@ private:
         bool dry;                  // a buffer has executed its last command
     };
 
-    double bridged_s() const;
     void run();
-    void reject_until_gap();
     bool wait(Setpoint &setpoint);
     void send(const Setpoint &setpoint);
     bool try_send(const Setpoint &setpoint);
@@ -105,8 +101,6 @@ private:
     std::condition_variable work_;
     std::vector<Setpoint> ring_;
     std::size_t first_ = 0, count_ = 0;
-    long long put_ns_ = 0;    // due time of the last setpoint that was taken
-    bool rejecting_ = false;  // until a gap in the setpoints
     bool requested_ = false, closing_ = false;
     std::string fault_;
     std::thread thread_;

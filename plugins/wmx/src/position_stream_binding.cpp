@@ -26,7 +26,7 @@ void bind_position_stream(nb::module_ &module) {
         .def("put", [](PositionStream &self, Numbers position, Numbers velocity, long long due_ns) {
             if (position.shape(0) != self.axes() || velocity.shape(0) != self.axes())
                 throw nb::value_error("arrays must have one shape (n_axes,)");
-            return self.put(position.data(), velocity.data(), due_ns);
+            self.put(position.data(), velocity.data(), due_ns);
         })
         .def("stop", &PositionStream::stop, Unlocked())
         .def("quick_stop", &PositionStream::quick_stop, Unlocked())

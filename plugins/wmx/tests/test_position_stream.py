@@ -160,21 +160,6 @@ def test_a_setpoint_that_comes_after_the_buffer_has_run_dry_makes_no_leap(
     assert np.abs(np.diff(velocities)).max() / CYCLE_S < 1.5 * ACCELERATION
 
 
-def test_setpoints_that_find_a_dry_buffer_are_rejected_until_the_control_loop_waits(
-    device: Device, stream: PositionStream
-) -> None:
-    """Else the axes would begin at rest behind setpoints at full speed, and stay behind them."""
-    due_ns = time.monotonic_ns() + 202_000_000
-    position = feed(stream, 0.2, 0.5)
-    held = run_dry(device)
-    eventually(lambda: not stream.put(np.full(2, position), np.full(2, 0.5), due_ns))
-    assert Snapshot(device).position_command(0) == held
-    gap_ns = round((2.5 * PERIOD_S + BUFFER_S) * 1e9)
-    assert stream.put(np.full(2, held), np.zeros(2), due_ns + gap_ns)
-    feed(stream, 0.1, 0.0, held)
-    assert Snapshot(device).position_command(0) == pytest.approx(held, abs=1e-9)
-
-
 def test_a_difference_from_the_setpoints_is_gone_within_a_second(
     device: Device, stream: PositionStream
 ) -> None:
