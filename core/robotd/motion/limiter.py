@@ -157,7 +157,9 @@ class SetpointLimiter:
         """Plan from ``state`` to ``target`` (NaN: to ``velocity``) within the position limits."""
         self._target, self._velocity, self._elapsed_s = target, velocity, 0.0
         start = self.state.tolist()
-        bounds = bounds._replace(jerk=self._jerk(start[2]))
+        jerk = self._jerk(start[2])
+        if jerk != bounds.jerk:
+            bounds = bounds._replace(jerk=jerk)
         lower, upper = self._range(start[0])
         for _ in range(ATTEMPTS):
             if not self._planner.plan(start, target, velocity, bounds):
