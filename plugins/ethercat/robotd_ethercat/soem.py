@@ -241,10 +241,11 @@ class Soem:
         return one.man, one.id, one.rev, self.read_sii(slave, _SERIAL_WORD)
 
     def _register(self, address: int, action: Callable[[int], Any]) -> Any:
-        for _ in range(_TRIES):
+        for left in reversed(range(_TRIES)):
             with suppress(self._pysoem.WkcError):
                 return action(self._frame_timeout_us)
-            time.sleep(_REGISTER_RETRY_S)
+            if left:
+                time.sleep(_REGISTER_RETRY_S)
         raise DeviceTimeout(f"register 0x{address:04X}: no answer, {_TRIES} tries")
 
     def _transfer(self, action: Callable[[Any], Any], slave: int) -> Any:
