@@ -171,8 +171,7 @@ def test_replanning_in_motion_with_a_first_point_at_time_zero(
         plan = dense(list(old.position[:6]), pose(target), max(1.0, 1.875 * way / rad_s))
         goals.append(client.send_goal(plan))
     for replaced in goals[:-1]:
-        status, result = replaced.result()  # where the computer stalls, the next goal comes late
-        assert "preempted" in result.error_string or status == GoalStatus.STATUS_SUCCEEDED
+        assert "preempted" in replaced.result()[1].error_string
     status, result = goals[-1].result()
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
     client.next(joints)
