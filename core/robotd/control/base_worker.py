@@ -30,7 +30,7 @@ class BaseWorker:
     @property
     def settled(self) -> bool:
         """No motion runs, and none was asked for."""
-        return self._idle.is_set() and not self._wake.is_set()
+        return not self._wake.is_set() and self._idle.is_set()  # in the reverse order of `_run`
 
     def start(self) -> None:
         """Start the thread. A second call has no effect."""
@@ -56,10 +56,11 @@ class BaseWorker:
     def _run(self) -> None:
         while True:
             self._wake.wait()
+            self._idle.clear()
             self._wake.clear()
             if self.closing:
-                return
+                break
             if self._is_wanted():
-                self._idle.clear()
                 self._move()
-                self._idle.set()
+            self._idle.set()
+        self._idle.set()
