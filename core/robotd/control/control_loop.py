@@ -176,7 +176,12 @@ class ControlLoop:
         """
         try:
             self._tasks.run(time_ns, first=True)
-            self._run(time_ns)
+            if self._communicates(time_ns):
+                nominal_ns = self._reader.read(partial(self._deadlines.nominal, time_ns))
+                if self._is_fresh(time_ns):  # when the read began: a slow one is no loss
+                    self._mixer.advance(nominal_ns, self._image)
+                self._loss.report(nominal_ns)
+                self._tasks.run(nominal_ns, first=False)
             self._failing = False
         except Exception as error:
             if not self._failing:
@@ -192,19 +197,16 @@ class ControlLoop:
                 self._observer = None
                 log.exception("the observer of the control loop failed")
 
-    def _run(self, time_ns: int) -> None:
+    def _communicates(self, time_ns: int) -> bool:
+        """Query the state of the device; the end of communication fails all motion."""
         state = self._connection.update_ready()
-        if state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
-            self._lose(state, f"communication has ended (engine state {state.value})")
-            if self._reader.forget():
-                self._connection.set_stale(False)
-            self._loss.report(self._deadlines.nominal(time_ns))
-            return
-        nominal_ns = self._reader.read(partial(self._deadlines.nominal, time_ns))
-        if self._is_fresh(time_ns):  # by the time when the read began: a slow one is no loss
-            self._mixer.advance(nominal_ns, self._image)
-        self._loss.report(nominal_ns)
-        self._tasks.run(nominal_ns, first=False)
+        if state in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
+            return True
+        self._lose(state, f"communication has ended (engine state {state.value})")
+        if self._reader.forget():
+            self._connection.set_stale(False)
+        self._loss.report(self._deadlines.nominal(time_ns))
+        return False
 
     def _is_fresh(self, time_ns: int) -> bool:
         """Check the age of the values; stale values make the connection not ready."""

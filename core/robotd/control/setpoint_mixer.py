@@ -67,12 +67,24 @@ class SetpointMixer:
         self.due_ns = time_ns + self.period_ns
         if len(self._slots) > 1:
             self._hold_idle_axes(image)
-        streams = [slot for slot in self._slots if slot.advance(time_ns, image, self._setpoints)]
-        if streams and self._send(self.due_ns):
-            image.setpoint[:] = self._setpoints
-            self.sent_ns = self.due_ns
-            for slot in streams:
-                slot.sent(self.due_ns)
+        streamed = []
+        for slot in self._slots:
+            source = slot.select(time_ns)
+            if source is not None and source.advance(time_ns, self.period_ns, image):
+                self._setpoints[:, source.columns] = source.setpoint[:2]
+                streamed.append(source)
+        if not streamed:
+            return
+        try:
+            self._check_time()
+            self._driver.stream(self._setpoints[0], self._setpoints[1], self.due_ns)
+        except LateSetpoint:  # the device has continued without it
+            self.stats.late_setpoints += 1
+            return
+        image.setpoint[:] = self._setpoints
+        self.sent_ns = self.due_ns
+        for source in streamed:
+            source.sent(self.due_ns)
 
     def device_lost(self, reason: str) -> None:
         """Fail everything that runs: the device cannot be reached. Also the watchdog's thread."""
@@ -88,14 +100,7 @@ class SetpointMixer:
         np.copyto(self._setpoints[0], image.position_command, where=idle)
         np.copyto(self._setpoints[1], 0.0, where=idle)
 
-    def _send(self, due_ns: int) -> bool:
-        """Send the setpoints; return False when the device has continued without them."""
-        if self.extrapolates and self._clock.now_ns() > due_ns - self.period_ns // 2:
-            self.stats.late_setpoints += 1
-            return False
-        try:
-            self._driver.stream(self._setpoints[0], self._setpoints[1], due_ns)
-        except LateSetpoint:
-            self.stats.late_setpoints += 1
-            return False
-        return True
+    def _check_time(self) -> None:
+        """Raise LateSetpoint where the device extrapolates and half of the period has passed."""
+        if self.extrapolates and self._clock.now_ns() > self.due_ns - self.period_ns // 2:
+            raise LateSetpoint("more than half of the period has passed")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from robotd.arrays import FloatArray
 from robotd.control.completion import Outcome
 from robotd.control.setpoint_source import SetpointSource
-from robotd.device.process_image import ProcessImage
 
 PREEMPTED = "preempted by a new goal"
 ABANDONED = "the joints did not come to rest in time"
@@ -19,7 +17,7 @@ class SourceSlot:
     """Decides which source moves its axes in each period. Made by ``SetpointMixer.slot``.
 
     ``submit``, ``release_after`` and ``release`` are for the worker that has claimed the axes;
-    ``advance``, ``sent`` and ``device_lost`` for the mixer.
+    ``select`` and ``device_lost`` for the mixer.
 
     Args:
         period_ns: of the control loop.
@@ -99,13 +97,10 @@ class SourceSlot:
         with self._handover:
             self._drop(Outcome.FAULT, ABANDONED)
 
-    def advance(self, time_ns: int, image: ProcessImage, setpoints: FloatArray) -> bool:
-        """Write the setpoint due a period after ``time_ns`` into ``setpoints``; False: none.
+    def select(self, time_ns: int) -> SetpointSource | None:
+        """Return the source of the setpoint due a period after ``time_ns``; None: no setpoint.
 
-        Args:
-            time_ns: of the present period.
-            image: of the present period.
-            setpoints: (2, n) position and velocity of the device's n axes.
+        Once in each period. After a fault there is none: the device has stopped the axes.
         """
         advanced_ns = self._due_ns - self.period_ns
         self._due_ns, self._lost = time_ns + self.period_ns, None
@@ -113,18 +108,8 @@ class SourceSlot:
             with self._handover:
                 self._take_over(advanced_ns)
         source = self._running
-        if source is None or source.completion.outcome is Outcome.FAULT:
-            # After a fault the axes are at the position where the device stopped them.
-            return False
-        if not source.advance(time_ns, self.period_ns, image):
-            return False
-        setpoints[:, source.columns] = source.setpoint[:2]
-        return True
-
-    def sent(self, due_ns: int) -> None:
-        """Note that the setpoint of this period was handed to the device."""
-        if self._running is not None:
-            self._running.sent(due_ns)
+        failed = source is not None and source.completion.outcome is Outcome.FAULT
+        return None if failed else source
 
     def device_lost(self, reason: str) -> None:
         """Fail both sources: the device cannot be reached."""

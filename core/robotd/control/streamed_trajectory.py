@@ -109,28 +109,37 @@ class StreamedTrajectory:
         return self.stall_recovery.expect(time_ns, out)
 
     def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
-        """Compute the setpoint for ``due_ns``, at full rate or along the stop."""
-        rate = 1.0
+        """Compute the setpoint for ``due_ns``, at the rate of the operator or along the stop."""
+        period_ns, at_rest = due_ns - time_ns, False
         if self._stop_plan is None:
-            self._follow_path(due_ns, due_ns - time_ns)
-        else:
-            elapsed_s = (due_ns - self._stop_ns) / NANOSECONDS
-            self.time_s, rate, deceleration = self._stop_plan.at(elapsed_s)
+            scaled = self._advance_time(due_ns, period_ns)
             self._sampler.sample(self.time_s, self.setpoint)
-            _, velocity, acceleration = self.setpoint
-            acceleration *= rate**2
-            acceleration -= velocity * deceleration
-            velocity *= rate
+            self._path[:] = self.setpoint[1:]
+            if scaled:
+                self._rate.scale(self.setpoint)
+        else:
+            at_rest = self._sample_stop(self._stop_plan, due_ns)
         self._held[0] = self.setpoint[0]
-        self._recover(due_ns, due_ns - time_ns)
+        self._recover(due_ns, period_ns)
         if self.stall_recovery.active:
             return None
-        if rate == 0.0 or self.time_s >= self._trajectory.duration_s:
+        if at_rest or self.time_s >= self._trajectory.duration_s:
             return Phase.ARRIVING if self._stop_plan is None else Phase.RESTING
         return None
 
-    def _follow_path(self, due_ns: int, period_ns: int) -> None:
-        """Sample the path at the time that the rate of the operator leads to."""
+    def _sample_stop(self, stop_plan: StopPlan, due_ns: int) -> bool:
+        """Sample the path along the stop; return True at its end."""
+        elapsed_s = (due_ns - self._stop_ns) / NANOSECONDS
+        self.time_s, rate, deceleration = stop_plan.at(elapsed_s)
+        self._sampler.sample(self.time_s, self.setpoint)
+        _, velocity, acceleration = self.setpoint
+        acceleration *= rate**2
+        acceleration -= velocity * deceleration
+        velocity *= rate
+        return rate == 0.0
+
+    def _advance_time(self, due_ns: int, period_ns: int) -> bool:
+        """Set ``time_s`` for ``due_ns``; return True while the rate of the operator is not 1."""
         if self._sent_time_s is not None and self.stall_recovery.stood(due_ns, period_ns):
             self._continue_from_standstill(due_ns - period_ns, self._sent_time_s)
         scaled = due_ns > self.start_ns and not self._rate.is_full
@@ -140,10 +149,7 @@ class StreamedTrajectory:
             self.start_ns += round((1.0 - mean) * elapsed_ns)
         self._due_ns = due_ns
         self.time_s = (due_ns - self.start_ns) / NANOSECONDS
-        self._sampler.sample(self.time_s, self.setpoint)
-        self._path[:] = self.setpoint[1:]
-        if scaled:
-            self._rate.scale(self.setpoint)
+        return scaled
 
     def _continue_from_standstill(self, time_ns: int, time_s: float) -> None:
         """Go on from trajectory time ``time_s``, where the device has stood until ``time_ns``."""

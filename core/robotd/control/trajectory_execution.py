@@ -224,11 +224,8 @@ class TrajectoryExecution:
 
         Returns False where the device computes it.
         """
-        if self.completion.outcome is None:
-            self._run_period(time_ns, period_ns, image)
-        return self._source.streams
-
-    def _run_period(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
+        if self.completion.outcome is not None:
+            return self._source.streams
         pause_ns, self._advanced_ns = time_ns - self._advanced_ns, time_ns
         self._observe(image, time_ns)
         self._check_drives(image, pause_ns)
@@ -248,6 +245,7 @@ class TrajectoryExecution:
             case Phase.RESTING:
                 self._source.hold(due_ns, period_ns)
                 self._rest(time_ns, image)
+        return self._source.streams
 
     def _observe(self, image: ProcessImage, time_ns: int) -> None:
         time_s = self._source.expect(time_ns, self._state.phase, image, self._tracking.desired)
