@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import TypeVar
 
 import numpy as np
@@ -89,20 +89,27 @@ class JointMotion:
             NotReady: motion is stopped, a joint cannot be commanded now, it moves for another
                 owner, or a request that arrived later was started before this one.
         """
-        with self.lock, held(self._clock):  # simulated time must not outrun planning
+        # Simulated time must not outrun planning.
+        with self.lock, held(self._clock), self._released_on_failure():
             ticket = ticket or self.ticket()
-            if ticket < self._newest:
-                raise NotReady(PREEMPTED)
-            try:
-                self._require(owner, takeover)
-                source = self._submit(plan, start_ns, owner)
-            except BaseException:
-                if self._active == 0:
-                    self._claim.close()
-                raise
-            self._active += 1
-            self._newest = ticket
-            return source
+            self._check_request(owner, takeover, ticket)
+            for attempt in range(PLANNINGS):
+                self._axes.stop_latch.check()
+                lead_ns = round(LEAD_S * 2**attempt * NANOSECONDS)
+                running = self._slot.running
+                if running is None or running.completion.done:
+                    # At once, unless it takes longer than a period to make the source.
+                    earliest_ns = self._clock.now_ns() + lead_ns if attempt else 0
+                    source = self._start_at_rest(plan, running, max(earliest_ns, start_ns), owner)
+                else:
+                    splice_ns = max(self._clock.now_ns() + lead_ns, start_ns)
+                    source = self._splice(plan, running, splice_ns)
+                if source is not None:
+                    self._axes.hand_over(self._joint_axes, owner)
+                    self._owner, self._newest = owner, ticket
+                    self._active += 1
+                    return source
+            raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
 
     def release(self, source: SetpointSource) -> None:
         """Stop ``source`` and wait for its end; the last one releases the joints.
@@ -151,54 +158,44 @@ class JointMotion:
         """Return (m,) position commands of the joints, in rad or m."""
         return self._axes.image.position_command[self._joint_axes]
 
-    def _require(self, owner: str, takeover: bool) -> None:
-        """Raise NotReady while the joints move for another owner."""
+    @contextmanager
+    def _released_on_failure(self) -> Iterator[None]:
+        """Release the joints when the block fails and no source is active."""
+        try:
+            yield
+        except BaseException:
+            if self._active == 0:
+                self._claim.close()
+            raise
+
+    def _check_request(self, owner: str, takeover: bool, ticket: int) -> None:
+        """Raise NotReady after a later request, and while the joints move for another owner."""
+        if ticket < self._newest:
+            raise NotReady(PREEMPTED)
         if self._slot.active and self._owner != owner and not takeover:
             name = self._axes.names[self._joint_axes[0]]
             raise NotReady(f"{name}: in use by {self._owner}")
 
-    def _submit(self, plan: Planner[Source], start_ns: int, owner: str) -> Source:
-        for attempt in range(PLANNINGS):
-            lead_s = LEAD_S * 2**attempt
-            self._axes.stop_latch.check()
-            running = self._slot.running
-            if running is None or running.completion.done:
-                after, planned_ns = None, 0
-                # At once, unless it takes longer than a period to make the source.
-                earliest_ns = self._clock.now_ns() + round(lead_s * NANOSECONDS) if attempt else 0
-                source = self._plan_from_rest(plan, running, max(earliest_ns, start_ns), owner)
-            else:
-                after = running
-                source, planned_ns = self._plan_splice(plan, running, start_ns, lead_s)
-            if source is not None and self._slot.submit(source, after, planned_ns):
-                self._axes.hand_over(self._joint_axes, owner)
-                self._owner = owner
-                return source
-        raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
-
-    def _plan_splice(
-        self, plan: Planner[Source], running: SetpointSource, start_ns: int, lead_s: float
-    ) -> tuple[Source | None, int]:
-        """Plan from the motion of ``running``; None after its standstill where that is needed.
-
-        Also returns the ``start_ns`` of ``running`` for which the plan holds.
-        """
-        splice_ns = max(self._clock.now_ns() + round(lead_s * NANOSECONDS), start_ns)
+    def _splice(
+        self, plan: Planner[Source], running: SetpointSource, splice_ns: int
+    ) -> Source | None:
+        """Submit a source from the motion of ``running``; None: plan again, maybe at its rest."""
         state, planned_ns = _splice_state(running, splice_ns)
         if state is not None:
-            return plan(state)(splice_ns), planned_ns
+            source = plan(state)(splice_ns)
+            return source if self._slot.submit(source, running, planned_ns) else None
         if running.completion.goes_on:
             # It has to stop first, but not for a request that would be rejected anyway.
             plan(MotionState.at_rest(self.command()))(splice_ns)
             running.completion.request(Outcome.PREEMPTED, PREEMPTED)
         if not self._await_end(running, STOP_TIMEOUT_S):
             raise NotReady("the joints did not come to rest after the last trajectory")
-        return None, 0
+        return None
 
-    def _plan_from_rest(
+    def _start_at_rest(
         self, plan: Planner[Source], running: SetpointSource | None, start_ns: int, owner: str
     ) -> Source | None:
-        """Plan from standstill and claim the axes; None when they have moved meanwhile."""
+        """Claim the axes and submit a source from standstill; None when they have moved."""
         state = self._rest_state()
         make = plan(state)
         if not self._slot.release_after(running):
@@ -210,7 +207,8 @@ class JointMotion:
         if (np.abs(self.command() - state.position) > MOVED_RAD).any():
             return None
         earliest_ns = max(self._slot.next_start_ns, self._clock.now_ns())
-        return make(max(earliest_ns, start_ns))
+        source = make(max(earliest_ns, start_ns))
+        return source if self._slot.submit(source, None) else None
 
     def _rest_state(self) -> MotionState:
         """Return the commanded position; a plan from the measured one would jump."""

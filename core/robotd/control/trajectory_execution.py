@@ -88,8 +88,8 @@ class TrajectoryExecution:
         axes: IntArray,
         limits: JointLimits,
         tolerances: Tolerances,
-        start_ns: int,
         stopped_velocity: FloatArray,
+        start_ns: int,
         *,
         underrun: Underrun = Underrun.EXTRAPOLATE,
         buffer_s: float = 0.0,
@@ -120,8 +120,8 @@ class TrajectoryExecution:
         axes: IntArray,
         limits: JointLimits,
         tolerances: Tolerances,
-        start_ns: int,
         stopped_velocity: FloatArray,
+        start_ns: int,
     ) -> TrajectoryExecution:
         """Return an execution by a device that interpolates the trajectory itself."""
         completion = Completion()

@@ -142,8 +142,21 @@ class TrajectoryFollower:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
             NotReady: a joint cannot be commanded now, or a newer request was started already.
         """
-        with noted_rejection(self._events, request):
-            execution = self._start(request, tolerances or self.tolerances(), start_ns or 0, ticket)
+        limits, allowed = self.limits, tolerances or self.tolerances()
+
+        def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
+            trajectory = plan(request, limits, self.settings, state, recent_path)
+            self._check_end(trajectory)
+            stopped = limits.stopped_velocity(self.settings)
+            return partial(self._execution, trajectory, self._joint_axes, limits, allowed, stopped)
+
+        with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
+            recent_path = self._recent_path(start_ns or 0)
+            execution = self._motion.start(
+                planned, start_ns or 0, takeover=self._takeover, ticket=ticket
+            )
+            self._recent.append(execution)
+            execution.begin()
         note_goal(self._events, request, execution)
         try:
             yield execution
@@ -179,39 +192,13 @@ class TrajectoryFollower:
         """
         self._motion.stop(timeout_s)
 
-    def _start(
-        self, request: TrajectoryRequest, tolerances: Tolerances, start_ns: int, ticket: int
-    ) -> TrajectoryExecution:
-        with self._motion.lock, held(self._clock):
-            recent_path = self._recent_path(start_ns)
-
-            def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
-                trajectory = plan(request, self.limits, self.settings, state, recent_path)
-                if self._on_device and trajectory.goal_s is not None:
-                    raise reject(
-                        f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
-                        " that interpolates trajectories itself ends them at rest"
-                    )
-                return partial(self._make, trajectory, tolerances)
-
-            execution = self._motion.start(
-                planned, start_ns, takeover=self._takeover, ticket=ticket
+    def _check_end(self, trajectory: Trajectory) -> None:
+        """Reject a last point with a velocity where the device interpolates the trajectory."""
+        if self._on_device and trajectory.goal_s is not None:
+            raise reject(
+                f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
+                " that interpolates trajectories itself ends them at rest"
             )
-            self._recent.append(execution)
-            execution.begin()
-            return execution
-
-    def _make(
-        self, trajectory: Trajectory, tolerances: Tolerances, start_ns: int
-    ) -> TrajectoryExecution:
-        return self._execution(
-            trajectory,
-            self._joint_axes,
-            self.limits,
-            tolerances,
-            start_ns,
-            self.limits.stopped_velocity(self.settings),
-        )
 
     def _recent_path(self, start_ns: int) -> FloatArray:
         """Return (w, m) commanded positions of the last and the next ``REPLAN_S``.

@@ -56,8 +56,8 @@ class Harness:
             np.array([0, 1]),
             limits,
             Tolerances.of_goal(LIMITS, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
-            self.time_ns,
             LIMITS.stopped_velocity(SETTINGS),
+            self.time_ns,
         )
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
         assert self.slot.submit(execution, None)

@@ -58,8 +58,8 @@ def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer
         np.array([0]),
         LIMITS,
         Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
-        0,
         LIMITS.stopped_velocity(SETTINGS),
+        0,
         underrun=Underrun.HOLD,
         buffer_s=buffer_s,
     )
@@ -81,7 +81,7 @@ def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
     """The WMX engine's commands deviate after an underrun of its buffers."""
     tolerances = Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", 0.01)], 0.1)
     execution = TrajectoryExecution.streamed(
-        half_a_radian(), np.array([0]), LIMITS, tolerances, 0, LIMITS.stopped_velocity(SETTINGS)
+        half_a_radian(), np.array([0]), LIMITS, tolerances, LIMITS.stopped_velocity(SETTINGS), 0
     )
     image, time_ns = ProcessImage(1), 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM

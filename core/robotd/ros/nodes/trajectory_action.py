@@ -114,14 +114,27 @@ class TrajectoryAction:
                 ticket = self._group.motion.ticket()
                 self._host.submit(self._run, goal, self._server.requester, ticket)
             except RobotdError as error:
-                self._end(goal, Ending(None, _RESULT.INVALID_GOAL, str(error)))
+                self._end(goal, self._failure(error))
 
     def _run(self, goal: Any, requester: Any, ticket: int) -> None:
         """Worker thread: execute the goal, then let the executor thread end it."""
         with self._host.sent_by_request(requester), ExitStack() as motion:
+            try:
+                ending = self._follow(goal, ticket, motion)
+            except Exception as error:  # noqa: BLE001 - the goal ends with it
+                ending = self._failure(error)
+            finally:
+                self._executions.pop(bytes(goal.goal_id.uuid), None)
             # Joints that move on behind the last point are released after the result: the next
             # goal of the client may take over.
-            self._end(goal, self._ending_of(goal, ticket, motion))
+            self._end(goal, ending)
+
+    def _failure(self, error: Exception) -> Ending:
+        if isinstance(error, RobotdError):
+            code = error.code if isinstance(error, TrajectoryRejected) else _RESULT.INVALID_GOAL
+            return Ending(None, int(code), str(error))
+        self._log.error("a goal failed", exc_info=error)
+        return Ending(None, _RESULT.INVALID_GOAL, f"internal error: {error}")
 
     def _end(self, goal: Any, ending: Ending) -> None:
         self._server.notify_execute(goal, lambda goal: self._finish(goal, ending))
@@ -137,20 +150,6 @@ class TrajectoryAction:
             goal.abort()
         self._log.info("goal ended", outcome=_word(ending), reason=ending.text)
         return _RESULT(error_code=ending.code, error_string=ending.text)
-
-    def _ending_of(self, goal: Any, ticket: int, motion: ExitStack) -> Ending:
-        """Worker thread: from the goal message to the result."""
-        try:
-            return self._follow(goal, ticket, motion)
-        except TrajectoryRejected as error:
-            return Ending(None, int(error.code), str(error))
-        except RobotdError as error:
-            return Ending(None, _RESULT.INVALID_GOAL, str(error))
-        except Exception as error:  # noqa: BLE001 - logged, and the goal ends
-            self._log.exception("a goal failed")
-            return Ending(None, _RESULT.INVALID_GOAL, f"internal error: {error}")
-        finally:
-            self._executions.pop(bytes(goal.goal_id.uuid), None)
 
     def _follow(self, goal: Any, ticket: int, motion: ExitStack) -> Ending:
         message, follower = goal.request, self._group.follower
