@@ -9,10 +9,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from std_msgs.msg import String
+from tests.fakes import FakeClock
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from wmx_ros2_message.srv import SetAxis
 
-from robotd.clock import FakeClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.health.part_status import Level
 from robotd.robot import build_robot

@@ -6,7 +6,6 @@ run without waiting.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -35,30 +34,6 @@ class MonotonicClock:
         remaining_ns = deadline_ns - time.monotonic_ns()
         if remaining_ns > 0:
             time.sleep(remaining_ns / NANOSECONDS)
-
-
-class FakeClock:
-    """Clock for tests: it advances by ``advance``, or when a thread sleeps on it.
-
-    Any thread may call. Sleeping advances the time of all threads, so use it from one thread
-    where the order of events matters.
-    """
-
-    def __init__(self, start_ns: int = NANOSECONDS) -> None:
-        self._now_ns = start_ns
-        self._lock = threading.Lock()
-
-    def now_ns(self) -> int:
-        return self._now_ns
-
-    def advance(self, seconds: float) -> None:
-        """Move time forward by ``seconds`` (>= 0)."""
-        with self._lock:
-            self._now_ns += round(seconds * NANOSECONDS)
-
-    def sleep_until_ns(self, deadline_ns: int) -> None:
-        with self._lock:
-            self._now_ns = max(self._now_ns, deadline_ns)
 
 
 def wait_until(

@@ -21,11 +21,8 @@ from robotd.device.state import CommandMode, Operation, Underrun
 from robotd.device.stop_latch import StopLatch
 from robotd.errors import DeviceTimeout, NotReady, Unsupported
 from robotd.events import EventLog, noted
-from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
 from robotd.motion.profile import Profile
-
-log = get_logger("axes")
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ CAUSE_WINDOW_S = 1.0  # before the symptom: its cause is the first bad event in 
 SHOWN_BEFORE_S, SHOWN_AFTER_S = 10.0, 5.0
 LATE_US = 1000.0  # lateness of the control loop that is worth a line
 MOTION_CALLS = frozenset({"move", "jog", "command"})
-UNITS = {"position": "rad", "velocity": "rad/s"}
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from tests.fakes import FakeClock
 from tests.unit.canopen.network import options, plan
 
-from robotd.clock import FakeClock
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import LateSetpoint
 from robotd_canopen.frame import Frame

@@ -7,8 +7,8 @@ from typing import cast
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.fakes import FakeClock
 
-from robotd.clock import FakeClock
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.sync_producer import SyncProducer

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from robotd.clock import FakeClock
+from tests.fakes import FakeClock
+
 from robotd_cia402.stream_timeout import StreamTimeout
 
 

@@ -15,7 +15,7 @@ Install = Callable[..., Path]
 
 LYING = """
     from robotd.api import BackendInfo, Capability, hookimpl
-    from robotd.testing.fakes import FakeAxes, FakeDevice
+    from tests.fakes import FakeAxes, FakeDevice
 
     @hookimpl
     def robotd_backend():

@@ -89,7 +89,7 @@ def test_options_of_the_backend_are_checked(robotd: Robotd, tmp_path: Path) -> N
 
 BARE = """
     from robotd.api import *
-    from robotd.testing.fakes import FakeAxes, FakeDevice
+    from tests.fakes import FakeAxes, FakeDevice
 
     class Axes(FakeAxes):
         device_limits = ()
@@ -158,7 +158,7 @@ def test_joint_groups_need_streamed_setpoints(
 ) -> None:
     source = """
         from robotd.api import *
-        from robotd.testing.fakes import FakeAxes, FakeDevice
+        from tests.fakes import FakeAxes, FakeDevice
 
         @hookimpl
         def robotd_backend():

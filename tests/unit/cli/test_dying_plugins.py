@@ -19,7 +19,7 @@ AT_IMPORT = "import os\nos._exit(9)\n"
 AT_OPEN = """
 import os
 from robotd.api import BackendInfo, Capability, hookimpl
-from robotd.testing.fakes import FakeAxes, FakeDevice
+from tests.fakes import FakeAxes, FakeDevice
 
 class Device(FakeDevice):
     def open(self, path="", name=""):

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from tests.fakes import FakeClock
 
-from robotd.clock import NANOSECONDS, FakeClock
+from robotd.clock import NANOSECONDS
 from robotd.descriptor import RobotDescriptor
 from robotd.motion.planar import PlanarTwist
 from robotd.plugin.manager import load_backend

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from robotd.clock import FakeClock
+from tests.fakes import FakeClock
+
 from robotd.control.base_worker import BaseWorker
 
 TIMEOUT_S = 5.0

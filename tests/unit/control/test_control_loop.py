@@ -10,8 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 from structlog.testing import capture_logs
+from tests.fakes import FakeAxes, FakeClock, FakeDevice
 
-from robotd.clock import FakeClock
 from robotd.control.control_loop import ControlLoop
 from robotd.control.device_loss import DeviceLoss
 from robotd.control.setpoint_mixer import SetpointMixer
@@ -20,7 +20,6 @@ from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState, Underrun
 from robotd.errors import OperationError
-from robotd.testing.fakes import FakeAxes, FakeDevice
 
 PERIOD_NS = 2_000_000
 TIMEOUT_S = 10.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from tests.fakes import FakeAxes
 from tests.unit.control.harness import Harness, arm
 
 from robotd.control.device_fit import fit_device
@@ -14,7 +15,6 @@ from robotd.errors import DescriptorError, InvalidArgument, PluginError
 from robotd.motion import TrajectoryRejected
 from robotd.motion.limits import AxisLimits
 from robotd.motion.profile import Profile
-from robotd.testing.fakes import FakeAxes
 from robotd_sim import SimAxes
 
 DEVICE = AxisLimits(-1.0, 9.0, 2.0, 99.0)

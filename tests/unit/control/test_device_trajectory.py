@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.fakes import FakeAxes
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.device_trajectory import STOP_STEP, stop_time
@@ -25,7 +26,6 @@ from robotd.motion import (
     TrajectoryRequest,
     plan,
 )
-from robotd.testing.fakes import FakeAxes
 
 NAMES = ("a", "b")
 PERIOD_NS = 2_000_000

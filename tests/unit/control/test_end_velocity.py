@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from tests.fakes import FakeAxes
 from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness, arm
 from tests.unit.motion.helpers import peaks_of
 
@@ -14,7 +15,6 @@ from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.errors import NotReady
 from robotd.events import EventKind, Level
 from robotd.motion import JointTolerance, TrajectoryRejected, TrajectoryRequest
-from robotd.testing.fakes import FakeAxes
 
 GOAL_S = 1.0
 POINT = (0.4, -0.2, 0.1)

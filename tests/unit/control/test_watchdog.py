@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 
 import pytest
+from tests.fakes import FakeAxes, FakeDevice
 
 from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.clock.simulated import PacedClock
@@ -17,7 +18,6 @@ from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
-from robotd.testing.fakes import FakeAxes, FakeDevice
 
 LIMIT_S = 0.05
 

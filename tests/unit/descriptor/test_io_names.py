@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from tests.fakes import FakeIo
 from tests.unit.descriptor.test_load import rejection, write
 from tests.unit.device.harness import Harness
 
@@ -12,7 +13,6 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.device.io import Io
 from robotd.device.io_names import check_names
 from robotd.errors import DescriptorError
-from robotd.testing.fakes import FakeIo
 
 ROBOT = "schema: 1\nname: arm\naxes: 1\n"
 WORD = "must begin with a letter and hold only letters, digits and _"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from robotd.clock import FakeClock
+from tests.fakes import FakeAxes, FakeClock, FakeDevice, FakeFieldbus, FakeIo
+
 from robotd.descriptor import EngineSettings
 from robotd.device.axes import Axes
 from robotd.device.capabilities import Capability
@@ -13,7 +14,6 @@ from robotd.device.fieldbus import Fieldbus
 from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
 from robotd.motion.limits import AxisLimits
-from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 
 ALL = frozenset(Capability) - {Capability.TRAJECTORIES_ON_DEVICE}
 JOINT = AxisLimits(-1.0, 2.0, 3.0, 10.0)

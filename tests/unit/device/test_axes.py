@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.fakes import FakeAxes
 from tests.unit.device.harness import ALL, Harness
 
 from robotd.device.axes import Axes, Jog, Move
@@ -25,7 +26,6 @@ from robotd.errors import (
     Unsupported,
 )
 from robotd.motion.profile import Profile
-from robotd.testing.fakes import FakeAxes
 
 PROFILE = Profile(1.0, 5.0, 5.0)
 UNLIMITED_AXIS = 2

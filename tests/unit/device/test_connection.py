@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from structlog.testing import capture_logs
+from tests.fakes import FakeDevice
 
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
@@ -22,7 +23,6 @@ from robotd.errors import (
     OperationError,
     Unsupported,
 )
-from robotd.testing.fakes import FakeDevice
 
 
 def make(device: FakeDevice, parameters: Path | None = None, **settings: Any) -> Connection:

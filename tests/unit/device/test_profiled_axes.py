@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.fakes import FakeClock
 
 from robotd.arrays import FloatArray
-from robotd.clock import FakeClock
 from robotd.device.process_image import ProcessImage
 from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.state import CommandMode, Operation

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from tests.fakes import FakeClock
 from tests.unit.ethercat.fake_bus import FakeBus
 
 import robotd_ethercat.soem
-from robotd.clock import FakeClock
 from robotd_ethercat import machine_check
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.cli import ethercat

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Iterator
 
 import pytest
+from tests.fakes import FakeClock
 
-from robotd.clock import FakeClock
 from robotd.control.loop_statistics import LoopReport
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage

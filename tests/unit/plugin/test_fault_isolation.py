@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock, wait_until
@@ -17,7 +18,6 @@ from robotd.device.state import ConnectionState
 from robotd.errors import DeviceTimeout, NotReady, OperationError, Unsupported
 from robotd.plugin import fault_isolation
 from robotd.plugin.fault_isolation import isolated
-from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 
 PLUGIN = "'odd' (plugin_acme of acme 1.2)"
 

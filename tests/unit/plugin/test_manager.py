@@ -225,7 +225,7 @@ DRIVERS = (
     "def robotd_open_device(): return FakeDevice()",
     "def robotd_axes(device): return FakeAxes(2)",
 )
-FAKES = "from robotd.testing.fakes import FakeAxes, FakeDevice, FakeFieldbus\n"
+FAKES = "from tests.fakes import FakeAxes, FakeDevice, FakeFieldbus\n"
 
 
 def make_complete(install: Install, *hooks: str, before: str = "", **info: str) -> Backend:

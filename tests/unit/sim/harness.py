@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from tests.fakes import FakeClock
 
 import robotd_sim
 from robotd.api import DeviceContext, Profile
 from robotd.arrays import FloatArray
-from robotd.clock import FakeClock
 from robotd.descriptor import RobotDescriptor
 from robotd.device.process_image import ProcessImage
 from robotd_sim.axes import SimAxes

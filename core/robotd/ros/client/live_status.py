@@ -29,7 +29,6 @@ from robotd.ros.client.status_client import (
 )
 
 GOAL_SILENCE_S = 0.5  # after the last feedback of a goal it has ended
-ENGINE = "engine"
 
 
 @dataclass(frozen=True)

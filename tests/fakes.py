@@ -1,17 +1,19 @@
-"""Fake drivers that execute at once and record every call.
+"""Fake clock, and fake drivers that execute at once and record every call.
 
-Each has ``calls``, a list of tuples: the method's name, then its arguments. ``failures`` maps
-the name of a method to the error that it raises instead of obeying.
+Each driver has ``calls``, a list of tuples: the name of the method, then its arguments.
+``failures`` maps the name of a method to the error that it raises instead of obeying.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.drivers import (
     AxisDriver,
@@ -24,6 +26,30 @@ from robotd.device.state import CommandMode, ConnectionState, Operation
 from robotd.motion.profile import Profile
 
 Call = tuple[object, ...]
+
+
+class FakeClock:
+    """Clock for tests: it advances by ``advance``, or when a thread sleeps on it.
+
+    Any thread may call. Sleeping advances the time of all threads, so use it from one thread
+    where the order of events matters.
+    """
+
+    def __init__(self, start_ns: int = NANOSECONDS) -> None:
+        self._now_ns = start_ns
+        self._lock = threading.Lock()
+
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    def advance(self, seconds: float) -> None:
+        """Move time forward by ``seconds`` (>= 0)."""
+        with self._lock:
+            self._now_ns += round(seconds * NANOSECONDS)
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        with self._lock:
+            self._now_ns = max(self._now_ns, deadline_ns)
 
 
 class Recorder:
