@@ -34,6 +34,7 @@ AMPLITUDE, ANGULAR = 0.4, 2.0 * np.pi * 0.4
 RATES_HZ = (10, 30, 100, 500)
 SECONDS = 7.5  # three periods of the sine; the first is not judged
 LOOP_HZ, COST_PERIODS, REPETITIONS = 1000, 3000, 12
+EVICTING_VALUES = 2**19  # 4 MiB, written between two periods: more than the caches of a core
 GOAL_AHEAD_S = 0.12  # of the goals that are sent instead: about the shortest accepted
 
 
@@ -89,8 +90,10 @@ def judged(rows: FloatArray) -> dict[str, float]:
     }
 
 
-def setpoint_cost(rate_hz: float, mode: str) -> dict[str, float]:
-    """Return the time of a setpoint of six joints at ``LOOP_HZ``, without interruptions.
+def setpoint_cost(rate_hz: float, mode: str, *, cold: bool) -> tuple[float, float]:
+    """Return p50 and p99 in µs of a setpoint of six joints at ``LOOP_HZ``, without interruptions.
+
+    ``cold``: with the caches of the core cold in each period, as in operation.
 
     The same sequence runs ``REPETITIONS`` times, and the shortest time of each period counts:
     what interrupts this thread on a busy computer does so in other periods each time.
@@ -98,12 +101,15 @@ def setpoint_cost(rate_hz: float, mode: str) -> dict[str, float]:
     limits = build_robot("cr3a", "sim").follower.limits
     period_ns = NANOSECONDS // LOOP_HZ
     shortest = np.full(COST_PERIODS, np.inf)
+    evicting = np.zeros(EVICTING_VALUES)
     for _ in range(REPETITIONS):
         setpoints = StreamSetpoints(limits, StreamMode(mode), 1.0 / LOOP_HZ)
         setpoints.reset(MotionState.at_rest(np.zeros(6)))
         sent = 0
         for period in range(COST_PERIODS):
             now_ns = period * period_ns
+            if cold:
+                evicting += 1.0
             began_ns = time.perf_counter_ns()
             if now_ns >= sent * NANOSECONDS / rate_hz:
                 target = np.full(6, AMPLITUDE * np.sin(ANGULAR * sent / rate_hz))
@@ -111,14 +117,26 @@ def setpoint_cost(rate_hz: float, mode: str) -> dict[str, float]:
                 sent += 1
             setpoints.advance(now_ns + period_ns)
             shortest[period] = min(shortest[period], (time.perf_counter_ns() - began_ns) / 1e3)
-    p50, p99 = np.percentile(shortest, (50, 99))
-    return {"cost_p50_us": float(p50), "cost_p99_us": float(p99)}
+    p50, p99 = np.percentile(shortest, (50, 99)).tolist()
+    return p50, p99
+
+
+def setpoint_costs(rate_hz: float, mode: str) -> dict[str, float]:
+    """Return the times of ``setpoint_cost`` by name."""
+    p50, p99 = setpoint_cost(rate_hz, mode, cold=False)
+    cold_p50, cold_p99 = setpoint_cost(rate_hz, mode, cold=True)
+    return {
+        "cost_p50_us": p50,
+        "cost_p99_us": p99,
+        "cost_cold_p50_us": cold_p50,
+        "cost_cold_p99_us": cold_p99,
+    }
 
 
 def by_stream(rate_hz: float, mode: str) -> tuple[FloatArray, dict[str, float]]:
     with running() as run, run.robot.stream(mode=mode, timeout_s=0.3) as stream:
         rows = run.send_sine(rate_hz, stream.send)
-    return rows, judged(rows) | setpoint_cost(rate_hz, mode)
+    return rows, judged(rows) | setpoint_costs(rate_hz, mode)
 
 
 def by_goals(rate_hz: float) -> tuple[FloatArray, dict[str, float]]:
@@ -192,6 +210,7 @@ def show(name: str, rate_hz: int, figures: dict[str, float]) -> None:
     line = f"{name:10}{rate_hz:5} Hz{figures['lag_ms']:9.1f}{figures['ripple_rad_s']:14.4f}"
     if "cost_p50_us" in figures:
         line += f"{figures['cost_p50_us']:10.1f}{figures['cost_p99_us']:9.1f}"
+        line += f"{figures['cost_cold_p50_us']:10.1f}{figures['cost_cold_p99_us']:9.1f}"
     print(line)
 
 
@@ -201,7 +220,7 @@ def main(out: Path) -> None:
     """Measure streams; write streams.json and stream.png."""
     configure_logging("warning")
     results: dict[str, Any] = {"machine": machine(), "load": os.getloadavg()[0], "streams": {}}
-    print(f"{'':18}{'lag ms':>9}{'ripple rad/s':>14}{'cost p50':>10}{'p99 µs':>9}")
+    print(f"{'':18}{'lag ms':>9}{'ripple rad/s':>14}{'cost p50':>10}{'p99 µs':>9}{'cold':>10}")
     pictures = {}
     for mode in ("target", "smooth"):
         for rate_hz in RATES_HZ:

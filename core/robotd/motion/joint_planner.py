@@ -111,7 +111,9 @@ class JointPlanner:
     def at(self, time_s: float) -> tuple[Row, Row, Row]:
         """Return position, velocity and acceleration ``time_s`` after the start."""
         position, velocity, acceleration = self._trajectory.at_time(time_s)
-        return list(map(operator.add, self._origin, position)), velocity, acceleration
+        if self._origin is not self._zeros:
+            position = list(map(operator.add, self._origin, position))
+        return position, velocity, acceleration
 
     def leaves(self, lower: Row, upper: Row) -> list[bool]:
         """Return the joints that the plan takes below ``lower`` or above ``upper``."""

@@ -129,17 +129,18 @@ class SetpointLimiter:
             stands: targets that stand still and are not overshot.
         """
         carefree = True not in stands and self._is_carefree(reference)
-        if carefree and self._is_on(reference):
+        start = self.state.copy()
+        deviation = start - self._back.dot(reference)
+        if carefree and _is_negligible(deviation):
             self.state[:] = reference
             return self.state
-        start, target = self.state.copy(), self._within_limits(target)
         if carefree:
-            self._follow(start, reference, self._rest)
+            self._follow(start, reference, deviation, self._rest)
             if self._is_carefree(self.state):
                 return self.state
-        tracked = self._trackable(reference)
+        target, tracked = self._within_limits(target), self._trackable(reference)
         if not carefree:
-            self._follow_some(start, reference, target, tracked)
+            self._follow_some(start, reference, deviation, target, tracked)
         lower, upper = self._range(start[0].tolist())
         for joint, (begin, end) in enumerate(zip(start[0].tolist(), target, strict=True)):
             if stands[joint] and begin > end:
@@ -150,7 +151,7 @@ class SetpointLimiter:
         unsafe = map(operator.or_, self._unstoppable(state, lower, upper), self._too_fast(state))
         safe = [each and not cannot for each, cannot in zip(tracked, unsafe, strict=True)]
         if safe != tracked:
-            self._follow_some(start, reference, target, safe)
+            self._follow_some(start, reference, deviation, target, safe)
         return self.state
 
     def _go(self, target: Row, velocity: Row, bounds: Bounds) -> None:
@@ -197,11 +198,6 @@ class SetpointLimiter:
             Bounds.symmetric(fastest, bounds.highest_acceleration, bounds.jerk),
         )
 
-    def _is_on(self, reference: FloatArray) -> bool:
-        """Return True where every joint is on ``reference``."""
-        deviation = np.abs(self.state - self._back @ reference)
-        return int(np.count_nonzero(deviation < ON_REFERENCE)) == deviation.size
-
     def _is_carefree(self, state: FloatArray) -> bool:
         """Return True where every joint is certainly able to stop from ``state`` (3, m)."""
         lowest, highest = self._carefree
@@ -217,14 +213,26 @@ class SetpointLimiter:
         ]
 
     def _follow_some(
-        self, start: FloatArray, reference: FloatArray, target: Row, tracked: list[bool]
+        self,
+        start: FloatArray,
+        reference: FloatArray,
+        deviation: FloatArray,
+        target: Row,
+        tracked: list[bool],
     ) -> None:
         """Advance from ``start``: ``tracked`` joints to the reference, the others to target."""
-        aims = [0.0 if tracks else each for tracks, each in zip(tracked, target, strict=True)]
-        self._follow(start, np.where(tracked, reference, 0.0), aims)
+        if False in tracked:
+            target = [0.0 if each else end for each, end in zip(tracked, target, strict=True)]
+            reference = np.where(tracked, reference, 0.0)
+            deviation = np.where(tracked, deviation, start)
+        else:
+            target = self._rest
+        self._follow(start, reference, deviation, target)
 
-    def _follow(self, start: FloatArray, reference: FloatArray, target: Row) -> None:
-        """Advance from ``start`` to a deviation from ``reference`` of ``target``.
+    def _follow(
+        self, start: FloatArray, reference: FloatArray, deviation: FloatArray, target: Row
+    ) -> None:
+        """Advance from ``start``, ``deviation`` away from ``reference``, to a deviation ``target``.
 
         Within the period the reference's acceleration is constant, so that all jerk is that of
         the deviation, which is limited.
@@ -238,8 +246,7 @@ class SetpointLimiter:
             _difference(bounds.highest_acceleration, acceleration),
             self._jerk(start[2].tolist()),
         )
-        deviation = (start - self._back @ reference).tolist()
-        if self._planner.plan(deviation, target, self._rest, relative):
+        if self._planner.plan(deviation.tolist(), target, self._rest, relative):
             self.state[:] = self._planner.at(self._period_s)
             self.state += reference
             return
@@ -254,12 +261,12 @@ class SetpointLimiter:
         The velocity changes by a²/2J while an acceleration a ends. Where a stop exceeds the limit
         of a, J is raised so that the velocity changes by no more than from that limit.
         """
-        bounds = self._bounds
+        strongest, jerk = self._bounds.highest_acceleration, self._bounds.jerk
+        if all(map(operator.le, map(abs, acceleration), strongest)):
+            return jerk
         return [
-            jerk * max(1.0, (a / strongest) ** 2)
-            for a, strongest, jerk in zip(
-                acceleration, bounds.highest_acceleration, bounds.jerk, strict=True
-            )
+            each * max(1.0, (a / limit) ** 2)
+            for a, limit, each in zip(acceleration, strongest, jerk, strict=True)
         ]
 
     def _too_fast(self, state: Sequence[Row]) -> list[bool]:
@@ -327,6 +334,11 @@ def _carefree_states(limits: JointLimits) -> tuple[FloatArray, FloatArray]:
         np.array([limits.lower + room, -velocity, -acceleration]),
         np.array([limits.upper - room, velocity, acceleration]),
     )
+
+
+def _is_negligible(deviation: FloatArray) -> bool:
+    """Return True where every joint is on its reference."""
+    return int(np.count_nonzero(np.abs(deviation) < ON_REFERENCE)) == deviation.size
 
 
 def _difference(minuend: Row, subtrahend: Row) -> Row:

@@ -99,7 +99,8 @@ class TargetSpline:
                 [rate**2, -2.0 * rate**2, rate**2],
             ]
         )
-        return basis @ self._points
+        reference: FloatArray = basis.dot(self._points)
+        return reference
 
     def _measure(self, time_ns: int) -> None:
         """Update the mean period of arrivals."""
