@@ -5,8 +5,8 @@ The one file that sees every step of the path.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 
@@ -18,16 +18,16 @@ from robotd.control.device_fit import fit_device
 from robotd.control.joint_group import make_groups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
-from robotd.control.motion_stop import QUICK_STOP_S, MotionStop
+from robotd.control.motion_stop import MotionStop, stop_input
 from robotd.control.problem import Problem, ProblemKind
 from robotd.control.recovery import Recovery, Report
+from robotd.control.servos import Servos
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Axes
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
-from robotd.device.each_axis import each
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
@@ -36,9 +36,8 @@ from robotd.device.io_names import check_names
 from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
 from robotd.device.soft_limits import SoftLimitGuard
-from robotd.device.state import CommandMode
 from robotd.device.tool_pose import ToolPose, tool_poses
-from robotd.errors import ConnectError, InvalidArgument, RobotdError, Unsupported, reason_of
+from robotd.errors import InvalidArgument, RobotdError, Unsupported
 from robotd.events import EventLog
 from robotd.log import get_logger
 from robotd.plugin.driver_set import Drivers
@@ -69,6 +68,7 @@ class Robot:
         groups: joint groups by name; ``follower`` and ``stream`` are those of the only one.
         base: moves the wheels; None if the robot has none.
         wheel_axes: axes of the wheels; empty if the robot has none.
+        servos: switches the servos of joints and wheels on and off.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Robot:
             drivers = backend.drivers(backend.context(descriptor, clock))
         capabilities = drivers.capabilities(backend.info.capabilities)
         self._make_fault_injector = drivers.make_fault_injector
-        driver = drivers.axes
+        driver, rate_hz = drivers.axes, descriptor.cycle.rate_hz
         fit = fit_device(descriptor, driver, name)
         for note in fit.notes:
             log.warning("limit of the device applies", reason=note)
@@ -98,7 +98,7 @@ class Robot:
         self.backend = backend
         self.capabilities = capabilities
         self.clock = clock
-        self.joint_names = tuple(joint.name for joint in descriptor.joints)
+        self.joint_names = descriptor.joint_names
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
         self.image, self.events = ProcessImage(descriptor.axes), EventLog(clock.now_ns)
         self.connection = Connection(
@@ -137,33 +137,35 @@ class Robot:
             self.axes.kept_at_rest,
         )
         self.gripper = Gripper(self.io, descriptor.gripper, clock) if descriptor.gripper else None
-        self.mixer = mixer = SetpointMixer(driver, descriptor.axes, descriptor.cycle.rate_hz, clock)
+        self.mixer = mixer = SetpointMixer(driver, descriptor.axes, rate_hz, clock)
         self.control_loop = ControlLoop(
             driver,
             self.connection,
             self.image,
             mixer,
-            descriptor.cycle.rate_hz,
+            rate_hz,
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        guard = SoftLimitGuard(self.axes, driver, 1.0 / descriptor.cycle.rate_hz)
-        self.control_loop.every(descriptor.cycle.rate_hz, "travel", guard.look)
+        guard = SoftLimitGuard(self.axes, driver, 1.0 / rate_hz)
+        self.control_loop.every(rate_hz, "travel", guard.look)
         self._motion_stop = MotionStop(
-            self.axes, driver, mixer, self.connection, clock, *self._stop_input()
+            self.axes,
+            driver,
+            mixer,
+            self.connection,
+            clock,
+            *stop_input(self.io, descriptor.stop_input),
         )
-        self.control_loop.every(
-            descriptor.cycle.rate_hz, "stop", self._motion_stop.enforce, first=True
-        )
+        self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
         self.groups = make_groups(descriptor, self.axes, mixer, clock, driver, name)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
-        self.connection.before_stop = self.disable
+        self.servos = Servos(descriptor, self.connection, self.axes, self.groups, self.base)
+        self.connection.before_stop = self.servos.disable
         self._reconnector = Reconnector(self.connection)
-        used = (*self.joint_axes, *self.wheel_axes)
-        self._recovery = Recovery(
-            self.connection, self.axes, self.fieldbus, used, self._enable, clock
-        )
+        used, enable = self.servos.used, self.servos.enable_axis
+        self._recovery = Recovery(self.connection, self.axes, self.fieldbus, used, enable, clock)
 
     @property
     def follower(self) -> TrajectoryFollower:
@@ -198,7 +200,7 @@ class Robot:
             if self.descriptor.engine.reconnect:
                 self._reconnector.start()
         if enable and self.connection.commandable:
-            self.enable_joints()
+            self.servos.enable()
 
     def step(self, periods: int) -> None:
         """Let ``periods`` of the control loop pass, on a ``SteppedClock`` or a ``PacedClock``.
@@ -231,23 +233,6 @@ class Robot:
     def tools(self) -> tuple[ToolPose, ...]:
         """Tool of each joint group; empty for a robot without joints or a usable URDF."""
         return tool_poses(self.descriptor)
-
-    def enable_joints(self) -> None:
-        """Clear alarm, then servo on, axis by axis, as at start-up.
-
-        Wheels are put into velocity mode before.
-        """
-        with self.connection.step.running("switching the servos on"):
-            results = each((*self.joint_axes, *self.wheel_axes), self._enable)
-        failures = {
-            f"{self.descriptor.name} → {self.axes.names[axis]}": reason_of(error)
-            for axis, error in results.items()
-            if error is not None
-        }
-        if failures:
-            raise ConnectError("joints could not be enabled", failures)
-        if results:
-            log.info("servos on", axes=len(results))
 
     @property
     def problems(self) -> list[str]:
@@ -364,54 +349,6 @@ class Robot:
     def _require_streamed(self, feature: str) -> None:
         if self.joint_axes and self.axes.trajectories_on_device:
             raise Unsupported(feature, self.backend.name)
-
-    def _stop_input(self) -> tuple[Callable[[], bool] | None, str]:
-        """Return the check of the stop input, for the control loop, and its name."""
-        settings = self.descriptor.stop_input
-        if settings is None:
-            return None, ""
-        watch = self.io.input_watcher(settings.input_byte, settings.input_bit)
-        name = f"stop input {settings.input_byte}.{settings.input_bit}"
-        return (watch if settings.motion_level else lambda: not watch()), name
-
-    def _enable(self, axis: int) -> None:
-        self.axes.clear_alarm(axis)
-        drive = self.descriptor.drive
-        rolls = drive is not None and axis in drive.axes and axis not in drive.steering_axes
-        if rolls and self.image.mode[axis] != CommandMode.VELOCITY:
-            self.axes.set_command_mode(axis, CommandMode.VELOCITY)
-        self.axes.servo(axis, True)
-
-    def bring_to_rest(self) -> None:
-        """A controlled stop of all that moves; failures are logged. Any worker.
-
-        What does not stand in time, because its ramp is too gentle, gets a quick stop.
-        """
-        everything, time_s = range(len(self.axes)), self.descriptor.engine.shutdown_s
-        try:
-            self.groups.stop(time_s)
-            if self.base is not None:
-                self.base.stop(time_s)
-            self.axes.rest(everything, time_s)
-            log.info("at rest")
-        except RobotdError as error:
-            log.error("controlled stop failed", reason=str(error))
-            with suppress(RobotdError):  # a device that cannot be reached, again
-                self.axes.rest(everything, QUICK_STOP_S, quick=True)
-
-    def disable(self) -> None:
-        """Bring what moves to rest, then switch the servos off; failures are logged.
-
-        Any worker. No effect while the device does not communicate.
-        """
-        if not self.connection.ready:
-            return
-        self.bring_to_rest()
-        enabled = [axis for axis in range(len(self.axes)) if self.image.servo_on[axis]]
-        for axis, failure in each(enabled, lambda axis: self.axes.servo(axis, False)).items():
-            if failure is not None:
-                log.error("servo off failed", axis=self.axes.names[axis], reason=reason_of(failure))
-        log.info("servos off", axes=len(enabled))
 
 
 def build_robot(

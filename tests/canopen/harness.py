@@ -107,7 +107,7 @@ class Harness:
                 assert execution.wait(seconds + 15)
             if "control-loop stall" not in execution.message:
                 break
-            self.robot.enable_joints()
+            self.robot.servos.enable()
         return execution
 
     def positions(self) -> FloatArray:

@@ -51,13 +51,13 @@ def test_corrupted_answers_and_pdos_kill_nothing(open_rig: OpenRig) -> None:
             with suppress(RobotdError):
                 engine.start_communication()
             with suppress(RobotdError):
-                harness.robot.enable_joints()
+                harness.robot.servos.enable()
             with suppress(RobotdError):
                 harness.follow(0.2, 0.1)
             assert abs(harness.drive(2).drives[0].position) < FAR_RAD
         harness.inject("2 heal")
         engine.stop_communication()
         engine.start_communication()
-        harness.robot.enable_joints()
+        harness.robot.servos.enable()
         assert harness.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
         assert all(thread.is_alive() for thread in harness.threads())

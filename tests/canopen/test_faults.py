@@ -21,7 +21,7 @@ def recover(harness: Harness, node: int = 2) -> None:
     harness.inject(f"{node} heal")
     harness.robot.connection.start_communication()
     harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
-    harness.robot.enable_joints()
+    harness.robot.servos.enable()
     execution = harness.follow(0.5, 0.1)
     assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
@@ -90,7 +90,7 @@ def test_a_statusword_that_lies_is_not_switched_on_again(open_rig: OpenRig) -> N
         assert harness.image.reason[1] == "node 2: statusword 0x0250 (switch on disabled)"
         assert not harness.image.servo_on[1]
         with pytest.raises(ConnectError, match=r"elbow: node 2: .*statusword 0x0250"):
-            harness.robot.enable_joints()
+            harness.robot.servos.enable()
         recover(harness)
 
 

@@ -72,7 +72,7 @@ def test_a_fault_and_the_way_back(
         drives.inject("4 heal")
         harness.robot.connection.start_communication()
         harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
-        harness.robot.enable_joints()
+        harness.robot.servos.enable()
         assert harness.follow(0.8, 0.0).outcome is Outcome.SUCCEEDED
 
 
@@ -86,7 +86,7 @@ def test_power_off_and_on_of_all_drives(drives: DrivesProcess, tmp_path: Path) -
         drives.start()
         harness.robot.connection.start_communication()
         harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
-        harness.robot.enable_joints()
+        harness.robot.servos.enable()
         assert harness.follow(0.8, 0.2).outcome is Outcome.SUCCEEDED
 
 

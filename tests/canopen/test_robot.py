@@ -127,7 +127,7 @@ def test_a_drive_that_has_only_interpolated_position(open_rig: OpenRig) -> None:
                     harness.robot.connection.start_communication()
                 continue
             harness.robot.connection.start_communication()
-            harness.robot.enable_joints()
+            harness.robot.servos.enable()
             assert harness.follow(0.6, 0.3).outcome is Outcome.SUCCEEDED
             assert harness.positions()[:2] == pytest.approx([0.3, 0.3], abs=2e-3)
             harness.robot.axes.move([Move(0, 0.1, PROFILE)])

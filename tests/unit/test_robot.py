@@ -64,7 +64,7 @@ def test_a_failed_start_can_be_repeated(harness: Harness) -> None:
 
 
 def test_enabling_again_has_no_effect_on_what_is_on(harness: Harness) -> None:
-    harness.up().robot.enable_joints()
+    harness.up().robot.servos.enable()
     assert harness.image.servo_on.all()
 
 
@@ -243,7 +243,7 @@ def test_a_request_to_end_between_two_servos_leaves_the_second_off(harness: Harn
 
     driver.servo = interrupted
     with pytest.raises(ConnectError, match="being shut down"):
-        harness.robot.enable_joints()
+        harness.robot.servos.enable()
     assert requested == [(0, True), (0, False)]
     assert not harness.simulation.states.servo_on.any()
 

@@ -7,15 +7,26 @@ from collections.abc import Callable
 from robotd.clock import Clock, wait_until
 from robotd.control.completion import Outcome
 from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.descriptor.io_settings import StopInputSettings
 from robotd.device.axes import Axes
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
+from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import DeviceTimeout, NotReady
 
 BY_DEVICE = (Operation.POSITION, Operation.VELOCITY, Operation.HOMING)
 QUICK_STOP_S = 1.0  # for what a controlled stop has not brought to rest
+
+
+def stop_input(io: Io, settings: StopInputSettings | None) -> tuple[Callable[[], bool] | None, str]:
+    """Return the check of the stop input, for the control loop, and its name."""
+    if settings is None:
+        return None, ""
+    watch = io.input_watcher(settings.input_byte, settings.input_bit)
+    name = f"stop input {settings.input_byte}.{settings.input_bit}"
+    return (watch if settings.motion_level else lambda: not watch()), name
 
 
 class MotionStop:

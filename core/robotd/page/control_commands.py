@@ -76,7 +76,7 @@ class Servos(Command):
     def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
         if self.on:
             robot.axes.stop_latch.check_servos()
-            robot.enable_joints()
+            robot.servos.enable()
             return "servos are on"
         used = (*robot.joint_axes, *robot.wheel_axes)
         results = each(used, lambda axis: robot.axes.servo(axis, False))

@@ -131,13 +131,13 @@ class RobotLifecycle:
         if not self.enables_servos:
             return
         try:
-            self._robot.enable_joints()
+            self._robot.servos.enable()
         except RobotdError as error:
-            self._robot.disable()
+            self._robot.servos.disable()
             raise _Failure(str(error)) from error
 
     def _deactivate(self) -> None:
-        self._robot.disable()
+        self._robot.servos.disable()
         image, names = self._robot.image, self._robot.axes.names
         on = [name for name, is_on in zip(names, image.servo_on.tolist(), strict=True) if is_on]
         if on and self._robot.connection.ready:

@@ -52,7 +52,8 @@ def run_nodes(
         DescriptorError, PluginError: a node or a parameter is wrong.
     """
     host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
-    host.on_hang = lambda reason: robot.bring_to_rest()  # no client could stop it by ROS any more
+    # No client could stop it by ROS any more.
+    host.on_hang = lambda reason: robot.servos.bring_to_rest()
     chosen = select_nodes(names, registry)
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
     operator = OperatorNode(robot, host)

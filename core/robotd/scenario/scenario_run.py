@@ -182,7 +182,7 @@ class ScenarioRun:
 
     def _switch(self, switch: Switch) -> None:
         if switch is Switch.ON:
-            self._robot.enable_joints()
+            self._robot.servos.enable()
             return
         for axis in (*self._robot.joint_axes, *self._robot.wheel_axes):
             self._robot.axes.servo(axis, False)

@@ -45,7 +45,7 @@ def test_the_work_goes_on_after_the_alarm_is_cleared(robot: RobotUnderTest) -> N
         with pytest.raises(ArmFailed):
             carry(arm, LEFT, RIGHT)
         robot.wait_standstill()
-        robot.robot.enable_joints()
+        robot.robot.servos.enable()
         carry(arm, LEFT, RIGHT)
     assert not robot.gripper_closed
 

@@ -40,7 +40,7 @@ def broken_motion(robot: Robot, *fault: object) -> Iterator[TrajectoryExecution]
 
 def works_again(robot: Robot) -> None:
     """A trajectory arrives."""
-    robot.enable_joints()
+    robot.servos.enable()
     with robot.follower.follow(goal([0.5], 0.0)) as execution:
         assert execution.wait(5.0)
     assert execution.outcome is Outcome.SUCCEEDED, execution.message
@@ -103,7 +103,7 @@ def test_a_lost_slave_says_why_and_hot_connect_brings_it_back(tmp_path: Path) ->
         assert lost.fault == "no process data within the sync manager's watchdog (AL status 0x001B)"
         assert network.lost_frames > 0
         with pytest.raises(ConnectError, match="joint3"):
-            robot.enable_joints()
+            robot.servos.enable()
         robot.fieldbus.start_hot_connect(0)
         assert robot.fieldbus.status(0).details["hot connect"] == "running"
         eventually(lambda: not robot.image.offline[2])

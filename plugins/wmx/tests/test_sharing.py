@@ -109,5 +109,5 @@ def test_two_robots_share_an_engine(tmp_path: Path) -> None:
             np.testing.assert_allclose(owner.image.position, 0.3, atol=1e-5)
         # The guest has switched the axes off at its end, and left the engine alone.
         assert owner.connection.ready
-        owner.enable_joints()
+        owner.servos.enable()
         owner.axes.move([Move(0, 0.1, PROFILE)])

@@ -62,7 +62,7 @@ class BaseHarness:
     def up(self) -> None:
         self.robot.connection.start()
         self.step()
-        self.robot.enable_joints()
+        self.robot.servos.enable()
         self.step()
 
     def step(self) -> None:

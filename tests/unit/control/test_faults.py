@@ -30,7 +30,7 @@ def assert_fault(execution: TrajectoryExecution, reason: str) -> None:
 
 def assert_works(harness: Harness) -> None:
     """Recover as an operator does, and move to the start position."""
-    harness.robot.enable_joints()
+    harness.robot.servos.enable()
     before = len(harness.setpoints.rows)
     with harness.goal(HOME, seconds=1.5) as execution:
         harness.end(execution)
@@ -345,7 +345,7 @@ def test_recovery_names_every_joint_whose_servo_stays_off(harness: Harness) -> N
         harness.faults.disconnect(axis)
     harness.run(PERIOD_S)
     with pytest.raises(ConnectError) as caught:
-        harness.robot.enable_joints()
+        harness.robot.servos.enable()
     assert list(caught.value.failures) == ["arm → joint1", "arm → joint3"]
     assert all("offline" in reason for reason in caught.value.failures.values())
     assert harness.image.servo_on.tolist() == [False, True, False]
@@ -358,6 +358,6 @@ def test_recovery_works_right_after_an_alarm() -> None:
         harness.faults.trip(axis, 9)
     harness.run(0.02)
     assert harness.image.amp_alarm.all()
-    harness.robot.enable_joints()
+    harness.robot.servos.enable()
     assert harness.image.servo_on.all()
     assert not harness.image.amp_alarm.any()

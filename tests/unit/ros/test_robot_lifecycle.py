@@ -101,18 +101,18 @@ def test_a_device_that_does_not_open_leaves_the_robot_unconfigured() -> None:
 
 def test_servos_that_fail_leave_the_robot_inactive_and_off(managed: Managed) -> None:
     managed.go("configure")
-    enable = managed.robot._enable
+    enable = managed.robot.servos.enable_axis
 
     def fail(axis: int) -> None:
         if axis == 1:
             raise NotReady("the alarm stays")
         enable(axis)
 
-    managed.robot._enable = fail  # type: ignore[method-assign]
+    managed.robot.servos.enable_axis = fail  # type: ignore[method-assign]
     assert not managed.lifecycle.change(3)
     assert managed.lifecycle.state is State.INACTIVE
     assert not managed.simulation.states.servo_on.any()
-    managed.robot._enable = enable  # type: ignore[method-assign]
+    managed.robot.servos.enable_axis = enable  # type: ignore[method-assign]
     managed.go("activate")
 
 
@@ -123,14 +123,14 @@ def test_an_error_closes_the_device(managed: Managed) -> None:
     def fail() -> None:
         raise ZeroDivisionError
 
-    disable, managed.robot.disable = managed.robot.disable, fail  # type: ignore[method-assign]
+    disable, managed.robot.servos.disable = managed.robot.servos.disable, fail  # type: ignore[method-assign]
     assert not managed.lifecycle.change(4)
     assert managed.lifecycle.state is State.UNCONFIGURED
     assert managed.labels == ["deactivate", "transition_error", "transition_success"]
     assert managed.events[-1].start is State.ERRORPROCESSING
     assert managed.connection.state is ConnectionState.IDLE
     assert not managed.simulation.states.servo_on.any(), "the connection switches off by itself"
-    managed.robot.disable = disable  # type: ignore[method-assign]
+    managed.robot.servos.disable = disable  # type: ignore[method-assign]
     managed.go("configure", "activate")
 
 

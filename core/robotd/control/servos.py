@@ -1,0 +1,105 @@
+"""Servos of a robot: on at the start, off after a controlled stop."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from robotd.control.joint_group import JointGroups
+from robotd.control.mobile_base import MobileBase
+from robotd.control.motion_stop import QUICK_STOP_S
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Axes
+from robotd.device.connection import Connection
+from robotd.device.each_axis import each
+from robotd.device.state import CommandMode
+from robotd.errors import ConnectError, RobotdError, reason_of
+from robotd.log import get_logger
+
+log = get_logger("robot")
+
+
+class Servos:
+    """Switches servos on, and off after a controlled stop. Any worker.
+
+    Args:
+        descriptor: of the robot, with joints and wheels.
+        connection: to the device.
+        axes: of the robot.
+        groups: joint groups, which are stopped along their paths.
+        base: the wheels; None: the robot has none.
+
+    Attributes:
+        used: axes of joints and wheels.
+    """
+
+    def __init__(
+        self,
+        descriptor: RobotDescriptor,
+        connection: Connection,
+        axes: Axes,
+        groups: JointGroups,
+        base: MobileBase | None,
+    ) -> None:
+        self._descriptor, self._connection, self._axes = descriptor, connection, axes
+        self._groups, self._base = groups, base
+        wheels = descriptor.drive.axes if descriptor.drive else ()
+        self.used = (*(joint.axis for joint in descriptor.joints), *wheels)
+
+    def enable(self) -> None:
+        """Clear alarm, then servo on, axis by axis, as at start-up.
+
+        Wheels are put into velocity mode before.
+        """
+        with self._connection.step.running("switching the servos on"):
+            results = each(self.used, self.enable_axis)
+        failures = {
+            f"{self._descriptor.name} → {self._axes.names[axis]}": reason_of(error)
+            for axis, error in results.items()
+            if error is not None
+        }
+        if failures:
+            raise ConnectError("joints could not be enabled", failures)
+        if results:
+            log.info("servos on", axes=len(results))
+
+    def enable_axis(self, axis: int) -> None:
+        """Clear the alarm of ``axis`` and switch its servo on; a wheel in velocity mode."""
+        self._axes.clear_alarm(axis)
+        drive = self._descriptor.drive
+        rolls = drive is not None and axis in drive.axes and axis not in drive.steering_axes
+        if rolls and self._axes.image.mode[axis] != CommandMode.VELOCITY:
+            self._axes.set_command_mode(axis, CommandMode.VELOCITY)
+        self._axes.servo(axis, True)
+
+    def bring_to_rest(self) -> None:
+        """Stop all that moves, in a controlled way; failures are logged.
+
+        What does not stand in time, because its ramp is too gentle, gets a quick stop.
+        """
+        everything, time_s = range(len(self._axes)), self._descriptor.engine.shutdown_s
+        try:
+            self._groups.stop(time_s)
+            if self._base is not None:
+                self._base.stop(time_s)
+            self._axes.rest(everything, time_s)
+            log.info("at rest")
+        except RobotdError as error:
+            log.error("controlled stop failed", reason=str(error))
+            with suppress(RobotdError):  # a device that cannot be reached, again
+                self._axes.rest(everything, QUICK_STOP_S, quick=True)
+
+    def disable(self) -> None:
+        """Bring what moves to rest, then switch the servos off; failures are logged.
+
+        No effect while the device does not communicate.
+        """
+        if not self._connection.ready:
+            return
+        self.bring_to_rest()
+        enabled = [axis for axis in range(len(self._axes)) if self._axes.image.servo_on[axis]]
+        for axis, failure in each(enabled, lambda axis: self._axes.servo(axis, False)).items():
+            if failure is not None:
+                log.error(
+                    "servo off failed", axis=self._axes.names[axis], reason=reason_of(failure)
+                )
+        log.info("servos off", axes=len(enabled))
