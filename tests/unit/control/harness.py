@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.unit.motion.helpers import peaks_of
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
@@ -29,6 +30,12 @@ from robotd_sim.simulation import Simulation
 RATE_HZ = 500.0
 PERIOD_S = 1 / RATE_HZ
 ACCELERATION = 12.0  # rad/s², of every joint
+HOME, FAR = (0.0, 0.0, 0.0), (1.0, -0.6, 0.3)
+
+
+def peak(*executions: TrajectoryExecution) -> float:
+    """Return the highest planned acceleration."""
+    return max(float(peaks_of(each.trajectory).acceleration.value.max()) for each in executions)
 
 
 def arm(joints: int = 3, **keys: Any) -> RobotDescriptor:

@@ -6,21 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness, arm
+from tests.unit.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, arm
 
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState, Operation
 from robotd.errors import ConnectError, NotReady
 
-FAR = (1.0, -0.6, 0.3)
-HOME = (0.0, 0.0, 0.0)
 OTHERS = [1, 2]
-
-
-@pytest.fixture
-def harness() -> Harness:
-    return Harness().up()
 
 
 def assert_fault(execution: TrajectoryExecution, reason: str) -> None:

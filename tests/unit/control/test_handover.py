@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness
-from tests.unit.motion.helpers import peaks_of
+from tests.unit.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, peak
 
 from robotd.control import joint_motion, trajectory_follower
 from robotd.control.source_slot import ABANDONED, NOT_RUNNING
@@ -17,15 +16,7 @@ from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import NotReady
 from robotd.motion import TrajectoryRequest
 
-FAR = (1.0, -0.6, 0.3)
-HOME = (0.0, 0.0, 0.0)
-
 Meanwhile = Callable[[], Any]
-
-
-@pytest.fixture
-def harness() -> Harness:
-    return Harness().up()
 
 
 @pytest.fixture
@@ -47,10 +38,6 @@ def while_planning(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[float]
         return starts
 
     return install
-
-
-def peak(*executions: TrajectoryExecution) -> float:
-    return max(float(peaks_of(each.trajectory).acceleration.value.max()) for each in executions)
 
 
 def test_planning_that_takes_longer_than_its_lead_is_done_again(

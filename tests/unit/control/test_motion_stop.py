@@ -18,11 +18,6 @@ STOPPED = "motion is stopped: by the operator; robotd reset allows it again"
 SWITCH = {"input_byte": 0, "input_bit": 3}
 
 
-@pytest.fixture
-def harness() -> Harness:
-    return Harness().up()
-
-
 def test_a_goal_stops_on_its_path_and_the_next_one_is_rejected(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
         harness.run(0.4)

@@ -15,11 +15,6 @@ from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, NotReady, RobotdError
 
 
-@pytest.fixture
-def harness() -> Harness:
-    return Harness().up()
-
-
 def recover(harness: Harness) -> list[str]:
     """Return the report of a recovery in which no joint moves."""
     lines: list[str] = []

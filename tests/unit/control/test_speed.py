@@ -19,11 +19,6 @@ from robotd.motion.profile import Profile
 FAR, BACK = (1.0, -0.6, 0.3), (-0.5, 0.4, 0.9)
 
 
-@pytest.fixture
-def harness() -> Harness:
-    return Harness().up()
-
-
 class Recorded:
     """Trajectory time and rate of each setpoint of an execution."""
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+from tests.fakes import FakeDevice
 from tests.unit.device.harness import Harness
 
 
@@ -10,3 +13,17 @@ from tests.unit.device.harness import Harness
 def harness() -> Harness:
     """Ready: communicating, servos on, at rest."""
     return Harness().make_ready()
+
+
+@pytest.fixture
+def device() -> FakeDevice:
+    """Idle."""
+    return FakeDevice()
+
+
+@pytest.fixture
+def parameters(tmp_path: Path) -> Path:
+    """A file that a ``FakeDevice`` takes."""
+    path = tmp_path / "parameters.xml"
+    path.write_text("<Parameters/>", encoding="utf-8")
+    return path

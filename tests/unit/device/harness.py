@@ -2,23 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
+import pytest
 from tests.fakes import FakeAxes, FakeClock, FakeDevice, FakeFieldbus, FakeIo
 
 from robotd.descriptor import EngineSettings
-from robotd.device.axes import Axes
+from robotd.device.axes import Axes, Move
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
+from robotd.errors import RobotdError
 from robotd.motion.limits import AxisLimits
+from robotd.motion.profile import Profile
 
 ALL = frozenset(Capability) - {Capability.TRAJECTORIES_ON_DEVICE}
 JOINT = AxisLimits(-1.0, 2.0, 3.0, 10.0)
 LIMITS = (JOINT, JOINT, AxisLimits.unlimited())
 NAMES = ("joint1", "joint2", "axis 2")
+PROFILE = Profile(1.0, 5.0, 5.0)
+
+Command = Callable[[Axes, int], Any]
+
+ONE_AXIS: dict[str, Command] = {
+    "servo": lambda axes, axis: axes.servo(axis, True),
+    "clear_alarm": lambda axes, axis: axes.clear_alarm(axis),
+    "set_command_mode": lambda axes, axis: axes.set_command_mode(axis, 1),
+    "set_polarity": lambda axes, axis: axes.set_polarity(axis, -1),
+    "set_gear_ratio": lambda axes, axis: axes.set_gear_ratio(axis, 1000.0, 2.0),
+    "home": lambda axes, axis: axes.home(axis),
+    "move": lambda axes, axis: axes.move([Move(axis, 0.5, PROFILE)]),
+}
+
+
+def rejected(
+    harness: Harness, error: type[RobotdError], text: str, command: Callable[[], Any]
+) -> None:
+    before = list(harness.driver.calls)
+    with pytest.raises(error, match=text):
+        command()
+    assert harness.driver.calls == before
+
+
+def make_connection(
+    device: FakeDevice, parameters: Path | None = None, **settings: Any
+) -> Connection:
+    return Connection(
+        device, EngineSettings(**{"open_retry_s": 0.0, **settings}), parameters, "fake"
+    )
+
+
+def call_names(device: FakeDevice) -> list[object]:
+    return [call[0] for call in device.calls]
 
 
 @dataclass

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.fakes import FakeAxes
-from tests.unit.device.harness import ALL, Harness
+from tests.unit.device.harness import (
+    ALL,
+    ONE_AXIS,
+    PROFILE,
+    Command,
+    Harness,
+    rejected,
+)
 
 from robotd.device.axes import Axes, Jog, Move
 from robotd.device.capabilities import Capability
@@ -22,25 +28,11 @@ from robotd.errors import (
     InvalidArgument,
     NotReady,
     OperationError,
-    RobotdError,
     Unsupported,
 )
 from robotd.motion.profile import Profile
 
-PROFILE = Profile(1.0, 5.0, 5.0)
 UNLIMITED_AXIS = 2
-
-Command = Callable[[Axes, int], Any]
-
-ONE_AXIS: dict[str, Command] = {
-    "servo": lambda axes, axis: axes.servo(axis, True),
-    "clear_alarm": lambda axes, axis: axes.clear_alarm(axis),
-    "set_command_mode": lambda axes, axis: axes.set_command_mode(axis, 1),
-    "set_polarity": lambda axes, axis: axes.set_polarity(axis, -1),
-    "set_gear_ratio": lambda axes, axis: axes.set_gear_ratio(axis, 1000.0, 2.0),
-    "home": lambda axes, axis: axes.home(axis),
-    "move": lambda axes, axis: axes.move([Move(axis, 0.5, PROFILE)]),
-}
 
 
 def jogging(harness: Harness) -> Harness:
@@ -53,15 +45,6 @@ def servo_off(harness: Harness) -> Harness:
     harness.driver.image.servo_on[:] = False
     harness.refresh()
     return harness
-
-
-def rejected(
-    harness: Harness, error: type[RobotdError], text: str, command: Callable[[], Any]
-) -> None:
-    before = list(harness.driver.calls)
-    with pytest.raises(error, match=text):
-        command()
-    assert harness.driver.calls == before
 
 
 @pytest.mark.parametrize("command", ONE_AXIS.values(), ids=ONE_AXIS)
@@ -273,62 +256,6 @@ def test_a_jog_needs_velocity_mode(harness: Harness) -> None:
     rejected(harness, NotReady, text, lambda: harness.axes.jog([Jog(0, PROFILE)]))
 
 
-def test_claimed_axes_refuse_everybody_but_a_stop(harness: Harness) -> None:
-    with harness.axes.claimed("the test", [0, 1]):
-        harness.refresh()
-        text = "^joint1: in use by the test$"
-        for name in ("clear_alarm", "set_command_mode", "home", "move"):
-            rejected(harness, NotReady, text, lambda name=name: ONE_AXIS[name](harness.axes, 0))
-        harness.axes.move([Move(2, 0.5, PROFILE)])
-        harness.axes.servo(1, False)
-        harness.axes.stop([0])
-        harness.axes.quick_stop([0])
-        assert harness.axes.rejection(0, CommandMode.POSITION, by="the test") is None
-    harness.refresh()
-    harness.axes.move([Move(0, 0.5, PROFILE)])
-    names = [call[0] for call in harness.driver.calls]
-    assert names == [
-        "begin_stream", "move", "servo", "stop", "quick_stop", "end_stream", "move",
-    ]  # fmt: skip
-
-
-def test_a_claim_ends_with_its_block_whatever_happens_in_it(harness: Harness) -> None:
-    with pytest.raises(ZeroDivisionError), harness.axes.claimed("the test", [0]):
-        raise ZeroDivisionError
-    harness.refresh()
-    assert harness.axes.rejection(0, CommandMode.POSITION) is None
-    assert harness.driver.calls[-1] == ("end_stream", [0])
-
-
-def test_a_claim_ends_when_the_image_shows_no_stop(
-    harness: Harness, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    image = harness.driver.image
-
-    def end_stream(axes: Sequence[int]) -> None:
-        image.operation[list(axes)] = Operation.STOPPING
-        harness.refresh()
-
-    def sleep_until_ns(deadline_ns: int) -> None:
-        image.operation[:] = Operation.IDLE
-        harness.refresh()
-        harness.clock.advance(0.002)
-
-    monkeypatch.setattr(harness.driver, "end_stream", end_stream)
-    monkeypatch.setattr(harness.clock, "sleep_until_ns", sleep_until_ns)
-    with harness.axes.claimed("a goal", [0]):
-        harness.refresh()
-    assert harness.image.operation[0] == Operation.IDLE  # and the next goal can begin
-
-
-def test_a_moving_axis_cannot_be_claimed(harness: Harness) -> None:
-    harness.axes.move([Move(0, 0.5, PROFILE)])
-    harness.refresh()
-    with pytest.raises(NotReady, match="the test needs an idle axis, this one is in position"):
-        harness.axes.claimed("the test", [1, 0]).__enter__()
-    assert harness.axes.rejection(1, CommandMode.POSITION) is None
-
-
 def test_stops_have_no_effect_before_the_engine_is_ready() -> None:
     harness = Harness()
     harness.axes.stop([0])
@@ -359,13 +286,6 @@ def test_each_tries_every_axis(harness: Harness) -> None:
     assert [results[axis] is None for axis in (0, 1, 2)] == [True, False, True]
     assert isinstance(results[1], NotReady)
     assert [call[1] for call in harness.driver.calls] == [0, 2]
-
-
-def test_axes_with_trajectories_on_the_device_are_claimed_and_not_streamed() -> None:
-    harness = Harness(capabilities=ALL | {Capability.TRAJECTORIES_ON_DEVICE}).make_ready()
-    with harness.axes.claimed("somebody", [0]):
-        assert harness.axes.rejection(0, CommandMode.POSITION) is not None
-    assert not any("stream" in str(call[0]) for call in harness.driver.calls)
 
 
 @pytest.mark.parametrize("given", [None, 0])
@@ -408,32 +328,3 @@ def test_an_alarm_of_the_controller_is_not_that_of_an_axis() -> None:
     assert str(harness.axes.rejection(1, CommandMode.POSITION)) == (
         "controller alarm 17 (emergency stop)"
     )
-
-
-def test_no_motion_starts_while_axes_are_kept_at_rest(harness: Harness) -> None:
-    def is_locked() -> bool:
-        locked: list[bool] = []
-        lock = harness.axes._lock
-        thread = threading.Thread(target=lambda: locked.append(not lock.acquire(blocking=False)))
-        thread.start()
-        thread.join()
-        return locked[0]
-
-    with harness.axes.kept_at_rest("writing an object"):
-        assert is_locked()
-        harness.axes.stop([0])
-    assert not is_locked()
-
-
-def test_axes_that_move_or_are_claimed_are_not_at_rest(harness: Harness) -> None:
-    with (
-        harness.axes.claimed("a goal", [1]),
-        pytest.raises(NotReady, match=r"^joint2: in use by a goal$"),
-        harness.axes.kept_at_rest("writing an object"),
-    ):
-        pass
-    harness.driver.image.operation[2] = Operation.VELOCITY
-    harness.refresh()
-    text = r"^axis 2: writing an object needs an idle axis, this one is in velocity$"
-    with pytest.raises(NotReady, match=text), harness.axes.kept_at_rest("writing an object"):
-        pass
