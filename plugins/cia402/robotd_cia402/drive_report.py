@@ -27,7 +27,6 @@ class DriveReport:
         known: the node is online and every cyclic input has come.
         state: UNKNOWN while the drive is not ``known``.
         powered, in_alarm: the power stage is on, the drive reports a fault.
-        position: measured, rad or m; an endless axis runs over 32 bits.
         statusword: object 0x6041.
         displayed_mode: object 0x6061.
     """
@@ -37,9 +36,13 @@ class DriveReport:
         self.state = DriveState.UNKNOWN
         self.powered = self.in_alarm = False
         self.statusword = self.displayed_mode = 0
-        self.position = 0.0
         self._drive, self._scaling = drive, scaling
         self._counts = self._raw = 0  # position without and with the wrap of the encoder
+
+    @property
+    def position(self) -> float:
+        """Measured position, rad or m; an endless axis runs over 32 bits."""
+        return self._counts * self._scaling.position
 
     @property
     def velocity(self) -> float:
@@ -90,7 +93,6 @@ class DriveReport:
         raw = drive.get(POSITION)
         self._counts += wrapped(raw - self._raw)
         self._raw = raw
-        self.position = self._counts * self._scaling.position
         word, known = drive.get(STATUSWORD), drive.online and drive.complete
         if word != self.statusword or known is not self.known:
             self.statusword, self.known = word, known
@@ -100,7 +102,6 @@ class DriveReport:
     def rebase(self) -> None:
         """Worker: restart the count at a position that the drive has set."""
         self._counts = self._raw = self._drive.get(POSITION)
-        self.position = self._counts * self._scaling.position
 
     def forget(self) -> None:
         """Worker: discard the values; the drive has been configured anew."""
