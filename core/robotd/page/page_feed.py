@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from robotd.observation.tap import Tap
 from robotd.page.live_samples import LiveSamples
 from robotd.page.page_description import describe
-from robotd.page.page_message import Message
+from robotd.page.page_message import Message, json_text
 from robotd.page.page_state import Goals, event_of, state_of
 from robotd.page.remedies import backend_tables
 
@@ -55,10 +54,10 @@ class PageFeed:
         description = describe(self._tap, self._nodes, self._meshes, has_control=self._has_control)
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
         return [
-            _text(description),
+            json_text(description),
             self._live.history(),
-            _text(self._read_state(viewers)),
-            _text({"type": "events", "events": [*map(event_of, events)]}),
+            json_text(self._read_state(viewers)),
+            json_text({"type": "events", "events": [*map(event_of, events)]}),
         ]
 
     def messages(self, viewers: int, *, changes: bool) -> Iterator[Message]:
@@ -81,14 +80,14 @@ class PageFeed:
         events, cursor = self._tap.events.since(self._cursor)
         self._note(events, cursor)
         if events:
-            yield _text({"type": "events", "events": [*map(event_of, events[-FIRST_EVENTS:])]})
+            yield json_text({"type": "events", "events": [*map(event_of, events[-FIRST_EVENTS:])]})
         self._looks += 1
         if not events and self._looks % STATE_LOOKS:
             return
         state = self._read_state(viewers)
         if state != self._state:
             self._state = state
-            yield _text(state)
+            yield json_text(state)
 
     def repeat_state(self) -> None:
         """Yield the state with the next changes, new or not."""
@@ -104,7 +103,3 @@ class PageFeed:
 
     def _read_state(self, viewers: int) -> dict[str, Any]:
         return state_of(self._tap, self._goals.running(), viewers)
-
-
-def _text(message: Mapping[str, Any]) -> str:
-    return json.dumps(message, separators=(",", ":"))

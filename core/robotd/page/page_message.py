@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 Message = str | bytes
 """JSON text, or samples as ``LiveSamples`` makes them."""
 
 TEXT, BINARY = 0x81, 0x82  # first byte of a frame that is a whole message (RFC 6455, 5.2)
+
+
+def json_text(message: Mapping[str, Any]) -> str:
+    """Return ``message`` as JSON without spaces."""
+    return json.dumps(message, separators=(",", ":"))
 
 
 def websocket_frames(messages: Iterable[Message]) -> bytes:

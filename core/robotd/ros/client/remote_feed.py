@@ -14,7 +14,7 @@ from robotd.observation.plot_history import HISTORY_S
 from robotd.page.live_samples import RATE_HZ
 from robotd.page.mesh_files import MeshFiles
 from robotd.page.page_feed import FIRST_EVENTS
-from robotd.page.page_message import Message
+from robotd.page.page_message import Message, json_text
 from robotd.recording.cdr_stream import CdrReader
 from robotd.recording.message_encoders import read_octets_message
 from robotd.ros.page_messages import CHANGES, FIRST, SAMPLES, unpack_first
@@ -106,13 +106,13 @@ class RemoteFeed:
         if not self._description:
             return [self._lost()] if self._is_lost else []
         events = {"type": "events", "events": [*self._events]}
-        found: list[Message] = [_text(self._description), b"".join(self._samples)]
-        found += [self._state, _text(events)]
+        found: list[Message] = [json_text(self._description), b"".join(self._samples)]
+        found += [self._state, json_text(events)]
         return [*found, self._lost()] if self._is_lost else found
 
     def _lost(self) -> str:
         reason = f"The robot {self.name} does not answer"
-        return _text({"type": "lost", "reason": reason})
+        return json_text({"type": "lost", "reason": reason})
 
     def _read(self, topic: str, data: bytes) -> Iterator[Message]:
         """Yield the messages for viewers that follow from one of the robot."""
@@ -146,7 +146,7 @@ class RemoteFeed:
         meshes = self._meshes.add(description["urdf"], Path(path) if path else None)
         self._description = {**description, "meshes": meshes}
         self._samples.append(samples)
-        self._note(state, _text(state))
+        self._note(state, json_text(state))
         self._note(events, "")
         yield from self._known()
 
@@ -155,7 +155,3 @@ class RemoteFeed:
             self._state = text
         else:
             self._events.extend(message["events"])
-
-
-def _text(message: Mapping[str, Any]) -> str:
-    return json.dumps(message, separators=(",", ":"))

@@ -13,6 +13,7 @@ from typing import Any
 from std_msgs.msg import String, UInt8MultiArray
 
 from robotd.log import get_logger
+from robotd.page.page_message import json_text
 from robotd.ros.client.remote_feed import RemoteFeed
 from robotd.ros.client.ros_client import Listener, RosClient
 from robotd.ros.page_messages import ALL, CHANGES, FIRST, LATCHED, NEWEST, ROBOT, SAMPLES
@@ -111,8 +112,7 @@ class RemoteRobots:
 
     def _message(self, shown: str) -> str:
         """Return the list of robots, for a page that shows ``shown`` of them."""
-        message = {"type": "robots", "shown": shown, "robots": self._robots}
-        return json.dumps(message, separators=(",", ":"))
+        return json_text({"type": "robots", "shown": shown, "robots": self._robots})
 
 
 def _topic(robot: str, topic: str) -> str:
