@@ -13,7 +13,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import held
 from robotd.control.goal_events import note_goal, note_result, noted_rejection
-from robotd.control.joint_motion import STOP_TIMEOUT_S, JointMotion
+from robotd.control.joint_motion import JointMotion
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
@@ -184,13 +184,6 @@ class TrajectoryFollower:
         if isinstance(running, TrajectoryExecution) and not running.done:
             return running.rate
         return self._speed.scale
-
-    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
-        """Stop the active executions along their paths and wait for standstill.
-
-        After ``timeout_s`` it returns while the joints may still move.
-        """
-        self._motion.stop(timeout_s)
 
     def _check_end(self, trajectory: Trajectory) -> None:
         """Reject a last point with a velocity where the device interpolates the trajectory."""

@@ -53,7 +53,7 @@ class Client(threading.Thread):
     def _act(self) -> None:
         choose = self._random
         if choose.random() < 0.1:
-            self._robot.follower.stop()
+            self._robot.groups.stop()
             return
         targets = [[choose.uniform(-REACH_RAD, REACH_RAD) for _ in range(3)]]
         request = TrajectoryRequest.from_rows(self._robot.joint_names, [0.6], targets)

@@ -154,7 +154,7 @@ def test_a_stop_that_takes_too_long_is_not_waited_for(
         harness.run(PERIOD_S)
         with pytest.raises(NotReady, match="did not come to rest"), harness.goal(HOME):
             pass
-        harness.follower.stop(0.01)
+        harness.robot.groups.stop(0.01)
         assert not execution.done
     assert (execution.outcome, execution.message) == (Outcome.FAULT, ABANDONED)
     harness.run(0.5)

@@ -279,9 +279,9 @@ def test_stop_ends_the_running_and_the_waiting_goal(harness: Harness) -> None:
     with harness.goal(FAR) as first:
         harness.run(0.3)
         with harness.goal(HOME, start_in_s=1.0) as waiting:
-            harness.follower.stop()
+            harness.robot.groups.stop()
             assert [first.outcome, waiting.outcome] == [Outcome.CANCELED] * 2
-    harness.follower.stop()  # nothing runs
+    harness.robot.groups.stop()  # nothing runs
 
 
 def test_a_path_tolerance_names_joint_time_value_and_limit(harness: Harness) -> None:
