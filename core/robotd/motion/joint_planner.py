@@ -9,6 +9,7 @@ from typing import NamedTuple
 from ruckig import (
     ControlInterface,
     InputParameter,
+    Profile,
     Ruckig,
     RuckigError,
     Synchronization,
@@ -20,6 +21,7 @@ Row = list[float]  # one value for each joint; at six joints faster than an arra
 # Some boundary cases, such as a way on which the speed limit is just reached, have no solution in
 # floating-point arithmetic; beside them there is one.
 JERK_SHARES = (1.0, 0.999, 0.99, 0.9)
+CONSTANT_PHASES = (1, 5)  # of a profile's seven: those with constant acceleration
 _INTERFACES = (ControlInterface.Position, ControlInterface.Velocity)  # to a position, anywhere
 
 
@@ -117,8 +119,27 @@ class JointPlanner:
 
     def leaves(self, lower: Row, upper: Row) -> list[bool]:
         """Return the joints that the plan takes below ``lower`` or above ``upper``."""
-        extrema = zip(self._origin, self._trajectory.position_extrema, strict=True)
+        (profiles,) = self._trajectory.profiles
+        extrema = self._trajectory.position_extrema
+        joints = zip(self._origin, extrema, profiles, lower, upper, strict=True)
         return [
-            origin + each.min < low or origin + each.max > high
-            for (origin, each), low, high in zip(extrema, lower, upper, strict=True)
+            origin + each.min < low
+            or origin + each.max > high
+            or _turns_outside(profile, low - origin, high - origin)
+            for origin, each, profile, low, high in joints
         ]
+
+
+def _turns_outside(profile: Profile, low: float, high: float) -> bool:
+    """Return True where the joint turns outside of the range with constant acceleration.
+
+    ruckig 0.19 leaves these turning points out of its extrema.
+    """
+    velocity = profile.v
+    for phase in CONSTANT_PHASES:
+        before = velocity[phase]
+        if before * velocity[phase + 1] < 0.0:
+            turn = profile.p[phase] - before**2 / (2.0 * profile.a[phase])
+            if turn < low or turn > high:
+                return True
+    return False

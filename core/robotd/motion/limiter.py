@@ -77,6 +77,8 @@ class SetpointLimiter:
             state: position, velocity and acceleration.
             strongest: factor of the acceleration limits that no stop exceeds until the next
                 reset. A stop that needs more leaves the position limit, and comes back.
+                A command that comes when the joint is already beyond its limit is planned with
+                the ordinary acceleration, which adds the rest of its way to stop.
         """
         self._strongest = [strongest * each for each in self._bounds.highest_acceleration]
         self.state[:] = state.position, state.velocity, state.acceleration

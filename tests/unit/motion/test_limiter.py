@@ -258,6 +258,21 @@ def test_a_stop_may_be_held_within_twice_the_acceleration_limit(room: float) -> 
     assert positions[-1] == pytest.approx(2.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("periods", [1, 2, 5])
+@pytest.mark.parametrize("room", [0.06, 0.1, 0.3])
+def test_a_target_behind_a_hard_stop_does_not_lead_beyond_the_position_limit(
+    room: float, periods: int
+) -> None:
+    limiter = SetpointLimiter(limits_of(), 0.001)
+    limiter.reset(MotionState(np.array([2.0 - room]), np.array([3.0]), np.array([0.0])))
+    for _ in range(periods):
+        limiter.step()
+    limiter.approach(np.array([1.0]))  # turns while the acceleration is constant
+    farthest = max(float(limiter.step()[0, 0]) for _ in range(800))
+    assert farthest <= 2.0 + 1e-7
+    assert limiter.state[0] == pytest.approx([1.0], abs=1e-6)
+
+
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("periods", [1, 2, 5, 15])
 @pytest.mark.parametrize("room", [0.03, 0.1, 0.3])
