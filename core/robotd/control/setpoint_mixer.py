@@ -77,6 +77,7 @@ class SetpointMixer:
             return
         try:
             self._check_time()
+            self._check_buffers()
             self._driver.stream(self._setpoints[0], self._setpoints[1], self.due_ns)
         except LateSetpoint:  # the device has continued without it
             self.stats.late_setpoints += 1
@@ -104,3 +105,8 @@ class SetpointMixer:
         """Raise LateSetpoint where the device extrapolates and half of the period has passed."""
         if self.extrapolates and self._clock.now_ns() > self.due_ns - self.period_ns // 2:
             raise LateSetpoint("more than half of the period has passed")
+
+    def _check_buffers(self) -> None:
+        """Raise LateSetpoint where the device has run dry in motion: its path has to wait."""
+        if self._driver.stream_ran_dry(self.due_ns):
+            raise LateSetpoint("the device has executed all setpoints that it held")

@@ -239,6 +239,15 @@ class AxisDriver(ABC):
         """
         raise Unsupported("streamed setpoints")
 
+    def stream_ran_dry(self, due_ns: int) -> bool:
+        """Return True when a setpoint for ``due_ns`` would be ignored. Control-loop thread.
+
+        For devices that hold setpoints ahead (``stream_buffer_s``): they have executed the last
+        one in motion and stand, though no setpoint was missing. The control loop sends none then;
+        the axes continue with the first one after a gap that counts as an underrun.
+        """
+        return False
+
     def end_stream(self, axes: Sequence[int]) -> None:
         """Hold the last setpoint (velocity mode: slow to rest); the axes take moves again."""
         raise Unsupported("streamed setpoints")

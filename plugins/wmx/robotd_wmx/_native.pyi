@@ -250,6 +250,9 @@ class PositionStream:
     def put(self, position: Numbers, velocity: Numbers, due_ns: int, /) -> None:
         """Shapes (n_axes,); NaN for axes that have no setpoint."""
 
+    def ran_dry(self, due_ns: int, /) -> bool:
+        """The buffers ran dry in motion: a setpoint for ``due_ns`` is ignored."""
+
     def stop(self, axes: list[int], /) -> None: ...
     def quick_stop(self, axes: list[int], /) -> None: ...
     def close(self) -> None: ...

@@ -74,6 +74,9 @@ class WmxAxes(AxisDriver):
     def max_trajectory_points(self) -> int:
         return self._splines.max_points
 
+    def stream_ran_dry(self, due_ns: int) -> bool:
+        return self._positions.ran_dry(due_ns)
+
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         self._stream.put(velocity)
         self._positions.put(position, velocity, due_ns)

@@ -17,7 +17,7 @@ from robotd_wmx.connection import Connection
 class PositionStream:
     """Axes in position mode that obey ``put``.
 
-    ``put`` is for the control-loop thread, everything else for any thread.
+    ``put`` and ``ran_dry`` are for the control-loop thread, everything else for any thread.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -50,6 +50,10 @@ class PositionStream:
         """See ``AxisDriver.stream``."""
         if self._native is not None:
             self._native.put(position, velocity, due_ns)
+
+    def ran_dry(self, due_ns: int) -> bool:
+        """See ``AxisDriver.stream_ran_dry``."""
+        return self._native is not None and self._native.ran_dry(due_ns)
 
     def begin(self, axes: Sequence[int]) -> None:
         """Let ``axes`` obey from where their commands are. Raises CallError."""

@@ -121,14 +121,33 @@ void PositionStream::begin(const std::vector<int> &axes) {
     {
         std::lock_guard lock(waiting_);
         fault_.clear();
+        ran_dry_ = false;
         if (last_due_ns_ == 0) count_ = 0;  // setpoints of an earlier stream
     }
     for (int axis : axes) states_[axis] = STREAMING;
 }
 
+// Longest time between two setpoints that is no underrun, here and in the control loop.
+double PositionStream::bridged_s() const {
+    return GAP_PERIODS * settings_.period_s + settings_.buffer_s;
+}
+
+bool PositionStream::ran_dry(long long due_ns) const {
+    std::lock_guard guard(waiting_);
+    return waits_for_gap(due_ns);
+}
+
+// A setpoint for half a period later is a gap for the control loop, too.
+bool PositionStream::waits_for_gap(long long due_ns) const {
+    return ran_dry_ && (due_ns - put_ns_) * 1e-9 <= bridged_s() + settings_.period_s / 2;
+}
+
 void PositionStream::put(const double *position, const double *velocity, long long due_ns) {
     {
         std::lock_guard guard(waiting_);
+        if (waits_for_gap(due_ns)) return;
+        ran_dry_ = false;
+        put_ns_ = due_ns;
         if (count_ == RING) {  // the sending thread hangs in the engine: the newest counts
             first_ = (first_ + 1) % RING;
             count_--;
@@ -141,6 +160,13 @@ void PositionStream::put(const double *position, const double *velocity, long lo
         }
     }
     work_.notify_one();
+}
+
+// The setpoints that wait are as old as the dry buffers.
+void PositionStream::wait_for_gap() {
+    std::lock_guard guard(waiting_);
+    count_ = 0;
+    ran_dry_ = true;
 }
 
 void PositionStream::stop(const std::vector<int> &axes) {
@@ -252,7 +278,11 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     // No room: the engine does not execute. The image shows that, and the control loop judges it.
     if (axes.empty() || fill.room < CAPACITY / 2) return true;
     const bool first = last_due_ns_ == 0 && begins(axes, setpoint);
-    const bool gap = gap_s <= 0 || gap_s > GAP_PERIODS * settings_.period_s + settings_.buffer_s;
+    const bool gap = gap_s <= 0 || gap_s > bridged_s();
+    if (fill.dry && !gap && !begins(axes, setpoint)) {
+        wait_for_gap();
+        return true;
+    }
     commands_.clear();
     if (!first && (gap || fill.dry)) {
         rejoin(axes, setpoint, fill);

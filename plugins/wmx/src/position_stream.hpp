@@ -24,7 +24,8 @@ struct Setpoint {
 // Between two setpoints runs the cubic through their positions and velocities, one command for
 // each cycle of the engine. The buffers are kept `target` cycles full, by sampling the cubics up to
 // 1 % faster or slower than the clock. A gap that the buffers cannot bridge ends in rest; from there
-// the commands come back to the setpoints within the limits, see Deviation.
+// the commands come back to the setpoints within the limits, see Deviation. Where buffers run dry in
+// motion without such a gap, setpoints are ignored until there is one (`ran_dry`).
 //
 // `put` is for one thread and never waits for the engine; everything else may be called by any
 // thread, without the interpreter's lock.
@@ -40,7 +41,9 @@ public:
     ~PositionStream();
 
     void begin(const std::vector<int> &axes);
+    // Ignored while `ran_dry`.
     void put(const double *position, const double *velocity, long long due_ns);
+    bool ran_dry(long long due_ns) const;
     void stop(const std::vector<int> &axes);
     void quick_stop(const std::vector<int> &axes);
     void close();
@@ -65,6 +68,9 @@ private:
         bool dry;                  // a buffer has executed its last command
     };
 
+    double bridged_s() const;
+    bool waits_for_gap(long long due_ns) const;
+    void wait_for_gap();
     void run();
     bool wait(Setpoint &setpoint);
     void send(const Setpoint &setpoint);
@@ -101,6 +107,8 @@ private:
     std::condition_variable work_;
     std::vector<Setpoint> ring_;
     std::size_t first_ = 0, count_ = 0;
+    long long put_ns_ = 0;  // due time of the last setpoint that was taken
+    bool ran_dry_ = false;  // until there is a gap after it
     bool requested_ = false, closing_ = false;
     std::string fault_;
     std::thread thread_;

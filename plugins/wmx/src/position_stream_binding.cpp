@@ -28,6 +28,7 @@ void bind_position_stream(nb::module_ &module) {
                 throw nb::value_error("arrays must have one shape (n_axes,)");
             self.put(position.data(), velocity.data(), due_ns);
         })
+        .def("ran_dry", &PositionStream::ran_dry)
         .def("stop", &PositionStream::stop, Unlocked())
         .def("quick_stop", &PositionStream::quick_stop, Unlocked())
         .def("close", &PositionStream::close, Unlocked())

@@ -160,6 +160,38 @@ def test_a_setpoint_that_comes_after_the_buffer_has_run_dry_makes_no_leap(
     assert np.abs(np.diff(velocities)).max() / CYCLE_S < 1.5 * ACCELERATION
 
 
+def test_moving_setpoints_that_find_dry_buffers_are_ignored_until_a_gap(
+    device: Device, stream: PositionStream
+) -> None:
+    """Else the axes would begin at rest behind setpoints at full speed, and stay behind them."""
+    begin_ns = time.monotonic_ns()
+    last = feed(stream, 0.2, 0.5)
+    held = run_dry(device)
+    last_ns = begin_ns + 200_000_000
+    after_gap_ns = last_ns + round((3.5 * PERIOD_S + BUFFER_S) * 1e9)
+    next_ns = last_ns + round(PERIOD_S * 1e9)
+    assert not stream.ran_dry(next_ns)
+    stream.put(np.full(2, last + 0.001), np.full(2, 0.5), next_ns)
+    eventually(lambda: stream.ran_dry(next_ns))
+    stream.put(np.full(2, last + 0.002), np.full(2, 0.5), next_ns + round(PERIOD_S * 1e9))
+    assert not stream.ran_dry(after_gap_ns)
+    stream.put(np.full(2, held), np.zeros(2), after_gap_ns)
+    assert not stream.ran_dry(next_ns)
+    feed(stream, 0.1, 0.0, held)
+    assert Snapshot(device).position_command(0) == pytest.approx(held, abs=1e-9)
+
+
+def test_setpoints_at_rest_at_any_pace_find_no_dry_buffers(
+    device: Device, stream: PositionStream
+) -> None:
+    last = feed(stream, 0.1, 0.0)
+    for _ in range(5):
+        run_dry(device)
+        due_ns = time.monotonic_ns()
+        feed(stream, 2 * PERIOD_S, 0.0, last)
+        assert not stream.ran_dry(due_ns + round(PERIOD_S * 1e9))
+
+
 def test_a_difference_from_the_setpoints_is_gone_within_a_second(
     device: Device, stream: PositionStream
 ) -> None:
