@@ -160,6 +160,15 @@ def test_a_blocked_motor_trips_by_its_following_error(on: LoopedDrive) -> None:
     assert on.image.alarm_code[0] == 0x8611
 
 
+def test_a_blocked_motor_reports_no_velocity(on: LoopedDrive) -> None:
+    on.faults.blocked = True
+    on.commands.move(1.0, FAST)
+    on.run(0.3)
+    assert on.image.position_command[0] > 0.01
+    assert on.image.position[0] == pytest.approx(0.0, abs=1e-6)
+    assert on.image.velocity[0] == 0.0
+
+
 def test_a_statusword_that_never_changes_ends_in_a_time_out() -> None:
     looped = LoopedDrive()
     looped.faults.statusword = 0x0240

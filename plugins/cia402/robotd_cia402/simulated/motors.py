@@ -116,8 +116,9 @@ class Motors:
         self.plan(axis, [Segment(0.0, position, 0.0, 0.0)])
 
     def keep(self, axis: int, position: float) -> None:
-        """Hold the motor at ``position`` from outside, whatever the command."""
+        """Hold the motor at ``position`` from outside, at rest, whatever the command."""
         self.servo.place(axis, position, *self.command(axis))
+        self._velocity[axis] = 0.0  # the lag's is that towards the command
 
     def plan(
         self, axis: int, segments: Sequence[Segment], then: Callable[[], None] | None = None
