@@ -91,7 +91,7 @@ def test_a_device_that_does_not_close_is_left_to_itself() -> None:
 
 def test_an_arm_whose_servos_hang_says_which() -> None:
     robot = make(HangsInServo)
-    robot.joint_axes = (0, 1)
+    robot.servos.used = (0, 1)
     with pytest.raises(ConnectError, match=r"AxisDriver\.servo did not return"):
         robot.start()
     robot.shutdown()

@@ -7,13 +7,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from control_msgs.action import FollowJointTrajectory
 from tests.conformance import broken
 from tests.conformance.conftest import InstallMutant, InstallSource
 from tests.conformance.mutants.plugin import Mutant
-from tests.ros.robot_process import Client, Goal, RobotProcess
+from tests.ros.robot_process import Client, Goal, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.srv import GetIoBit, SetIoBit
 
@@ -78,13 +79,21 @@ def served(name: str) -> Iterator[tuple[RobotProcess, Client]]:
             client.close()
 
 
-def begin_goal(client: Client, time_s: int = 20) -> Goal:
+def send_goal(client: Client, time_s: int = 20, feedback: list[Any] | None = None) -> Goal:
     goal = FollowJointTrajectory.Goal()
     goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
     point = JointTrajectoryPoint(positions=[0.5] * 6)
     point.time_from_start.sec = time_s
     goal.trajectory.points = [point]
-    return client.send_goal(goal)
+    return client.send_goal(goal, feedback)
+
+
+def begin_goal(client: Client) -> Goal:
+    """Send a goal and wait until its motion has begun."""
+    feedback: list[Any] = []
+    sent = send_goal(client, feedback=feedback)
+    wait_until(lambda: feedback, "the motion of the goal")
+    return sent
 
 
 def rejection(goal: Goal) -> str:
@@ -116,7 +125,7 @@ def test_a_driver_that_breaks_ends_all_motion_and_the_daemon_lives(
         switch.touch()
         assert ended in rejection(running)
         client.wait_engine(ready=False)
-        said = rejection(begin_goal(client))
+        said = rejection(send_goal(client))
         assert "engine is not ready (state Unknown)" in said
         assert rejected in said
         assert process.end() == ExitCode.OK, process.output
@@ -127,7 +136,7 @@ def test_an_output_that_hangs_holds_up_nothing_else(install_mutant: InstallMutan
         outputs = client.node.create_client(SetIoBit, "/wmx/io/set_output_bit")
         assert outputs.wait_for_service(10.0)
         pending = outputs.call_async(SetIoBit.Request(byte=0, bit=0, value=1))
-        result = begin_goal(client, time_s=1).result()[1]
+        result = send_goal(client, time_s=1).result()[1]
         assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
         assert not pending.done()
         assert process.end() == ExitCode.OK, process.output

@@ -75,6 +75,17 @@ def assert_fault_in_motion(robot: Robot, cause: Callable[[], object], reason: st
     assert any(reason in problem for problem in robot.problems), robot.problems
 
 
+def positions(faults: FakeFaultInjector) -> list[float]:
+    return [faults.position(axis) for axis in range(6)]
+
+
+def stand(faults: FakeFaultInjector, seconds: float) -> bool:
+    """Return True when no motor moves for that time."""
+    before = positions(faults)
+    time.sleep(seconds)
+    return positions(faults) == before
+
+
 def assert_moves(robot: Robot, angle: float) -> None:
     with goal(robot, angle, 1.0) as execution:
         outcome, message = end_of(execution)
@@ -149,9 +160,11 @@ def test_a_cut_connection_ends_the_motion_at_the_last_target(
     robot: Robot, faults: FakeFaultInjector
 ) -> None:
     assert_fault_in_motion(robot, faults.drop_communication, "connection lost")
-    first = [faults.position(axis) for axis in range(6)]
-    time.sleep(0.2)
-    assert [faults.position(axis) for axis in range(6)] == first
+    lost = positions(faults)
+    wait_until(lambda: stand(faults, 0.05), "the motors reach the last target")
+    first = positions(faults)
+    assert first == pytest.approx(lost, abs=0.01)
+    assert stand(faults, 0.2)
     robot.recover()
     assert robot.image.copy().position.tolist() == pytest.approx(first, abs=1e-3)
     assert_moves(robot, -0.1)
