@@ -12,12 +12,16 @@ from tests.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock, wait_until
+from robotd.clock.simulated import SteppedClock
+from robotd.control.completion import Outcome
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import DeviceTimeout, NotReady, OperationError, Unsupported
+from robotd.motion import TrajectoryRequest
 from robotd.plugin import fault_isolation
 from robotd.plugin.fault_isolation import isolated
+from robotd.robot import build_robot
 
 PLUGIN = "'odd' (plugin_acme of acme 1.2)"
 
@@ -51,6 +55,30 @@ def test_what_the_cycle_calls_takes_no_other_thread() -> None:
     behind.read(ProcessImage(2))
     behind.stream(np.zeros(2), np.zeros(2), 0)
     assert threads == [threading.current_thread()] * 2
+
+
+def test_a_period_in_motion_calls_nothing_with_a_time_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot = build_robot("cr3a", "sim", clock=SteppedClock())
+    robot.start()
+    names = robot.joint_names
+    request = TrajectoryRequest.from_rows(names, [0.5], [[0.1] * len(names)])
+    timed: list[str] = []
+    plain = fault_isolation.call_with_timeout
+
+    def note(budget_s: float, call: Any, name: str) -> Any:
+        timed.append(name)
+        return plain(budget_s, call, name)
+
+    with robot.follower.follow(request) as execution:
+        monkeypatch.setattr(fault_isolation, "call_with_timeout", note)
+        robot.step(150)
+        monkeypatch.undo()
+        robot.step(200)
+        assert execution.outcome is Outcome.SUCCEEDED
+    robot.shutdown()
+    assert timed == []
 
 
 @pytest.mark.parametrize(
