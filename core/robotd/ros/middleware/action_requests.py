@@ -121,10 +121,23 @@ class PromptActionServer(ActionServer):
 class _GoalHandle(ServerGoalHandle):
     """Goal handle whose ``request`` is converted when it is first read.
 
-    One thread at a time.
+    Its feedback message is made once: rclpy makes one with all its parts each time. One thread at
+    a time.
     """
+
+    _feedback: Any = None
 
     @property
     def request(self) -> Any:
         """Goal of the action's type."""
         return self._goal_request.goal
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """Publish ``feedback``, of the action's type; no effect after the goal has expired."""
+        server = self._action_server
+        if self._feedback is None:
+            self._feedback = server.action_type.Impl.FeedbackMessage(goal_id=self.goal_id)
+        self._feedback.feedback = feedback
+        with self._lock:
+            if self._goal_handle is not None:
+                server._handle.publish_feedback(self._feedback)  # noqa: SLF001

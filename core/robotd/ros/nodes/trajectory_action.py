@@ -25,9 +25,9 @@ from robotd.robot import Robot
 from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.trajectory_conversions import (
+    TrajectoryFeedback,
     clock_time_ns,
     duration_s,
-    feedback,
     joint_tolerances,
     stamp_ns,
     trajectory_request,
@@ -171,11 +171,13 @@ class TrajectoryAction:
 
     def _watch(self, goal: Any, execution: TrajectoryExecution) -> None:
         """Publish feedback until the goal has ended."""
+        feedback = TrajectoryFeedback(execution.trajectory.names)
         with execution.ticks(FEEDBACK_PERIOD_NS, self._robot.clock) as ticks:
             for _ in ticks:
                 if goal.is_cancel_requested:  # before it was in the table
                     execution.cancel()
-                self._publish_feedback(goal, execution)
+                now_ns = self._clock.now().nanoseconds
+                goal.publish_feedback(feedback.fill(execution.progress(), now_ns))
 
     def _start_ns(self, stamp: Any, request: TrajectoryRequest) -> int | None:
         """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
@@ -186,10 +188,6 @@ class TrajectoryAction:
         delay_ns = start_ns - self._robot.clock.now_ns()
         check_start_delay(delay_ns / NANOSECONDS, float(request.times_s[-1]))
         return start_ns
-
-    def _publish_feedback(self, goal: Any, execution: TrajectoryExecution) -> None:
-        now_ns = self._clock.now().nanoseconds
-        goal.publish_feedback(feedback(execution.trajectory.names, execution.progress(), now_ns))
 
 
 def _ending(goal: Any, execution: TrajectoryExecution, tolerances: Tolerances) -> Ending:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable
 from typing import Any
 
-from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
 
-from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.control.trajectory_execution import Progress
 from robotd.motion import JointTolerance, TrajectoryRequest
@@ -67,29 +66,34 @@ def clock_time_ns(time_ns: int, ros_clock: Any, clock: Clock) -> int:
     return min(readings)[1]
 
 
-def feedback(names: Iterable[str], progress: Progress, now_ns: int) -> Any:
-    """The action's feedback, stamped with ROS time ``now_ns``; joints in the order ``names``."""
-    message = FollowJointTrajectory.Feedback()
-    message.header.stamp = Time(sec=now_ns // NANOSECONDS, nanosec=now_ns % NANOSECONDS)
-    message.joint_names = list(names)
-    desired = (progress.desired_position, progress.desired_velocity)
-    actual = (progress.actual_position, progress.actual_velocity)
-    error = (desired[0] - actual[0], desired[1] - actual[1])
-    time_from_start = _duration(max(progress.time_s, 0.0))
-    for name, (position, velocity) in (("desired", desired), ("actual", actual), ("error", error)):
-        _fill_point(getattr(message, name), position, velocity, time_from_start)
-    return message
+class TrajectoryFeedback:
+    """Feedback message of one goal, filled anew each time. One thread at a time.
+
+    Args:
+        names: (m,) joints of the goal, in the order of the arrays of ``Progress``.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._message = FollowJointTrajectory.Feedback(joint_names=list(names))
+
+    def fill(self, progress: Progress, now_ns: int) -> Any:
+        """Return the message with ``progress``, stamped with ROS time ``now_ns``."""
+        message = self._message
+        _set_time(message.header.stamp, now_ns)
+        time_ns = round(max(progress.time_s, 0.0) * NANOSECONDS)
+        desired = (progress.desired_position, progress.desired_velocity)
+        actual = (progress.actual_position, progress.actual_velocity)
+        error = (desired[0] - actual[0], desired[1] - actual[1])
+        points = (message.desired, message.actual, message.error)
+        for point, (position, velocity) in zip(points, (desired, actual, error), strict=True):
+            point.positions = array("d", position.tobytes())
+            point.velocities = array("d", velocity.tobytes())
+            _set_time(point.time_from_start, time_ns)
+        return message
 
 
-def _fill_point(point: Any, position: FloatArray, velocity: FloatArray, time: Any) -> None:
-    point.positions = position.tolist()
-    point.velocities = velocity.tolist()
-    point.time_from_start = time
-
-
-def _duration(seconds: float) -> Any:
-    total_ns = round(seconds * NANOSECONDS)
-    return Duration(sec=total_ns // NANOSECONDS, nanosec=total_ns % NANOSECONDS)
+def _set_time(message: Any, time_ns: int) -> None:
+    message.sec, message.nanosec = divmod(time_ns, NANOSECONDS)
 
 
 def _refuse_unsupported(goal: Any) -> None:
