@@ -128,6 +128,8 @@ class StallRecovery:
             self._next -= path
         elif self.active:
             self._fade(path[1], elapsed_s)
+        else:
+            return False
         path += self._next
         return underrun
 

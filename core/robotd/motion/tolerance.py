@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -178,8 +178,10 @@ class JointBounds:
             np.full(len(names), np.inf) if velocity is None else velocity.copy()
         )
         self.notes = self._apply(list(entries))
-        self._position_limited = bool(np.isfinite(self.position).any())
-        self._velocity_limited = bool(np.isfinite(self.velocity).any())
+        self._limited = tuple(
+            bounds.tolist() if np.isfinite(bounds).any() else None
+            for bounds in (self.position, self.velocity)
+        )
 
     def check(
         self,
@@ -190,9 +192,10 @@ class JointBounds:
         actual_velocity: FloatArray,
     ) -> Violation | None:
         """Return the worst violation, of position before velocity; None when all are within."""
-        if self._position_limited and _exceeds(position, actual_position, self.position):
+        positions, velocities = self._limited
+        if positions and _exceeds(position, actual_position, positions):
             return self._worst("position", position - actual_position, self.position, time_s)
-        if self._velocity_limited and _exceeds(velocity, actual_velocity, self.velocity):
+        if velocities and _exceeds(velocity, actual_velocity, velocities):
             return self._worst("velocity", velocity - actual_velocity, self.velocity, time_s)
         return None
 
@@ -230,13 +233,16 @@ class JointBounds:
         )
 
 
-def _exceeds(desired: FloatArray, actual: FloatArray, bounds: FloatArray) -> bool:
+def _exceeds(desired: FloatArray, actual: FloatArray, bounds: Sequence[float]) -> bool:
     """Return True when a joint is out of ``bounds``, as every NaN is.
 
     In plain floats: NumPy would take four functions that run nowhere else in a period.
     """
-    values = zip(desired.tolist(), actual.tolist(), bounds.tolist(), strict=True)
-    return not all(abs(wanted - found) <= bound for wanted, found, bound in values)
+    found = actual.tolist()
+    for joint, wanted in enumerate(desired.tolist()):
+        if not abs(wanted - found[joint]) <= bounds[joint]:
+            return True
+    return False
 
 
 def _resolve(value: float, default: float, label: str) -> float:
