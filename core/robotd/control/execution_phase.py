@@ -6,7 +6,7 @@ from enum import Enum, auto
 
 from robotd.clock import NANOSECONDS
 
-SETTLED_PERIODS = 3  # consecutive periods within tolerance that count as arrived, or at rest
+SETTLED_PERIODS = 2  # consecutive periods within tolerance that count as arrived, or at rest
 
 
 class Phase(Enum):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import threading
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -11,6 +13,16 @@ from tests.unit.control.harness import PERIOD_S, Harness
 from robotd.control.trajectory_execution import Progress
 
 TARGET, SECONDS = [1.5, -1.5, 0.75], 2.0
+SWITCH_INTERVAL_S = 1e-5  # a period takes longer
+
+
+@pytest.fixture
+def often_switched() -> Iterator[None]:
+    """Threads that take turns within a period."""
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    yield
+    sys.setswitchinterval(before_s)
 
 
 def test_the_time_of_feedback_is_that_of_the_desired_values() -> None:
@@ -25,6 +37,7 @@ def test_the_time_of_feedback_is_that_of_the_desired_values() -> None:
     harness.robot.shutdown()
 
 
+@pytest.mark.usefixtures("often_switched")
 def test_feedback_read_by_another_thread_is_of_one_period() -> None:
     harness, ending, seen = Harness().up(), threading.Event(), list[Progress]()
     with harness.goal(TARGET, seconds=SECONDS) as execution:
