@@ -270,16 +270,14 @@ class Robot:
 
         Raises:
             InvalidArgument: another number.
+            OperationError: the axes are read-only.
             Unsupported: the device interpolates trajectories itself.
         """
         self._require_streamed("speed scaling")
         self.axes.speed.set(speed)
 
     def pause(self) -> None:
-        """Bring motion to rest on its path, to be continued by ``resume``. Any thread.
-
-        Raises Unsupported where the device interpolates trajectories itself.
-        """
+        """Bring motion to rest on its path until ``resume``; raises as ``set_speed``."""
         self._require_streamed("pausing")
         self.axes.speed.pause()
 
@@ -347,6 +345,7 @@ class Robot:
         return base
 
     def _require_streamed(self, feature: str) -> None:
+        self.axes.stop_latch.check_commandable()
         if self.joint_axes and self.axes.trajectories_on_device:
             raise Unsupported(feature, self.backend.name)
 

@@ -84,7 +84,9 @@ class MotionStop:
 
         Raises:
             DeviceTimeout: axes still move after the quick stop; the latch stays engaged.
+            OperationError: the axes are read-only.
         """
+        self._axes.stop_latch.check_commandable()
         self._axes.stop_latch.engage(reason)
         if not self._connection.ready:
             return

@@ -65,9 +65,11 @@ class Recovery:
 
         Raises:
             NotReady: another recovery runs, or the robot is being shut down.
+            OperationError: the axes are read-only.
             ConnectError: the step that failed, with the reason of each axis.
             RobotdError: the device cannot be opened or started.
         """
+        self._axes.stop_latch.check_commandable()
         if not self._running.acquire(blocking=False):
             raise NotReady("another recovery is running")
         try:

@@ -30,6 +30,7 @@ class Servos:
 
     Attributes:
         used: axes of joints and wheels.
+        read_only: ``AxisDriver.read_only``.
     """
 
     def __init__(
@@ -42,14 +43,18 @@ class Servos:
     ) -> None:
         self._descriptor, self._connection, self._axes = descriptor, connection, axes
         self._groups, self._base = groups, base
+        self.read_only = axes.stop_latch.read_only
         wheels = descriptor.drive.axes if descriptor.drive else ()
         self.used = (*(joint.axis for joint in descriptor.joints), *wheels)
 
     def enable(self) -> None:
         """Clear alarm, then servo on, axis by axis, as at start-up.
 
-        Wheels are put into velocity mode before.
+        Wheels are put into velocity mode before. Read-only axes stay as they are.
         """
+        if self.read_only:
+            log.info("axes are read-only", reason=self.read_only)
+            return
         with self._connection.step.running("switching the servos on"):
             results = each(self.used, self.enable_axis)
         failures = {
@@ -91,9 +96,9 @@ class Servos:
     def disable(self) -> None:
         """Bring what moves to rest, then switch the servos off; failures are logged.
 
-        No effect while the device does not communicate.
+        No effect while the device does not communicate, and on read-only axes.
         """
-        if not self._connection.ready:
+        if self.read_only or not self._connection.ready:
             return
         self.bring_to_rest()
         enabled = [axis for axis in range(len(self._axes)) if self._axes.image.servo_on[axis]]

@@ -86,7 +86,7 @@ class Axes:
         self.feedback_period_s = driver.feedback_period_s
         self.names = tuple(names)
         self.arguments = AxisArguments(names)
-        self.stop_latch = StopLatch()
+        self.stop_latch = StopLatch(driver.read_only)
         self.speed = SpeedScale()
         self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver
@@ -129,8 +129,9 @@ class Axes:
     def check_axes(self, axes: Sequence[int]) -> None:
         """Raise NotReady before the device is ready, InvalidArgument for a wrong axis.
 
-        Part of every command. Any thread.
+        OperationError where axes are read-only. Part of every command. Any thread.
         """
+        self.stop_latch.check_commandable()
         self._connection.require_ready()
         self.arguments.check_numbers(axes)
 
@@ -246,8 +247,7 @@ class Axes:
                 with self.arguments.naming(jog.axis):
                     check_jog(limits, *_numbers(jog.profile))
                     check_room(limits, position, jog.profile.velocity, jog.profile.deceleration)
-            moving = any(jog.profile.velocity for jog in jogs)
-            scale = self.speed.at_start() if moving else 1.0
+            scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
             for jog in jogs:
                 self.jog_deceleration[jog.axis] = jog.profile.deceleration
                 with self.arguments.naming(jog.axis):
@@ -381,6 +381,7 @@ class Axes:
         return self.arguments.error(NotReady, axis, f"{self.image.fault(axis)}{advice}")
 
     def _require(self, capability: Capability | None, feature: str) -> None:
+        self.stop_latch.check_commandable()
         if capability is not None and capability not in self._capabilities:
             raise Unsupported(feature, self._backend)
 

@@ -119,6 +119,11 @@ class AxisDriver(ABC):
     """
 
     @property
+    def read_only(self) -> str:
+        """Reason why the axes take no commands; "": they do. Read once, at start."""
+        return ""
+
+    @property
     def underrun(self) -> Underrun:
         """Behaviour of a streaming axis while ``stream`` is not called in time."""
         return Underrun.EXTRAPOLATE

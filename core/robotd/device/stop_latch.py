@@ -1,11 +1,11 @@
-"""Latch that forbids motion from a stop until it is reset."""
+"""Latch that forbids motion: of read-only axes, or from a stop until it is reset."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
 
-from robotd.errors import NotReady
+from robotd.errors import NotReady, OperationError
 from robotd.log import get_logger
 
 log = get_logger("stop")
@@ -14,17 +14,22 @@ StopListener = Callable[[str], None]
 
 
 class StopLatch:
-    """Reason why no motion may start: a stop, or a lifecycle.
+    """Reason why no motion may start: read-only axes, a stop, or a lifecycle.
 
     Any thread. Commands check it before they start motion; ``MotionStop`` ends what runs.
 
+    Args:
+        read_only: ``AxisDriver.read_only``.
+
     Attributes:
+        read_only: as above.
         reason: of the first stop since the last reset; "" while motion is allowed.
         inactive: state of a managed robot in which nothing moves; "": it is active, or not managed.
         servos_allowed: servos may be switched on.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, read_only: str = "") -> None:
+        self.read_only = read_only
         self.reason = self.inactive = ""
         self.servos_allowed = True
         self._lock = threading.Lock()
@@ -38,13 +43,23 @@ class StopLatch:
         reason = self.reason
         return f"motion is stopped: {reason}; robotd reset allows it again" if reason else ""
 
+    def check_commandable(self) -> None:
+        """Raise OperationError where the axes are read-only."""
+        if self.read_only:
+            raise OperationError(self.read_only)
+
     def check(self) -> None:
-        """Raise NotReady while motion is stopped, or the robot is not active."""
+        """Raise NotReady while motion is stopped, or the robot is not active.
+
+        OperationError where the axes are read-only.
+        """
+        self.check_commandable()
         if rejection := self.rejection:
             raise NotReady(rejection)
 
     def check_servos(self) -> None:
-        """Raise NotReady while no servo may be switched on."""
+        """Raise NotReady while no servo may be switched on; OperationError: read-only axes."""
+        self.check_commandable()
         if not self.servos_allowed:
             raise NotReady(self.rejection)
 
@@ -58,7 +73,9 @@ class StopLatch:
             listener(self.reason)
 
     def engage(self, reason: str) -> None:
-        """Forbid motion; a later reason does not replace the first."""
+        """Forbid motion; a later reason does not replace the first. Read-only axes: no effect."""
+        if self.read_only:
+            return
         self._set(reason, only_if_free=True)
 
     def release(self) -> None:

@@ -138,6 +138,8 @@ class RobotLifecycle:
 
     def _deactivate(self) -> None:
         self._robot.servos.disable()
+        if self._robot.servos.read_only:
+            return
         image, names = self._robot.image, self._robot.axes.names
         on = [name for name, is_on in zip(names, image.servo_on.tolist(), strict=True) if is_on]
         if on and self._robot.connection.ready:

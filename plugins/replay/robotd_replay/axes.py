@@ -1,20 +1,25 @@
-"""Axes of a recording: values are read, motion is not supported."""
+"""Axes of a recording: values are read, nothing can be commanded."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robotd.api import AxisDriver, CommandMode, FloatArray, ProcessImage, Profile, Unsupported
+from robotd.api import AxisDriver, FloatArray, ProcessImage, Profile, Unsupported
 from robotd_replay.device import ReplayDevice
 
-MOTION = "motion of a recording"
+READ_ONLY = "this robot replays a recording: its axes are read-only and cannot be moved"
+COMMANDS = "commands to recorded axes"
 
 
 class ReplayAxes(AxisDriver):
-    """Read-only axes. Servo and alarm commands have no effect, motion raises Unsupported."""
+    """Read-only axes: the core gives them no commands."""
 
     def __init__(self, device: ReplayDevice) -> None:
         self._device = device
+
+    @property
+    def read_only(self) -> str:
+        return READ_ONLY
 
     def read(self, image: ProcessImage) -> None:
         self._device.update_io()
@@ -29,28 +34,22 @@ class ReplayAxes(AxisDriver):
         image.fresh_ns = self._device.clock.now_ns() - age_ns - max(0, recorded_age_ns)
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
-        """Do nothing: the servo is as it was."""
+        raise Unsupported(COMMANDS)
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
-        """Do nothing: the alarm is as it was."""
-
-    def set_command_mode(self, axis: int, mode: CommandMode) -> None:
-        """Do nothing: the mode is as it was."""
+        raise Unsupported(COMMANDS)
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
-        raise Unsupported(MOTION)
+        raise Unsupported(COMMANDS)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
-        raise Unsupported(MOTION)
+        raise Unsupported(COMMANDS)
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-        raise Unsupported(MOTION)
+        raise Unsupported(COMMANDS)
+
+    def end_stream(self, axes: Sequence[int]) -> None:
+        raise Unsupported(COMMANDS)
 
     def stop(self, axes: Sequence[int]) -> None:
         """Do nothing: what moves was recorded."""
-
-    def quick_stop(self, axes: Sequence[int]) -> None:
-        """Do nothing: what moves was recorded."""
-
-    def end_stream(self, axes: Sequence[int]) -> None:
-        """Do nothing: there is no stream."""

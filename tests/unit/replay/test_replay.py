@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,12 +13,15 @@ from tests.unit.recording.frames import ramp, write
 
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor, parse_override
-from robotd.device.state import ConnectionState
-from robotd.errors import DescriptorError, Unsupported
+from robotd.device.axes import Jog, Move
+from robotd.device.state import ConnectionState, Operation
+from robotd.errors import DescriptorError, OperationError, Unsupported
 from robotd.motion import TrajectoryRequest
+from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
 from robotd.recording.recording_reader import Recording, read_recording
 from robotd.robot import Robot
+from robotd_replay.axes import READ_ONLY
 
 
 @pytest.fixture(scope="module")
@@ -69,16 +72,51 @@ def test_every_value_is_shown_at_its_time(recording: Recording) -> None:
     robot.shutdown()
 
 
-def test_motion_is_rejected_with_the_name_of_the_backend(recording: Recording) -> None:
+def goal(robot: Robot) -> None:
+    request = TrajectoryRequest.from_rows(robot.joint_names, [1.0], [[0.1] * 6])
+    with robot.follower.follow(request):
+        pass
+
+
+COMMANDS: dict[str, Callable[[Robot], object]] = {
+    "goal": goal,
+    "stream": lambda robot: robot.stream().close(),
+    "move": lambda robot: robot.axes.move([Move(0, 0.1, Profile(1.0, 1.0, 1.0))]),
+    "jog": lambda robot: robot.axes.jog([Jog(0, Profile(1.0, 1.0, 1.0))]),
+    "servo on": lambda robot: robot.axes.servo(0, True),
+    "servo off": lambda robot: robot.axes.servo(0, False),
+    "clear alarm": lambda robot: robot.axes.clear_alarm(2),
+    "mode": lambda robot: robot.axes.set_command_mode(0, 1),
+    "stop": Robot.stop,
+    "recover": Robot.recover,
+    "speed": lambda robot: robot.set_speed(0.5),
+    "pause": Robot.pause,
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_each_command_is_rejected_because_the_axes_are_read_only(
+    recording: Recording, command: Callable[[Robot], object]
+) -> None:
+    robot = replay(recording.path, "backends.replay.repeat=false")
+    robot.start()
+    robot.axes.stop_latch.engage("by a message")  # no effect
+    seen = set()
+    for _ in range(round(recording.duration_s * 10) + 5):
+        robot.step(50)
+        seen.add((int(robot.image.operation[0]), robot.connection.ready))
+        with pytest.raises(OperationError) as error:
+            command(robot)
+        assert str(error.value) == READ_ONLY
+    assert seen >= {(Operation.IDLE, True), (Operation.STREAM, True)}
+    assert not robot.connection.ready  # the recording has ended
+    robot.shutdown()
+
+
+def test_outputs_cannot_be_set(recording: Recording) -> None:
     robot = replay(recording.path)
     robot.start()
     robot.step(20)
-    request = TrajectoryRequest.from_rows(robot.joint_names, [1.0], [[0.1] * 6])
-    with (
-        pytest.raises(Unsupported, match="motion of a recording: not supported by the replay"),
-        robot.follower.follow(request),
-    ):
-        pass
     with pytest.raises(Unsupported, match="outputs of a recording: not supported"):
         robot.io.set_output_bit(0, 1, True)
     robot.step(150)
