@@ -46,10 +46,12 @@ class DeviceTrajectory:
 
     Args:
         driver: of the axes.
-        trajectory: planned and checked.
         axes: (m,) index of each joint's axis.
+        trajectory: planned and checked.
         limits: of the same joints.
         start_ns: monotonic time before which nothing moves.
+
+    Attributes:
         completion: gets a fault when the device does not follow; wakes the thread.
     """
 
@@ -61,11 +63,10 @@ class DeviceTrajectory:
     def __init__(
         self,
         driver: AxisDriver,
-        trajectory: Trajectory,
         axes: IntArray,
+        trajectory: Trajectory,
         limits: JointLimits,
         start_ns: int,
-        completion: Completion,
     ) -> None:
         self.start_ns = start_ns
         self.time_s = 0.0
@@ -74,8 +75,8 @@ class DeviceTrajectory:
         self.setpoint: FloatArray = np.vstack([start, velocity, np.zeros_like(start)])
         self._driver, self._trajectory, self._limits = driver, trajectory, limits
         self._axes, self._columns = axes, columns(axes)
-        self._completion = completion
-        completion.on_end = self._wake
+        self.completion = Completion()
+        self.completion.on_end = self._wake
         self._times_s, self._points = spline_points(trajectory, driver.max_trajectory_points)
         self._has_path = bool(np.ptp(self._points, axis=0).max() >= MIN_PATH)
         self._end_point = trajectory.state_at(trajectory.duration_s).position
@@ -169,11 +170,11 @@ class DeviceTrajectory:
     def _wake(self) -> None:
         self._monitored.set()
         self._ended.set()
-        if self._completion.outcome is not None:
+        if self.completion.outcome is not None:
             self._at_rest.set()
 
     def _fault(self, message: str) -> None:
-        self._completion.request(Outcome.FAULT, message)
+        self.completion.request(Outcome.FAULT, message)
 
     def _judge_end(self, time_ns: int, image: ProcessImage) -> Phase | None:
         """Distinguish an arrival from a stop and from another path."""
@@ -211,18 +212,18 @@ class DeviceTrajectory:
     def _run(self) -> None:
         self._monitored.wait()
         try:
-            if not self._completion.requested and self._completion.outcome is None:
+            if not self.completion.requested and self.completion.outcome is None:
                 if self._has_path:
                     self._driver.follow(self._axes.tolist(), self._times_s, self._points)
                 self._started = True
                 self._ended.wait()
         except RobotdError as error:
             self._fault(str(error))
-        if self._completion.outcome is not Outcome.SUCCEEDED:
+        if self.completion.outcome is not Outcome.SUCCEEDED:
             self._stop_device()
         self._stop_sent = True
         self._at_rest.wait()
-        if self._return is not None and self._completion.outcome is None:
+        if self._return is not None and self.completion.outcome is None:
             self._return_device(self._return)
             self._return_sent = True
 

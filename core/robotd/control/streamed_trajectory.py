@@ -30,9 +30,9 @@ class StreamedTrajectory:
         underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         speed: sets the rate of trajectory time; None: real time.
-        completion: gets a fault when a stall has led too far off the path.
 
     Attributes:
+        completion: gets a fault when a stall has led too far off the path.
         stall_recovery: passed on to the successor, which continues its deviation.
     """
 
@@ -43,9 +43,8 @@ class StreamedTrajectory:
         trajectory: Trajectory,
         limits: JointLimits,
         start_ns: int,
-        underrun: Underrun,
-        completion: Completion,
         *,
+        underrun: Underrun = Underrun.EXTRAPOLATE,
         buffer_s: float = 0.0,
         speed: SpeedScale | None = None,
     ) -> None:
@@ -54,7 +53,7 @@ class StreamedTrajectory:
         self.setpoint: FloatArray = np.vstack(trajectory.evaluate(np.zeros(1)))
         self._motion = self.setpoint[:2]  # position and velocity
         self._trajectory, self._limits = trajectory, limits
-        self._completion = completion
+        self.completion = Completion()
         self._sampler = Sampler(trajectory)
         self._rate = PathRate(speed or SpeedScale(), limits)
         self._path: FloatArray = np.zeros_like(self.setpoint[1:])  # its derivatives at rate 1
@@ -190,7 +189,7 @@ class StreamedTrajectory:
         if found:  # the return of the command waits, too
             self._return_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
         if found and self.stall_recovery.is_far.any():
-            self._completion.request(Outcome.FAULT, self._deviation_text())
+            self.completion.request(Outcome.FAULT, self._deviation_text())
 
     def _deviation_text(self) -> str:
         recovery = self.stall_recovery

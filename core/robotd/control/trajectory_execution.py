@@ -11,8 +11,7 @@ from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import ticks
 from robotd.control.command_history import CommandHistory
-from robotd.control.completion import Completion, Outcome
-from robotd.control.device_trajectory import DeviceTrajectory
+from robotd.control.completion import Outcome
 from robotd.control.execution_phase import Phase, PhaseState
 from robotd.control.fault_monitor import STALL_S, FaultMonitor
 from robotd.control.goal_passage import GoalPassage
@@ -20,12 +19,8 @@ from robotd.control.joint_tracking import JointTracking, Progress
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.source_slot import PREEMPTED
 from robotd.control.stall_recovery import StallRecovery
-from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_source import TrajectorySource
-from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage, columns
-from robotd.device.speed_scale import SpeedScale
-from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState, Tolerances, Trajectory
 
 __all__ = ["PREEMPTED", "Outcome", "Progress", "TrajectoryExecution"]
@@ -41,8 +36,7 @@ class TrajectoryExecution:
     call ``cancel``, ``wait`` and ``progress``; the rest belongs to the control loop.
 
     Args:
-        source: makes the joints move.
-        completion: the one that ``source`` reports to.
+        source: makes the joints move along ``trajectory``.
         trajectory: planned and checked.
         axes: (m,) index of each joint's axis.
         limits: of the same joints.
@@ -58,7 +52,6 @@ class TrajectoryExecution:
     def __init__(
         self,
         source: TrajectorySource,
-        completion: Completion,
         trajectory: Trajectory,
         axes: IntArray,
         limits: JointLimits,
@@ -68,65 +61,19 @@ class TrajectoryExecution:
     ) -> None:
         self.trajectory = trajectory
         self.columns = columns(axes)
-        self.setpoint, self.completion = source.setpoint, completion
+        self.setpoint, self.completion = source.setpoint, source.completion
         self._source = source
         self._axes, self._limits, self._tolerances = axes, limits, tolerances
         self._stopped_velocity = stopped_velocity
         self._tracking = JointTracking(source.setpoint[:2])
-        self._history = CommandHistory() if feedback_period_s > 0.0 else None
+        delayed = source.streams and feedback_period_s > 0.0
+        self._history = CommandHistory() if delayed else None
         self._monitor = FaultMonitor(trajectory.names, axes, streamed=source.streams)
         self._state = PhaseState(source.start_ns)
         goal_s = trajectory.goal_s
         self._passage = None if goal_s is None else GoalPassage(trajectory, goal_s, tolerances)
         self._returning = False  # the command, to joints that did not follow it
         self._advanced_ns = source.start_ns
-
-    @classmethod
-    def streamed(
-        cls,
-        trajectory: Trajectory,
-        axes: IntArray,
-        limits: JointLimits,
-        tolerances: Tolerances,
-        stopped_velocity: FloatArray,
-        start_ns: int,
-        *,
-        underrun: Underrun = Underrun.EXTRAPOLATE,
-        buffer_s: float = 0.0,
-        feedback_period_s: float = 0.0,
-        speed: SpeedScale | None = None,
-    ) -> TrajectoryExecution:
-        """Return an execution whose setpoints the control loop sends."""
-        completion = Completion()
-        source = StreamedTrajectory(
-            trajectory, limits, start_ns, underrun, completion, buffer_s=buffer_s, speed=speed
-        )
-        return cls(
-            source,
-            completion,
-            trajectory,
-            axes,
-            limits,
-            tolerances,
-            stopped_velocity,
-            feedback_period_s,
-        )
-
-    @classmethod
-    def on_device(
-        cls,
-        driver: AxisDriver,
-        trajectory: Trajectory,
-        axes: IntArray,
-        limits: JointLimits,
-        tolerances: Tolerances,
-        stopped_velocity: FloatArray,
-        start_ns: int,
-    ) -> TrajectoryExecution:
-        """Return an execution by a device that interpolates the trajectory itself."""
-        completion = Completion()
-        source = DeviceTrajectory(driver, trajectory, axes, limits, start_ns, completion)
-        return cls(source, completion, trajectory, axes, limits, tolerances, stopped_velocity)
 
     @property
     def start_ns(self) -> int:

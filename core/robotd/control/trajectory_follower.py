@@ -12,9 +12,12 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import held
+from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.goal_events import note_goal, note_result, noted_rejection
 from robotd.control.joint_motion import JointMotion
+from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.trajectory_source import TrajectorySource
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
@@ -78,15 +81,15 @@ class TrajectoryFollower:
         self._events = axes.events
         self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
+        self._feedback_period_s = axes.feedback_period_s
         self._on_device = on_device is not None
-        self._execution = (
-            partial(TrajectoryExecution.on_device, on_device)
+        self._make_source: Callable[[Trajectory, JointLimits, int], TrajectorySource] = (
+            partial(DeviceTrajectory, on_device, self._joint_axes)
             if on_device
             else partial(
-                TrajectoryExecution.streamed,
+                StreamedTrajectory,
                 underrun=axes.underrun,
                 buffer_s=axes.stream_buffer_s,
-                feedback_period_s=axes.feedback_period_s,
                 speed=axes.speed,
             )
         )
@@ -147,8 +150,15 @@ class TrajectoryFollower:
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
             trajectory = plan(request, limits, self.settings, state, recent_path)
             self._check_end(trajectory)
-            stopped = limits.stopped_velocity(self.settings)
-            return partial(self._execution, trajectory, self._joint_axes, limits, allowed, stopped)
+            return lambda begin_ns: TrajectoryExecution(
+                self._make_source(trajectory, limits, begin_ns),
+                trajectory,
+                self._joint_axes,
+                limits,
+                allowed,
+                limits.stopped_velocity(self.settings),
+                self._feedback_period_s,
+            )
 
         with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
             recent_path = self._recent_path(start_ns or 0)

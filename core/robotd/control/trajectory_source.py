@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from robotd.arrays import FloatArray
+from robotd.control.completion import Completion
 from robotd.control.execution_phase import Phase
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
@@ -23,6 +24,7 @@ class TrajectorySource(Protocol):
         start_ns: monotonic time of the trajectory's time 0.
         time_s: trajectory time of ``setpoint``.
         setpoint: (3, m) position, velocity and acceleration for the end of the period.
+        completion: of the execution; the source requests its end.
         stall_recovery: of the setpoints, None where the device makes them.
         rate: ratio of trajectory time to real time.
     """
@@ -31,6 +33,7 @@ class TrajectorySource(Protocol):
     start_ns: int
     time_s: float
     setpoint: FloatArray
+    completion: Completion
 
     @property
     def stall_recovery(self) -> StallRecovery | None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.fakes import FakeAxes
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.device_trajectory import STOP_STEP, stop_time
+from robotd.control.device_trajectory import STOP_STEP, DeviceTrajectory, stop_time
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
@@ -50,14 +50,14 @@ class Harness:
         self.trajectory = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(2)))
 
     def start(self, limits: JointLimits = LIMITS) -> TrajectoryExecution:
-        execution = TrajectoryExecution.on_device(
-            self.axes,
+        indices = np.array([0, 1])
+        execution = TrajectoryExecution(
+            DeviceTrajectory(self.axes, indices, self.trajectory, limits, self.time_ns),
             self.trajectory,
-            np.array([0, 1]),
+            indices,
             limits,
             Tolerances.of_goal(LIMITS, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
             LIMITS.stopped_velocity(SETTINGS),
-            self.time_ns,
         )
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
         assert self.slot.submit(execution, None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.control.completion import Completion, Outcome
+from robotd.control.completion import Outcome
 from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
@@ -35,7 +35,7 @@ def half_a_radian() -> Trajectory:
 
 @pytest.mark.parametrize("stall_ms", [0, 40, 100, 190])
 def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> None:
-    source = StreamedTrajectory(half_a_radian(), LIMITS, 0, Underrun.HOLD, Completion())
+    source = StreamedTrajectory(half_a_radian(), LIMITS, 0, underrun=Underrun.HOLD)
     offset, time_ns, positions = np.array([-0.1]), 0, []
     while source.return_command(time_ns, offset):
         time_ns += PERIOD_NS
@@ -53,15 +53,14 @@ def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> No
 
 @pytest.mark.parametrize("buffer_s", [0.0, 0.01])
 def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer_s: float) -> None:
-    execution = TrajectoryExecution.streamed(
-        half_a_radian(),
+    path = half_a_radian()
+    execution = TrajectoryExecution(
+        StreamedTrajectory(path, LIMITS, 0, underrun=Underrun.HOLD, buffer_s=buffer_s),
+        path,
         np.array([0]),
         LIMITS,
         Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
         LIMITS.stopped_velocity(SETTINGS),
-        0,
-        underrun=Underrun.HOLD,
-        buffer_s=buffer_s,
     )
     image, time_ns, periods = ProcessImage(1), 0, 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
@@ -80,9 +79,9 @@ def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer
 def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
     """The WMX engine's commands deviate after an underrun of its buffers."""
     tolerances = Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", 0.01)], 0.1)
-    execution = TrajectoryExecution.streamed(
-        half_a_radian(), np.array([0]), LIMITS, tolerances, LIMITS.stopped_velocity(SETTINGS), 0
-    )
+    path, stopped = half_a_radian(), LIMITS.stopped_velocity(SETTINGS)
+    source = StreamedTrajectory(path, LIMITS, 0)
+    execution = TrajectoryExecution(source, path, np.array([0]), LIMITS, tolerances, stopped)
     image, time_ns = ProcessImage(1), 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
     while not execution.done:
