@@ -12,12 +12,10 @@ namespace robotd {
 namespace {
 using namespace wmx3Api;
 
-constexpr std::size_t RING = 64;            // setpoints between two turns of the sending thread
 constexpr unsigned int CAPACITY = 4000;     // commands of a buffer; a stop must fit
 constexpr double GAP_PERIODS = 1.5;         // as the core's: a longer gap is an underrun
 constexpr double MAX_RATE_CHANGE = 0.01, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
 constexpr double STEEPEST_S = 1e-3;         // shortest ramp to rest
-constexpr auto POLL = std::chrono::milliseconds(2);
 
 template <class Buffer, class = void>
 struct HasQuickStop : std::false_type {};
@@ -39,13 +37,10 @@ bool exec_quick_stop(Buffer &buffer, AxisSelection &axes) {
 
 PositionStream::PositionStream(Device &device, Settings settings)
     : device_(device), buffer_(&device.engine), settings_(std::move(settings)),
-      axes_(settings_.units.size()), states_(axes_.size()), open_(axes_.size(), false),
-      ring_(RING) {
+      // A setpoint for half a period later is a gap for the control loop, too.
+      queue_(settings_.units, bridged_s() + settings_.period_s / 2), axes_(settings_.units.size()),
+      states_(axes_.size()), open_(axes_.size(), false) {
     for (auto &state : states_) state = OFF;
-    for (Setpoint &setpoint : ring_) {
-        setpoint.position.resize(axes_.size());
-        setpoint.velocity.resize(axes_.size());
-    }
     commands_.reserve(256);
     thread_ = std::thread(&PositionStream::run, this);
     if (settings_.priority > 0) {
@@ -57,11 +52,7 @@ PositionStream::PositionStream(Device &device, Settings settings)
 PositionStream::~PositionStream() { close(); }
 
 void PositionStream::close() {
-    {
-        std::lock_guard guard(waiting_);
-        closing_ = true;
-    }
-    work_.notify_all();
+    queue_.close();
     if (thread_.joinable()) thread_.join();
     std::lock_guard guard(engine_);
     for (std::size_t axis = 0; axis < axes_.size(); axis++) {
@@ -72,7 +63,7 @@ void PositionStream::close() {
 }
 
 std::string PositionStream::fault() const {
-    std::lock_guard guard(waiting_);
+    std::lock_guard guard(reporting_);
     return fault_;
 }
 
@@ -119,11 +110,10 @@ void PositionStream::begin(const std::vector<int> &axes) {
     AxisSelection chosen = selection(axes);
     check("CyclicBuffer::Execute", Api::CyclicBuffer, buffer_.Execute(&chosen));
     {
-        std::lock_guard lock(waiting_);
+        std::lock_guard lock(reporting_);
         fault_.clear();
-        ran_dry_ = false;
-        if (last_due_ns_ == 0) count_ = 0;  // setpoints of an earlier stream
     }
+    queue_.restart(last_due_ns_ == 0);  // without the setpoints of an earlier stream
     for (int axis : axes) states_[axis] = STREAMING;
 }
 
@@ -132,52 +122,13 @@ double PositionStream::bridged_s() const {
     return GAP_PERIODS * settings_.period_s + settings_.buffer_s;
 }
 
-bool PositionStream::ran_dry(long long due_ns) const {
-    std::lock_guard guard(waiting_);
-    return waits_for_gap(due_ns);
-}
-
-// A setpoint for half a period later is a gap for the control loop, too.
-bool PositionStream::waits_for_gap(long long due_ns) const {
-    return ran_dry_ && (due_ns - put_ns_) * 1e-9 <= bridged_s() + settings_.period_s / 2;
-}
-
-void PositionStream::put(const double *position, const double *velocity, long long due_ns) {
-    {
-        std::lock_guard guard(waiting_);
-        if (waits_for_gap(due_ns)) return;
-        ran_dry_ = false;
-        put_ns_ = due_ns;
-        if (count_ == RING) {  // the sending thread hangs in the engine: the newest counts
-            first_ = (first_ + 1) % RING;
-            count_--;
-        }
-        Setpoint &setpoint = ring_[(first_ + count_++) % RING];
-        setpoint.due_ns = due_ns;
-        for (std::size_t axis = 0; axis < axes_.size(); axis++) {
-            setpoint.position[axis] = position[axis] * settings_.units[axis];
-            setpoint.velocity[axis] = velocity[axis] * settings_.units[axis];
-        }
-    }
-    work_.notify_one();
-}
-
-// The setpoints that wait are as old as the dry buffers.
-void PositionStream::wait_for_gap() {
-    std::lock_guard guard(waiting_);
-    count_ = 0;
-    ran_dry_ = true;
-}
-
 void PositionStream::stop(const std::vector<int> &axes) {
     {
         std::lock_guard guard(engine_);
         for (int axis : axes)
             if (states_[axis] == STREAMING) brake(axis);
     }
-    std::lock_guard guard(waiting_);
-    requested_ = true;
-    work_.notify_one();
+    queue_.wake();
 }
 
 void PositionStream::quick_stop(const std::vector<int> &axes) {
@@ -198,12 +149,9 @@ void PositionStream::quick_stop(const std::vector<int> &axes) {
 void PositionStream::run() {
     Setpoint setpoint;
     while (true) {
-        const bool next = wait(setpoint);
+        const bool next = queue_.take(setpoint, !in_state(STOPPING).empty());
         std::lock_guard guard(engine_);
-        {
-            std::lock_guard lock(waiting_);
-            if (closing_) return;
-        }
+        if (queue_.closed()) return;
         try {
             if (next) send(setpoint);
             end_drained();
@@ -211,20 +159,6 @@ void PositionStream::run() {
             fail(failed);
         }
     }
-}
-
-// The oldest setpoint that waits; false when there is something else to do.
-bool PositionStream::wait(Setpoint &setpoint) {
-    std::unique_lock lock(waiting_);
-    const auto any = [this] { return count_ > 0 || requested_ || closing_; };
-    if (in_state(STOPPING).empty()) work_.wait(lock, any);
-    else work_.wait_for(lock, POLL, any);
-    requested_ = false;
-    if (count_ == 0) return false;
-    setpoint = ring_[first_];
-    first_ = (first_ + 1) % RING;
-    count_--;
-    return true;
 }
 
 // Takes those out of `axes` whose buffer does not run: after a failure of the drive, or a stop that
@@ -280,7 +214,7 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     const bool first = last_due_ns_ == 0 && begins(axes, setpoint);
     const bool gap = gap_s <= 0 || gap_s > bridged_s();
     if (fill.dry && !gap && !begins(axes, setpoint)) {
-        wait_for_gap();
+        queue_.wait_for_gap();  // the setpoints that wait are as old as the dry buffers
         return true;
     }
     commands_.clear();
@@ -431,7 +365,7 @@ void PositionStream::fail(const CallFailed &failed) {
 }
 
 void PositionStream::report(const std::string &reason) {
-    std::lock_guard guard(waiting_);
+    std::lock_guard guard(reporting_);
     if (fault_.empty()) fault_ = reason;
 }
 

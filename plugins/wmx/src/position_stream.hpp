@@ -4,7 +4,6 @@
 #include <CyclicBufferApi.h>
 
 #include <atomic>
-#include <condition_variable>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -12,14 +11,9 @@
 
 #include "deviation.hpp"
 #include "native.hpp"
+#include "setpoint_queue.hpp"
 
 namespace robotd {
-
-// A setpoint of all axes, in user units, to be reached at `due_ns` (monotonic clock).
-struct Setpoint {
-    long long due_ns = 0;
-    std::vector<double> position, velocity;
-};
 
 // Between two setpoints runs the cubic through their positions and velocities, one command for
 // each cycle of the engine. The buffers are kept `target` cycles full, by sampling the cubics up to
@@ -42,8 +36,10 @@ public:
 
     void begin(const std::vector<int> &axes);
     // Ignored while `ran_dry`.
-    void put(const double *position, const double *velocity, long long due_ns);
-    bool ran_dry(long long due_ns) const;
+    void put(const double *position, const double *velocity, long long due_ns) {
+        queue_.put(position, velocity, due_ns);
+    }
+    bool ran_dry(long long due_ns) const { return queue_.ignores(due_ns); }
     void stop(const std::vector<int> &axes);
     void quick_stop(const std::vector<int> &axes);
     void close();
@@ -69,10 +65,7 @@ private:
     };
 
     double bridged_s() const;
-    bool waits_for_gap(long long due_ns) const;
-    void wait_for_gap();
     void run();
-    bool wait(Setpoint &setpoint);
     void send(const Setpoint &setpoint);
     bool try_send(const Setpoint &setpoint);
     bool begins(const std::vector<int> &axes, const Setpoint &setpoint) const;
@@ -91,6 +84,7 @@ private:
     Device &device_;
     wmx3Api::CyclicBuffer buffer_;
     const Settings settings_;
+    SetpointQueue queue_;
     std::vector<Axis> axes_, before_;  // before_: of the setpoint before
     std::vector<std::atomic<State>> states_;
     std::vector<bool> open_;
@@ -102,15 +96,9 @@ private:
     std::atomic<double> rate_{1.0};
     std::vector<wmx3Api::CyclicBufferMultiAxisCommands> commands_;
 
-    std::mutex engine_;          // calls of the engine and everything above
-    mutable std::mutex waiting_;  // what follows; never held during a call of the engine
-    std::condition_variable work_;
-    std::vector<Setpoint> ring_;
-    std::size_t first_ = 0, count_ = 0;
-    long long put_ns_ = 0;  // due time of the last setpoint that was taken
-    bool ran_dry_ = false;  // until there is a gap after it
-    bool requested_ = false, closing_ = false;
-    std::string fault_;
+    std::mutex engine_;  // calls of the engine and everything above
+    mutable std::mutex reporting_;
+    std::string fault_;  // needs `reporting_`
     std::thread thread_;
 };
 
