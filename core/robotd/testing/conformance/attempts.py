@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
+from robotd.device.process_image import ProcessImage
 from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.recording import Recording
 
@@ -27,6 +28,20 @@ def judge(
             assert not found, "; ".join(found)
             return
     pytest.skip(f"the computer was too busy to judge: values were late {ATTEMPTS} times")
+
+
+def record_stream(
+    harness: Harness, send: Callable[[ProcessImage], None], seconds: float
+) -> Recording:
+    """Call ``send`` in each period for ``seconds``, with all axes claimed; then wait for rest."""
+    with (
+        harness.recording() as recording,
+        harness.robot.axes.claimed("conformance", harness.all),
+        harness.each_period(send),
+    ):
+        harness.let(seconds)
+    harness.rest()
+    return recording
 
 
 def steep_ramps(harness: Harness, recording: Recording, span_s: float, more: float) -> list[str]:

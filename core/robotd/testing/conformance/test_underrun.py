@@ -8,7 +8,7 @@ import pytest
 from robotd.api import Underrun
 from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
-from robotd.testing.conformance.attempts import judge
+from robotd.testing.conformance.attempts import judge, record_stream
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.recording import Recording
 
@@ -83,14 +83,7 @@ def test_an_axis_without_setpoints_does_what_underrun_says(make_harness: MakeHar
     def motion() -> Recording:
         stream = InterruptedStream(harness)
         streams.append(stream)
-        with (
-            harness.recording() as recording,
-            harness.robot.axes.claimed("conformance", harness.all),
-            harness.each_period(stream),
-        ):
-            harness.let(stream.duration_s)
-        harness.rest()
-        return recording
+        return record_stream(harness, stream, stream.duration_s)
 
     def problems(recording: Recording) -> list[str]:
         stream = streams[-1]
