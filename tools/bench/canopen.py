@@ -1,4 +1,4 @@
-"""``python -m tools.bench.canopen [FOLDER]``: cost of a frame, and of six axes at a SYNC of 4 ms.
+"""``python -m tools.bench.canopen``: cost of a frame, and of six axes at a SYNC of 4 ms.
 
 On the virtual bus of python-can. What the simulated drives of the process take is subtracted.
 """
@@ -6,7 +6,6 @@ On the virtual bus of python-can. What the simulated drives of the process take 
 from __future__ import annotations
 
 import os
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -14,10 +13,11 @@ from pathlib import Path
 from typing import cast
 
 import can
+import click
 import numpy as np
 from tests.canopen.harness import Harness
 from tools.bench.machine import machine
-from tools.bench.results import OUT, keep
+from tools.bench.results import keep, out_option
 
 from robotd.clock import MonotonicClock
 from robotd.control.trajectory_execution import Outcome
@@ -206,8 +206,10 @@ def targets(figures: Figures) -> list[dict[str, object]]:
     ]
 
 
-def main(out: Path = OUT) -> None:
-    """Measure, print, and keep as ``canopen.json`` beside the other results."""
+@click.command()
+@out_option
+def main(out: Path) -> None:
+    """Measure frames and six axes at a SYNC of 4 ms; write canopen.json."""
     where = machine()
     figures: Figures = {}
     for name, measure in (("receive", receiving), ("send", sending)):
@@ -226,4 +228,4 @@ def main(out: Path = OUT) -> None:
 
 
 if __name__ == "__main__":
-    main(*(Path(argument) for argument in sys.argv[1:2]))
+    main()

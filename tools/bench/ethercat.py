@@ -1,4 +1,4 @@
-"""``python -m tools.bench.ethercat [FOLDER]``: frames of six drives at 250, 500 and 1000 Hz.
+"""``python -m tools.bench.ethercat``: frames of six drives at 250, 500 and 1000 Hz.
 
 Against the simulated slaves on a virtual cable: period and lateness of the frames and the processor
 time of robotd while six axes move, beside a bare loop of pysoem that exchanges the same data.
@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import os
 import struct
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
+import click
 import numpy as np
 import pysoem
 from tools.bench.machine import machine
-from tools.bench.results import OUT, keep
+from tools.bench.results import keep, out_option
 
 from robotd.clock import MonotonicClock
 from robotd.control.trajectory_execution import Outcome
@@ -154,8 +154,10 @@ def targets(figures: dict[str, Figures]) -> list[dict[str, object]]:
     ]
 
 
-def main(out: Path = OUT) -> None:
-    """Measure, print, and keep as ``ethercat.json`` beside the other results."""
+@click.command()
+@out_option
+def main(out: Path) -> None:
+    """Measure frames of six drives at 250, 500 and 1000 Hz; write ethercat.json."""
     where = machine()
     figures: dict[str, Figures] = {}
     for rate_hz in RATES_HZ:
@@ -177,4 +179,4 @@ def main(out: Path = OUT) -> None:
 
 
 if __name__ == "__main__":
-    main(*(Path(argument) for argument in sys.argv[1:2]))
+    main()

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import click
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -181,6 +182,7 @@ def _flooded_ms(*options: str) -> float:
         return max(times)
 
 
+@click.command()
 def main() -> None:
     """Measure everything on a domain of its own; a few minutes."""
     rows: list[tuple[str, str, float, float]] = []
