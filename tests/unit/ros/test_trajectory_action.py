@@ -37,7 +37,7 @@ class Follower:
             outcome=Outcome.SUCCEEDED,
             message="passed",
             done=done,
-            trajectory=SimpleNamespace(notes=()),
+            trajectory=SimpleNamespace(names=("joint1",), notes=()),
             ticks=lambda *_: nullcontext(()),
         )
 
