@@ -58,8 +58,11 @@ class TrajectoryRequest:
         only are ignored, with a note; accelerations also where velocities are ignored.
 
         Raises:
-            TrajectoryRejected: no positions, or a row of another length than ``joint_names``.
+            TrajectoryRejected: no joints, no positions, or a row of another length than
+                ``joint_names``.
         """
+        if not joint_names:
+            raise reject_joints("the trajectory names no joints")
         width = len(joint_names)
         if positions and not any(len(row) for row in positions):
             raise reject("the points have no positions")

@@ -24,7 +24,12 @@ from robotd.motion import TrajectoryRejected
 from robotd.motion.profile import Profile
 from robotd.motion.rejection import RejectionCode
 from robotd.ros.nodes import axis_conversions
-from robotd.ros.nodes.trajectory_conversions import duration_s, stamp_ns, trajectory_request
+from robotd.ros.nodes.trajectory_conversions import (
+    duration_s,
+    refuse_unsupported,
+    stamp_ns,
+    trajectory_request,
+)
 
 
 def test_parameters_are_lines_under_the_number_of_their_axis() -> None:
@@ -79,7 +84,7 @@ def goal(**point: Any) -> Any:
 
 def test_trajectory_request_takes_every_column() -> None:
     request = trajectory_request(
-        goal(positions=[1.0, 2.0], velocities=[3.0, 4.0], accelerations=[5.0, 6.0])
+        goal(positions=[1.0, 2.0], velocities=[3.0, 4.0], accelerations=[5.0, 6.0]).trajectory
     )
     assert request.joint_names == ("a", "b")
     assert request.times_s.tolist() == [2.5]
@@ -94,13 +99,13 @@ def test_a_trajectory_without_joints_has_the_code_of_joints() -> None:
     message = goal(positions=[1.0, 2.0])
     message.trajectory.joint_names = []
     with pytest.raises(TrajectoryRejected) as rejection:
-        trajectory_request(message)
+        trajectory_request(message.trajectory)
     assert rejection.value.code is RejectionCode.INVALID_JOINTS
 
 
 def test_effort_is_rejected_rather_than_ignored() -> None:
     with pytest.raises(TrajectoryRejected, match="effort"):
-        trajectory_request(goal(positions=[1.0, 2.0], effort=[1.0, 1.0]))
+        refuse_unsupported(goal(positions=[1.0, 2.0], effort=[1.0, 1.0]))
 
 
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 999_999_999))

@@ -7,11 +7,8 @@ from collections.abc import Callable
 
 from robotd.control.joint_stream import JointStream, JointStreams
 from robotd.errors import NotReady, RobotdError
-from robotd.log import get_logger
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
-
-log = get_logger("commands")
 
 Command = Callable[[JointStream], None]
 

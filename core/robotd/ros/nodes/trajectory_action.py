@@ -29,6 +29,7 @@ from robotd.ros.nodes.trajectory_conversions import (
     clock_time_ns,
     duration_s,
     joint_tolerances,
+    refuse_unsupported,
     stamp_ns,
     trajectory_request,
 )
@@ -153,7 +154,8 @@ class TrajectoryAction:
 
     def _follow(self, goal: Any, ticket: int, motion: ExitStack) -> Ending:
         message, follower = goal.request, self._group.follower
-        request = trajectory_request(message)
+        refuse_unsupported(message)
+        request = trajectory_request(message.trajectory)
         tolerances = follower.tolerances(
             joint_tolerances(message.path_tolerance),
             joint_tolerances(message.goal_tolerance),

@@ -11,23 +11,16 @@ from control_msgs.action import FollowJointTrajectory
 from robotd.clock import NANOSECONDS, Clock
 from robotd.control.trajectory_execution import Progress
 from robotd.motion import JointTolerance, TrajectoryRequest
-from robotd.motion.rejection import reject, reject_joints
+from robotd.motion.rejection import reject
 
 CLOCK_READINGS = 3
 
 
-def trajectory_request(goal: Any) -> TrajectoryRequest:
-    """The trajectory of a goal, its rows as they came.
-
-    Raises TrajectoryRejected where no joints are named, for rows of a wrong length, and for parts
-    of the message that cannot be honoured.
-    """
-    _refuse_unsupported(goal)
-    if not goal.trajectory.joint_names:
-        raise reject_joints("the trajectory names no joints")
-    points = goal.trajectory.points
+def trajectory_request(trajectory: Any) -> TrajectoryRequest:
+    """The rows of a trajectory_msgs/JointTrajectory as they came. Raises TrajectoryRejected."""
+    points = trajectory.points
     return TrajectoryRequest.from_rows(
-        goal.trajectory.joint_names,
+        trajectory.joint_names,
         [duration_s(point.time_from_start) for point in points],
         [point.positions for point in points],
         [point.velocities for point in points],
@@ -96,7 +89,8 @@ def _set_time(message: Any, time_ns: int) -> None:
     message.sec, message.nanosec = divmod(time_ns, NANOSECONDS)
 
 
-def _refuse_unsupported(goal: Any) -> None:
+def refuse_unsupported(goal: Any) -> None:
+    """Raise TrajectoryRejected for parts of a goal that cannot be honoured."""
     multi_dof = goal.multi_dof_trajectory
     for given, what in (
         (multi_dof.joint_names or multi_dof.points, "multi_dof_trajectory"),

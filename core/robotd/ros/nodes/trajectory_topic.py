@@ -14,11 +14,15 @@ from robotd.control.joint_stream import JointStream
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.log import get_logger
-from robotd.motion import TrajectoryRequest
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.topic_stream import TopicStream
-from robotd.ros.nodes.trajectory_conversions import clock_time_ns, duration_s, stamp_ns
+from robotd.ros.nodes.trajectory_conversions import (
+    clock_time_ns,
+    duration_s,
+    stamp_ns,
+    trajectory_request,
+)
 from robotd.ros.services import add_subscription
 
 log = get_logger("trajectory")
@@ -94,16 +98,7 @@ class TrajectoryTopic:
     def _follow(self, message: Any) -> None:
         """Worker: execute a trajectory until it has ended."""
         try:
-            if not message.joint_names:
-                raise InvalidArgument("the trajectory names no joints")
-            request = TrajectoryRequest.from_rows(
-                message.joint_names,
-                [duration_s(point.time_from_start) for point in message.points],
-                [point.positions for point in message.points],
-                [point.velocities for point in message.points],
-                [point.accelerations for point in message.points],
-            )
-            start_ns = self._start_ns(message)
+            request, start_ns = trajectory_request(message), self._start_ns(message)
             with self._group.follower.follow(request, None, start_ns) as execution:
                 with self._lock:
                     self._execution = execution
