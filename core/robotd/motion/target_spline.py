@@ -17,7 +17,6 @@ from robotd.clock import NANOSECONDS
 from robotd.motion.joint_planner import Row
 
 SPARE = 0.25  # of an input period: arrivals may be late by that
-BEHIND = 1.5 + SPARE  # input periods from a target's arrival to the curve's passing it
 WINDOW = 16  # arrivals over which their rate is measured
 FIRST_PERIOD_S = 1.0 / 30.0  # assumed until two targets have come
 SHORTEST_PERIOD_S = 1e-4
@@ -29,7 +28,7 @@ RATES = (0.5, 2.0)  # lowest and highest, relative to the targets'
 
 
 class TargetSpline:
-    """Reference of m joints, ``BEHIND`` input periods behind their targets. One thread.
+    """Reference of m joints, 1.5 + ``SPARE`` input periods behind their targets. One thread.
 
     Args:
         position, velocity: (m,) of the joints now, which the reference continues.

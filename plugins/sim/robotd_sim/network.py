@@ -76,7 +76,7 @@ class Network:
         self._axes, self._period_s = robot.axes, options.tick_s
         self.packet_loss = 0
         self.frozen = False  # frames are lost without anybody noticing
-        self._up_since = self._reset_at = 0
+        self._reset_at = 0
         self._slips = 0
 
     def thaw(self) -> None:
@@ -86,7 +86,7 @@ class Network:
     def up(self, tick: int) -> None:
         """Communication begins: counters start anew."""
         self.frozen = False
-        self._up_since = self._reset_at = tick
+        self._reset_at = tick
         self.packet_loss = 0
 
     def reset(self, tick: int, slips: int) -> None:
