@@ -15,6 +15,7 @@ PACKAGES = {
     "lerobot_robot_robotd": ROOT / "learning" / "lerobot_robot_robotd" / "lerobot_robot_robotd",
     "robotd_canopen": ROOT / "plugins" / "canopen" / "robotd_canopen",
     "robotd_cia402": ROOT / "plugins" / "cia402" / "robotd_cia402",
+    "robotd_ethercat": ROOT / "plugins" / "ethercat" / "robotd_ethercat",
     "robotd_gym": ROOT / "learning" / "robotd_gym",
     "robotd_replay": ROOT / "plugins" / "replay" / "robotd_replay",
     "robotd_servo_model": ROOT / "plugins" / "servo_model" / "robotd_servo_model",
@@ -22,7 +23,7 @@ PACKAGES = {
     "robotd_wmx": ROOT / "plugins" / "wmx" / "robotd_wmx",
     "robotd_wmx_parameters": ROOT / "plugins" / "wmx_parameters" / "robotd_wmx_parameters",
 }
-BACKENDS = ("plugins/canopen", "plugins/cia402", "plugins/wmx")
+BACKENDS = ("plugins/canopen", "plugins/cia402", "plugins/ethercat", "plugins/wmx")
 FOLDERS = ("tests", "tools", "examples", "docs/_ext", *BACKENDS)
 OLD_WORD = "refu" + "sed"  # "rejected" in the glossary
 MAX_WORDS = 15

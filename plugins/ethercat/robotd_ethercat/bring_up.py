@@ -134,7 +134,7 @@ class BringUp:
                     )
 
     def _take_present_outputs(self, slave: Slave) -> None:
-        """Begin with the values that the drive has: a mapped limit of 0 would stop it.
+        """Begin with the drive's own values: a mapped limit of 0 would stop it.
 
         The controlword begins with 0, so that no drive is enabled by its first frame.
         """

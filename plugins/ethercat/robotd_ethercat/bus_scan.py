@@ -77,7 +77,7 @@ class FoundSlave:
 
 @contextmanager
 def open_bus(interface: str, bus: Soem | None = None) -> Iterator[Soem]:
-    """Yield a bus whose slaves are in PreOp, as far as they get there. Raises ConnectError."""
+    """Yield a bus with its slaves in PreOp, where possible. Raises ConnectError."""
     opened = bus or Soem(_SDO_S)
     opened.open(interface, None)
     opened.set_frame_timeout(_FRAME_S)
@@ -167,7 +167,7 @@ def _ask(bus: Soem, number: int, found: Any) -> FoundSlave:
 
 
 def _sizes(bus: Soem, access: SlaveAccess, number: int) -> tuple[int, int]:
-    """Bytes by CoE; of a slave without a mailbox by the sync managers in its SII."""
+    """Bytes by CoE; without a mailbox by the sync managers in the SII."""
     try:
         pdos = pdos_of(access)
     except RobotdError:

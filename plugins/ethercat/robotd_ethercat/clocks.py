@@ -1,4 +1,4 @@
-"""Distributed clocks: SYNC0 of the drives, phase of the frames, and drift of the bus time."""
+"""Distributed clocks: SYNC0 of the drives, phase of the frames, drift of the bus time."""
 
 from __future__ import annotations
 

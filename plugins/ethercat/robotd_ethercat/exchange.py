@@ -89,7 +89,7 @@ class Exchange:
         self.counters.sent += 1
 
     def receive(self, timeout_us: int = _LIVE_TIMEOUT_US) -> bool:
-        """Receive the frame sent last and decode the inputs; False if it is lost or incomplete.
+        """Receive the last frame and decode the inputs; False: it is lost or incomplete.
 
         While frames are lost, the interpreter lock is released: the wait may take 4 ms.
         """

@@ -29,7 +29,7 @@ class EthercatFaultInjector(FaultInjector):
         self._inject("trip", f"{self._slave(axis)} trip {code}")
 
     def disconnect(self, axis: int) -> None:
-        """Only of the last slave: on a line those behind a lost one are lost with it."""
+        """Only of the last slave: on a line those behind it are lost, too."""
         if self._slave(axis) < max(self._master.slaves):
             raise self._unsupported("disconnect of a slave with others behind it")
         self._inject("disconnect", f"{self._slave(axis)} cut")

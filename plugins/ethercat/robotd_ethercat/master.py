@@ -1,4 +1,4 @@
-"""EtherCAT master: slaves and axes of one bus, and their exchange in step with the control loop."""
+"""EtherCAT master: slaves and axes of one bus, exchanged in step with the control loop."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ class Master:
         )
 
     def _receive(self) -> bool:
-        """Receive the frame in flight; without one, after a stall, send one and wait for it."""
+        """Receive the frame in flight; without one, after a stall, send and await one."""
         if self.exchange.in_flight:
             complete = self.exchange.receive()
         else:

@@ -1,4 +1,4 @@
-"""Types of the objects of CiA 402 and of the communication area, as formats of ``struct``."""
+"""Types of the objects of CiA 402 and the communication area, as ``struct`` formats."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def object_format(index: int, sub: int = 0) -> str | None:
 
 
 def entry_format(index: int, sub: int, bits: int) -> str | None:
-    """Format of a mapped object of ``bits``; None where it is no integer of whole bytes.
+    """Format of a mapped object of ``bits``; None: no integer of whole bytes.
 
     The type of an object that is not known is unsigned.
     """

@@ -1,4 +1,4 @@
-"""Plan of the bus, from the descriptor section: every error that can be found without a bus."""
+"""Plan of the bus from the descriptor section, with every error found without a bus."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from robotd_ethercat.slaves_process import SlavesProcess
 
 
 class Simulation:
-    """The slaves of the plan, in a process and on a virtual cable of their own. Worker threads."""
+    """Slaves of the plan, in their own process, on a virtual cable. Worker threads."""
 
     def __init__(self, robot: RobotDescriptor, plan: BusPlan) -> None:
         self._section = SimulatedSection.of_robot(robot)

@@ -25,7 +25,7 @@ _SIZES = {"b": 1, "h": 2, "i": 4}
 
 
 class Slave:
-    """A drive or an I/O module at place ``number`` of the cable, 0 is the first.
+    """A drive or I/O module at place ``number`` of the cable, from 0 on.
 
     Attributes:
         name: for messages, ``joint2 (slave 1)``.

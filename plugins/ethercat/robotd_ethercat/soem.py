@@ -84,7 +84,7 @@ class Soem:
         self._sockets = [_prepared(descriptor) for descriptor in _raw_sockets() - others]
 
     def set_frame_timeout(self, seconds: float) -> None:
-        """Set the time for which SOEM waits for a frame, except for those of process data."""
+        """Set SOEM's time-out of a frame, except for those of process data."""
         self._frame_timeout_us = round(seconds * _MICROSECONDS)
         self._pysoem.settings.timeouts.ret = self._frame_timeout_us
 
@@ -138,7 +138,7 @@ class Soem:
         target.write_state()
 
     def find_again(self, slave: int) -> bool:
-        """Give a slave without its address its address again; True if it answers at its place."""
+        """Set the address of a slave that lost it; True if it answers."""
         return bool(self.slaves[slave].recover() > 0)
 
     def map(self) -> None:
@@ -212,7 +212,7 @@ class Soem:
         self._transfer(lambda one: one.mbx_receive(), slave)
 
     def on_emergency(self, slave: int, handler: Callable[[bytes], None]) -> None:
-        """Call ``handler`` with the 8 bytes of each emergency of a slave, in the polling thread."""
+        """Call ``handler`` with the 8 bytes of each emergency, in the polling thread."""
 
         def receive(message: Any) -> None:
             vendor = message.b1.to_bytes(1, "little") + message.w1.to_bytes(2, "little")
@@ -304,7 +304,7 @@ def _raw_sockets() -> set[int]:
 
 
 def _prepared(descriptor: int) -> socket.socket:
-    """Make SOEM poll a socket, and close it in programs that this process starts; return a copy.
+    """Make SOEM poll a socket that started programs do not inherit; return a copy.
 
     It limits each ``recv`` to 1 µs, which the kernel rounds up to its timer tick: a lost frame held
     up the control loop for 5.8 ms (measured at 250 ticks/s, with a time-out of 0.1 ms). A socket

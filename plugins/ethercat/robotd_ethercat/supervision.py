@@ -1,4 +1,4 @@
-"""Supervision of the bus: lost frames in the control loop, lost slaves in a thread of its own."""
+"""Supervision of the bus: lost frames in the control loop, lost slaves in a thread."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Supervision:
 
     @property
     def is_incomplete(self) -> bool:
-        """Frames come back, and the last ones were not processed by every slave that is online."""
+        """Frames return, but the last were not processed by every online slave."""
         exchange = self._exchange
         return exchange.bad_in_row >= _INCOMPLETE_FRAMES and exchange.working_counter > 0
 
@@ -70,7 +70,7 @@ class Supervision:
         return self.is_silent and self._exchange.working_counter <= 0
 
     def fault(self) -> str:
-        """Return the lost slaves with their causes, or the fault of the bus; "" without one."""
+        """Return the lost slaves with causes, or the bus fault; "" without one."""
         causes = _by_cause([slave for slave in self.lost if slave.fault])
         if causes:
             return "; ".join(causes)
@@ -221,7 +221,7 @@ class Supervision:
 
 
 def _by_cause(slaves: Sequence[Slave]) -> list[str]:
-    """Return one text for each cause, with the names of the slaves that are lost by it."""
+    """Return one text for each cause, with the names of its lost slaves."""
     names: dict[str, list[str]] = {}
     for slave in slaves:
         names.setdefault(slave.fault, []).append(slave.name)

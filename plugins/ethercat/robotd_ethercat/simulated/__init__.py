@@ -9,8 +9,8 @@ from robotd_ethercat.simulated.io_module import IoModule
 from robotd_ethercat.simulated.line import Line, Port
 from robotd_ethercat.simulated.motion_clock import MotionClock
 from robotd_ethercat.simulated.servo_drive import ServoDrive
-from robotd_ethercat.simulated.sii import Identity
-from robotd_ethercat.simulated.slave import Slave
+from robotd_ethercat.simulated.sii_content import Identity
+from robotd_ethercat.simulated.simulated_slave import Slave
 
 __all__ = [
     "GENERIC",

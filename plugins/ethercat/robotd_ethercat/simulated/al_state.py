@@ -1,4 +1,4 @@
-"""AL state machine of a slave, with status codes (ETG.1000.6 and ETG.1020 as vendors list them)."""
+"""AL state machine of a slave, with status codes (ETG.1000.6 and ETG.1020)."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from robotd_ethercat.simulated.line import Line
-from robotd_ethercat.simulated.slave import Slave
+from robotd_ethercat.simulated.simulated_slave import Slave
 
 HELP = """\
 SLAVE: place on the cable, 0 is the first.

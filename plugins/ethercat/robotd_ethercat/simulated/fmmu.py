@@ -59,7 +59,7 @@ class Fmmu:
         return cls(first, end - first, memory_first, bool(kind & READ), bool(kind & WRITE))
 
     def overlap(self, address: int, length: int) -> BitRange | None:
-        """Return the part of the logical area ``address`` … that is mapped; None for no part."""
+        """Return the mapped part of the logical area ``address`` …; None for no part."""
         low = max(self.first_bit, 8 * address)
         high = min(self.first_bit + self.bits, 8 * (address + length))
         if high <= low:

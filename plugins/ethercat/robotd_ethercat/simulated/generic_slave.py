@@ -11,8 +11,8 @@ from robotd_ethercat.simulated.object_dictionary import (
     record,
     variable,
 )
-from robotd_ethercat.simulated.sii import Identity
-from robotd_ethercat.simulated.slave import Slave
+from robotd_ethercat.simulated.sii_content import Identity
+from robotd_ethercat.simulated.simulated_slave import Slave
 from robotd_ethercat.simulated.standard_objects import assignment, pdo
 
 VENDOR = 0x52424F54

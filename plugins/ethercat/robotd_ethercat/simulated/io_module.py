@@ -12,8 +12,8 @@ from robotd_ethercat.simulated.object_dictionary import (
     record,
     variable,
 )
-from robotd_ethercat.simulated.sii import Identity
-from robotd_ethercat.simulated.slave import Command, Slave
+from robotd_ethercat.simulated.sii_content import Identity
+from robotd_ethercat.simulated.simulated_slave import Command, Slave
 from robotd_ethercat.simulated.standard_objects import assignment, pdo
 
 _MODULE = 0x0003_0191  # device type: profile 401, digital inputs and outputs

@@ -10,7 +10,7 @@ from random import Random
 from robotd_ethercat.simulated import registers as reg
 from robotd_ethercat.simulated.datagrams import DatagramProcessor
 from robotd_ethercat.simulated.motion_clock import MotionClock
-from robotd_ethercat.simulated.slave import Slave
+from robotd_ethercat.simulated.simulated_slave import Slave
 from robotd_ethercat.simulated.slave_controller import SlaveController
 
 _HOP_NS = 500  # delay from one slave to the next

@@ -91,7 +91,7 @@ def _add_slave(
     reads: bool,
     writes: bool,
 ) -> None:
-    """Add the copies of one slave: outputs first, since inputs may replace them in the frame."""
+    """Add the copies of one slave: outputs first, as inputs may replace them."""
     memory = memoryview(slave.memory)
     fmmus = [(fmmu, fmmu.overlap(address, len(data))) for fmmu in slave.fmmus()]
     read = written = False

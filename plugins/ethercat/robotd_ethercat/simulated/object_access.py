@@ -83,7 +83,7 @@ class ObjectAccess:
             self.write(index, 0, count)
 
     def _subs(self, index: int, first: int) -> list[int]:
-        """Subindices of the object that are in use: those of PDO objects up to subindex 0."""
+        """Subindices in use; of PDO objects those up to the value of subindex 0."""
         return [sub for sub in sorted(self.objects.objects[index].entries) if sub >= first]
 
     def _entry(self, index: int, sub: int) -> Entry:

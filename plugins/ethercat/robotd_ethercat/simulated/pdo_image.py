@@ -1,4 +1,4 @@
-"""Process data of a slave: objects packed into the memory of a SyncManager by the PDO mapping."""
+"""Process data of a slave: objects packed into SyncManager memory by the PDO mapping."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ from robotd_ethercat.simulated.object_dictionary import (
     ObjectDefinition,
     variable,
 )
-from robotd_ethercat.simulated.sii import Identity
-from robotd_ethercat.simulated.slave import Command, Slave
+from robotd_ethercat.simulated.sii_content import Identity
+from robotd_ethercat.simulated.simulated_slave import Command, Slave
 from robotd_ethercat.simulated.standard_objects import Mapping, assignment, pdo
 
 _AXIS_STEP, _PDO_STEP = 0x800, 0x10  # from one axis of a drive to the next

@@ -11,7 +11,7 @@ Key = tuple[int, int | None]
 
 @dataclass
 class SlaveFaults(DriveFaults):
-    """Faults of objects and, in a drive, of its motion; the defaults are a healthy slave.
+    """Faults of objects and of a drive's motion; the defaults are a healthy slave.
 
     Attributes:
         aborts: object → abort code of every access; subindex None means all.

@@ -14,7 +14,7 @@ from robotd_ethercat.simulated.object_dictionary import (
     record,
     variable,
 )
-from robotd_ethercat.simulated.sii import Identity
+from robotd_ethercat.simulated.sii_content import Identity
 
 ERROR_SETTINGS = 0x10F1
 _SYNC_ERROR_LIMIT = 0  # patient: stalls of the computer are no errors

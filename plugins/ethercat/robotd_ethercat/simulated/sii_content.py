@@ -150,7 +150,7 @@ def _category(number: int, data: bytes) -> bytes:
 
 
 def _checksum(data: bytes | bytearray) -> int:
-    """CRC-8 of the first seven words: polynomial x⁸ + x² + x + 1, start value 0xFF."""
+    """CRC-8 of the first seven words, polynomial 0x07, start value 0xFF."""
     crc = 0xFF
     for byte in data:
         crc ^= byte

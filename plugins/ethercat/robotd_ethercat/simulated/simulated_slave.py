@@ -12,7 +12,7 @@ from robotd_ethercat.simulated.object_dictionary import ObjectDefinition, Object
 from robotd_ethercat.simulated.pdo_image import PdoImage
 from robotd_ethercat.simulated.sdo_information import SdoInformation
 from robotd_ethercat.simulated.sdo_server import SdoServer
-from robotd_ethercat.simulated.sii import Hardware, Identity, change_identity, sii_image
+from robotd_ethercat.simulated.sii_content import Hardware, Identity, change_identity, sii_image
 from robotd_ethercat.simulated.slave_controller import SlaveController
 from robotd_ethercat.simulated.slave_faults import SlaveFaults
 from robotd_ethercat.simulated.standard_objects import ERROR_SETTINGS, standard_objects
