@@ -252,7 +252,7 @@ class Robot:
         the drives to work.
 
         Args:
-            reason: told to every client whose motion ends or is rejected.
+            reason: reported to every client whose motion ends or is rejected.
 
         Raises:
             DeviceTimeout: axes still move after a quick stop; motion stays stopped.

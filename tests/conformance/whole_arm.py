@@ -132,7 +132,7 @@ class ArmAxes(ProfiledAxes):
 
 
 class ArmFaultInjector(FaultInjector):
-    lives_by_clock = True
+    uses_context_clock = True
 
     def __init__(self, controller: Controller) -> None:
         self.controller = controller

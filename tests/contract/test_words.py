@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +27,9 @@ PACKAGES = {
 BACKENDS = ("plugins/canopen", "plugins/cia402", "plugins/ethercat", "plugins/wmx")
 FOLDERS = ("tests", "tools", "examples", "docs/_ext", *BACKENDS)
 OLD_WORD = "refu" + "sed"  # "rejected" in the glossary
+NO_ACTOR = re.compile(
+    r"\b(some|any|no|every)body\b|\b(some|any|every)one\b|\bwhoever\b", re.IGNORECASE
+)
 MAX_WORDS = 15
 NOUN_CLAUSES = ("What", "Where", "Who", "Whoever", "Whether", "How", "Why", "Which")
 SHARED_NAMES = {"__init__", "__main__", "conftest"}
@@ -78,6 +82,18 @@ def test_one_word_is_used_for_a_rejection() -> None:
         for path in modules(folder)
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
         if OLD_WORD in line
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_an_actor_is_named() -> None:
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("robots/**/*.md")]
+    paths = [*pages, *(path for package in PACKAGES.values() for path in modules(package))]
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in paths
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if NO_ACTOR.search(line)
     ]
     assert not found, "\n".join(found)
 

@@ -116,8 +116,8 @@ def _undeclared(backend: Backend, drivers: Drivers) -> str | None:
 def _timed(what: str, make: Callable[[], Made]) -> Made:
     """Return what ``make`` makes. Raises PluginError when that was slow.
 
-    Processor time tells a slow plugin from a loaded machine; time by the clock finds one that
-    waits for something.
+    Processor time distinguishes a slow plugin from a loaded machine; time by the clock finds one
+    that waits for something.
     """
     note_step(what)
     began_s, began_cpu_s = time.monotonic(), time.process_time()

@@ -77,7 +77,7 @@ class RobotdGroup(click.Group):
         try:
             return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
-            raise  # click ends quietly when nobody reads the output any more
+            raise  # click ends quietly when the reader of the output is gone
         except KeyboardInterrupt:
             ctx.exit(ExitCode.INTERRUPTED)
         except Exception as error:  # noqa: BLE001 - reported as one line, never as a traceback

@@ -111,7 +111,7 @@ def _missing(robot: Robot) -> Iterator[str]:
         return
     user = getuser()
     lines = (
-        "real-time priority: under load the cycle can start milliseconds late.",
+        "real-time priority: under load the control loop can start milliseconds late.",
         f"To grant it, put '{user} - rtprio {priority}' into /etc/security/limits.conf.",
     )
     yield field("missing", map(warning, lines))

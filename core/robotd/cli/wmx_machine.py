@@ -148,7 +148,7 @@ def check_network_cards(root: Path) -> Iterator[Finding]:
 
 
 def check_eni(root: Path) -> Iterator[Finding]:
-    """The EtherCAT network information file, which tells the master what is connected."""
+    """The EtherCAT network information file, which lists for the master what is connected."""
     if not root.is_dir():
         return
     files = [path for _, path in zip(range(MAX_FILES), root.rglob("*.xml"), strict=False)]

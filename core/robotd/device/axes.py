@@ -43,10 +43,10 @@ class Jog:
 
 
 class Axes:
-    """The axes of a robot; worker threads only (the cycle calls the driver itself).
+    """The axes of a robot; worker threads only (the control loop calls the driver itself).
 
     A command on several axes is checked whole before any axis starts. Commands are rejected,
-    with the reason, while the engine is not ready, and on an axis that somebody has claimed.
+    with the reason, while the engine is not ready, and on an axis that has another owner.
 
     Checks go by the process image, which is a period behind the device. So a command returns
     when the image shows what it did, and what needs an idle axis looks at an image that is newer
@@ -54,7 +54,7 @@ class Axes:
 
     Args:
         driver: the backend's axes.
-        image: the live process image, written by the cycle.
+        image: the live process image, written by the control loop.
         limits: per axis, in force: those of the device are included.
         names: per axis, for error texts (``joint2`` or ``axis 1``).
         clock: to wait by.

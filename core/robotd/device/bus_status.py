@@ -10,7 +10,7 @@ from enum import Enum
 class BusState(Enum):
     """Neutral state of a bus or of a node."""
 
-    UNKNOWN = "unknown"  # not heard of, or the bus has no states
+    UNKNOWN = "unknown"  # not reported, or the bus has no states
     INITIALISING = "initialising"
     CONFIGURABLE = "configurable"  # parameters can be exchanged, process data cannot
     INPUTS_ONLY = "inputs only"  # inputs are valid, outputs are in their safe state

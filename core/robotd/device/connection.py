@@ -295,7 +295,7 @@ class Connection:
             self.update_ready()
 
     def abandon(self, reason: str) -> None:
-        """Watchdog: the cycle hangs in the driver. Not ready, without asking the device.
+        """Watchdog: the control loop hangs in the driver. Not ready, without asking the device.
 
         A cycle that goes on after all says by ``set_stale`` how old the values are.
         """

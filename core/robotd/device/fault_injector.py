@@ -8,17 +8,17 @@ from robotd.errors import Unsupported
 class FaultInjector:
     """Optional handle for tests and scenarios: the outside world of a device.
 
-    Called by one worker thread, or on a simulated backend by the cycle: then it must not block.
-    A simulation fills all of it; a test stand may fill what it can. What is not overridden
+    Called by one worker thread, or on a simulated backend by the control loop: then it must not
+    block. A simulation fills all of it; a test stand may fill what it can. What is not overridden
     answers ``Unsupported``, and the checks that need it are skipped with that reason.
 
     Attributes:
-        lives_by_clock: the device has no time but ``DeviceContext.clock`` and no thread of its
+        uses_context_clock: the device has no time but ``DeviceContext.clock`` and no thread of its
             own, so that tests may run it on a clock that they advance themselves.
         in_process: the device is simulated in this process and ends with it.
     """
 
-    lives_by_clock: bool = False
+    uses_context_clock: bool = False
     in_process: bool = True
 
     def position(self, axis: int) -> float:

@@ -94,7 +94,7 @@ class Io:
         driver.write_outputs(byte, data)
 
     def output_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
-        """A check-free reader of one output bit for the cycle; False while not ready."""
+        """A check-free reader of one output bit for the control loop; False while not ready."""
         driver, mask = self._maybe_driver, 1 << bit
         if driver is None:
             raise Unsupported("digital outputs", self._backend)
@@ -103,7 +103,7 @@ class Io:
         return lambda: bool(driver.read_outputs(byte, 1)[0] & mask)
 
     def input_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
-        """A check-free reader of one input bit for the cycle; meaningless while not ready."""
+        """A check-free reader of one input bit for the control loop; invalid while not ready."""
         driver, mask = self._maybe_driver, 1 << bit
         if driver is None:
             raise Unsupported("digital inputs", self._backend)

@@ -38,7 +38,7 @@ def image_type(axes: int) -> np.dtype[np.void]:
 class ProcessImage:
     """Preallocated arrays of shape (n_axes,), overwritten in place once a cycle.
 
-    The cycle thread is the only writer: ``AxisDriver.read`` assigns into the arrays
+    The control-loop thread is the only writer: ``AxisDriver.read`` assigns into the arrays
     (``image.position[:] = ...``) and never replaces them. Other threads take ``copy()``.
     Values are NaN until they are known, and NaN where a device cannot know them.
 
@@ -59,7 +59,7 @@ class ProcessImage:
         commands, measured: rows of ``values``: position and velocity as commanded; position,
             velocity and torque as measured.
         reason: the device's own words for an alarm, for a drive that does not answer, or for a
-            stop that nobody commanded, until the next command; "" where it has none.
+            stop that was not commanded, until the next command; "" where it has none.
         controller_alarm, controller_reason: alarm number and text of the whole controller, see
             ``set_controller_alarm``; 0 and "" without one.
         stamp_ns: monotonic time of the last ``read``; 0 before the first.
@@ -131,7 +131,7 @@ class ProcessImage:
         return f"controller alarm {self.controller_alarm}{reason}"
 
     def set_controller_alarm(self, code: int, reason: str = "") -> None:
-        """Show an alarm of the whole controller, on every axis but told once (CONTROLLER_ALARM).
+        """Show one alarm of the whole controller, on every axis (CONTROLLER_ALARM).
 
         Control-loop thread, in ``AxisDriver.read``.
 
@@ -162,7 +162,7 @@ class ProcessImage:
         self.end_write()
 
     def copy(self) -> ProcessImage:
-        """A consistent copy. Any thread may call; retries while the cycle writes.
+        """A consistent copy. Any thread may call; retries while the control loop writes.
 
         Of a write that does not end, because the driver hangs, it is a copy of what there is.
         """

@@ -21,8 +21,8 @@ class SoftLimitGuard:
 
     Args:
         axes: whose limits and commands count.
-        driver: stops; the cycle may call ``stop``, which only starts one.
-        period_s: of the cycle.
+        driver: stops; the control loop may call ``stop``, which only starts one.
+        period_s: of the control loop.
     """
 
     def __init__(self, axes: Axes, driver: AxisDriver, period_s: float) -> None:

@@ -12,14 +12,14 @@ from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Operation
 
-SLOW = 0.95  # part of the cycle's rate below which it is too slow
+SLOW = 0.95  # part of the control loop's rate below which it is too slow
 
 
 class Level(IntEnum):
     """The numbers of diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0  # as it should be
-    WARN = 1  # works, or would, but somebody should look
+    WARN = 1  # works, or would, but needs attention
     ERROR = 2  # does not work
     STALE = 3  # nothing is known now
 

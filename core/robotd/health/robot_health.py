@@ -33,7 +33,7 @@ class Health:
         self._lost = [Growth() for _ in range(robot.fieldbus.buses)]
 
     def fingerprint(self) -> Hashable:
-        """Another value whenever something changed that should be told at once. Cheap."""
+        """Another value whenever something changed that is reported at once. Cheap."""
         robot, image = self._robot, self._robot.image
         flags = (image.servo_on, image.amp_alarm, image.offline, image.alarm_code,
                  image.negative_limit, image.positive_limit, image.mode)  # fmt: skip
@@ -44,7 +44,7 @@ class Health:
         return (*states, *motion, *(array.tobytes() for array in flags))
 
     def statuses(self) -> list[Status]:
-        """Of the engine, each axis, each fieldbus, the cycle, motion, and the gripper."""
+        """Of the engine, each axis, each fieldbus, the control loop, motion, and the gripper."""
         robot = self._robot
         state, now_ns = robot.connection.state, robot.clock.now_ns()
         connection = robot.connection

@@ -1,4 +1,4 @@
-"""Planned trajectory, and the sampler that reads it in the cycle."""
+"""Planned trajectory, and the sampler that reads it in the control loop."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Sampler:
         self._motion = self._out.reshape(3, joints)
 
     def sample(self, time_s: float, out: FloatArray) -> None:
-        """Write position, velocity and acceleration at ``time_s`` into ``out`` (3, m). Cycle: yes.
+        """Write position, velocity and acceleration at ``time_s`` into ``out`` (3, m).
 
         Times before 0 give the start, times from the duration on the rest position. Going
         forward from period to period costs least; any other order is right too.

@@ -30,7 +30,7 @@ class Recorder:
         flight: saves the last seconds.
         continuous: records from a start to a stop.
         metrics: returns the text of the metrics; None without prometheus_client, and where
-            nobody asks for them.
+            they are not served.
     """
 
     tap: Tap

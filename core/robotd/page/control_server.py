@@ -81,7 +81,7 @@ class PageControl:
         hold_timeout_s: age of the last heartbeat at which a jog slows to rest.
 
     Attributes:
-        token: new with each start; whoever has it can move the robot.
+        token: new with each start; a client that has it can move the robot.
     """
 
     def __init__(

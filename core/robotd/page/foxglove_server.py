@@ -31,7 +31,7 @@ END_TIMEOUT_S = 2.0
 class FoxgloveServer:
     """Server for Foxglove: ``with FoxgloveServer(...):``. Its thread is ``robotd-foxglove``.
 
-    Nothing is computed for a topic that nobody subscribes. Clients can only read.
+    Nothing is computed for a topic without subscribers. Clients can only read.
 
     Args:
         tap: of the robot.

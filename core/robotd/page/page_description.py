@@ -53,7 +53,7 @@ def describe(
 
 
 def identity(robot: Robot) -> dict[str, Any]:
-    """Return what tells this robot from others."""
+    """Return what distinguishes this robot from others."""
     descriptor = robot.descriptor
     return {
         "robot": descriptor.name,

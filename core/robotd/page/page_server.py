@@ -48,7 +48,7 @@ NOT_BUILT = (
 class PageServer:
     """Server of a page: ``with PageServer(...):``. Its thread is ``robotd-page``.
 
-    Nothing is computed while nobody watches. Viewers share each message; one that does not read
+    Nothing is computed without viewers. Viewers share each message; one that does not read
     is dropped. Every request only reads, except those of ``control``.
 
     Args:

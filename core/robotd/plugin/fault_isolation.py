@@ -144,7 +144,7 @@ class _Fault:
             return str(error)
 
     def _answer(self) -> str:
-        """In a thread that may stay for ever: then nobody asks again."""
+        """In a thread that may hang for ever; it is not called again then."""
         try:
             return self._ask()
         finally:

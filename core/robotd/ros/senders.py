@@ -1,7 +1,7 @@
 """Names of the clients that send requests, goals and messages, from the ROS graph.
 
 A request carries the GUID of its writer, whose first 12 bytes identify the process's participant;
-every node publishes ``/parameter_events``, whose publishers tell the nodes of each participant.
+every node publishes ``/parameter_events``, whose publishers reveal the nodes of each participant.
 """
 
 from __future__ import annotations

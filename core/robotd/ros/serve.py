@@ -210,7 +210,7 @@ def _manage(lifecycle: RobotLifecycle, enable: bool, events: SimpleQueue[Event])
 
 
 def _lifecycle(nodes: Sequence[Node]) -> RobotLifecycle | None:
-    """Return the lifecycle of a managed robot; None where nobody manages it."""
+    """Return the lifecycle of a managed robot; None where it is not managed."""
     found = (getattr(node, "lifecycle", None) for node in nodes)
     return next((each for each in found if each is not None), None)
 

@@ -64,7 +64,7 @@ class IoLayout:
 
 @dataclass(frozen=True)
 class NetworkLayout:
-    """The whole network. ``cycles_per_sync``: SYNC goes out in each n-th period of the cycle."""
+    """The whole network. ``cycles_per_sync``: SYNC is sent in each n-th control period."""
 
     options: CanopenOptions
     axes: tuple[AxisLayout, ...]

@@ -119,7 +119,7 @@ def parse_object(name: str) -> tuple[int, int]:
 
 
 def missing_and_unknown(drives: Sequence[DriveOptions], axes: int) -> list[str]:
-    """Tell which of the robot's ``axes`` have no drive, and which drives have no axis."""
+    """Name axes of the robot without a drive, and drives without an axis."""
     given, known = {drive.axis for drive in drives}, set(range(axes))
     return [
         *(f"axis {axis} of the robot has no drive" for axis in sorted(known - given)),

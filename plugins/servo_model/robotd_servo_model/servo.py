@@ -10,8 +10,8 @@ loop follows as a first-order lag with velocity feed-forward,
 whose exact solution over one tick is a weighted sum of c₀, y₀ and c₁ (see ``_response``).
 In a steady ramp the following error is (1−f)·τ·c'.
 
-Computed in plain floats: a robot has few axes, and the cycle comes out of a sleep. For six axes
-both ways take 2 µs a tick in a tight loop; after a sleep of 2 ms NumPy takes 25, this takes 9.
+Computed in plain floats: a robot has few axes, and the control loop comes out of a sleep. For six
+axes both ways take 2 µs a tick in a tight loop; after a sleep of 2 ms NumPy takes 25, this takes 9.
 
 Nothing here locks: ``World`` does.
 """

@@ -10,7 +10,7 @@ from robotd_sim.simulation import Simulation
 class SimFaultInjector(FaultInjector):
     """Everything that a bench can do. Any thread may call."""
 
-    lives_by_clock = True
+    uses_context_clock = True
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation, self._world = simulation, simulation.world

@@ -75,7 +75,7 @@ class Network:
         self._module_bytes = MODULE_BYTES if has_module else 0
         self._axes, self._period_s = robot.axes, options.tick_s
         self.packet_loss = 0
-        self.frozen = False  # frames are lost without anybody noticing
+        self.frozen = False  # frames are lost unnoticed
         self._reset_at = 0
         self._slips = 0
 

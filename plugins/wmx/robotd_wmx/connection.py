@@ -3,7 +3,7 @@
 The SDK wants one device per thread: calls on a shared one wait for each other. A call that
 takes long must not hold up a stop, so there is one device for each kind of caller:
 
-- ``status``: the cycle, and I/O reads; answers from memory only, never blocks.
+- ``status``: the control loop, and I/O reads; answers from memory only, never blocks.
 - ``command``: worker threads; every call is short; waiting threads poll the status.
 - ``stream``: the threads that send streamed velocities and positions.
 - ``diagnostics``: EtherCAT calls, which may take seconds.
@@ -162,7 +162,7 @@ class Connection:
         self._lost, self._lost_because = ConnectionState.SHUTDOWN, ""
 
     def others(self) -> list[str]:
-        """Names of other programs' devices; empty when the engine does not tell."""
+        """Names of other programs' devices; empty when the engine does not report them."""
         try:
             mine = {device.id() for device in self._devices.values()}
             return [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 LATEST_NS = 20_000_000  # a count that says more is not believed: the engine has lost cycles
-RECOVERY = 0.01  # share of the passing time by which an estimate gives way
+RECOVERY = 0.01  # share of the passing time by which an estimate yields
 
 
 class EngineTime:
@@ -11,7 +11,7 @@ class EngineTime:
 
     The moment of a read says little when the computer, and a counting engine with it, stood
     still in between. All cycles are equally long: the fastest read so far gives the time of cycle
-    0, and so of every other. The estimate gives way slowly, because the clocks of
+    0, and so of every other. The estimate yields slowly, because the clocks of
     engine and computer differ, and an engine may lose cycles.
     """
 

@@ -83,7 +83,7 @@ class WmxFieldbus(FieldbusDriver):
             self._connection.diagnostics.reset_reference_clock(bus)
 
     def start_hot_connect(self, bus: int) -> None:
-        """Returns when it has begun; ``details`` of the network state tell how it goes on."""
+        """Returns when it has begun; ``details`` of the network state report its progress."""
         with translated(f"master {bus}: hot connect"):
             self._connection.diagnostics.start_hot_connect(bus)
 

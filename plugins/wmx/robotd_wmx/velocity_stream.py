@@ -1,7 +1,7 @@
 """Streamed velocities: the newest setpoint, sent by a thread of its own.
 
 ``StartVel`` returns when the engine has taken the command in, about one of its cycles later.
-The cycle must not wait for that: it leaves its setpoint here. A setpoint that the next one
+The control loop must not wait for that: it leaves its setpoint here. A setpoint that the next one
 overtakes is never sent.
 """
 

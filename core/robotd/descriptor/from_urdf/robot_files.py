@@ -16,7 +16,7 @@ from robotd.descriptor.section import MAX_AXES
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
 from robotd.errors import DescriptorError
 
-MAX_BASE_VELOCITY_M_S = 1.0  # moderate, for a machine that nobody has driven yet
+MAX_BASE_VELOCITY_M_S = 1.0  # moderate, for a machine that was never driven
 MAX_BASE_TURNING_RAD_S = 2.0
 BASE_RAMP_S = 0.5
 WIDTH = 96  # of comments
@@ -28,7 +28,7 @@ _URDF_LIMITS = (
     " {ramp_s:g} s. rated_torque_nm (rated_force_n), the drive's 100 %, is in no URDF."
 )
 _BUS_LIMITS = (
-    "A bus tells neither names nor limits: joints are called as their drives and turn half a turn"
+    "A bus has neither names nor limits: joints are called as their drives and turn half a turn"
     " to each side, slowly, reaching full speed in {ramp_s:g} s. Replace names and limits by those"
     " of the machine; a linear axis has type: prismatic and the keys lower_m, upper_m,"
     " velocity_m_s, acceleration_m_s2. 'robotd commission' finds scale, direction and limits of"

@@ -45,7 +45,7 @@ class LiveReport:
     """Newest state.
 
     Attributes:
-        ready: the robot takes commands; None before it was heard of.
+        ready: the robot takes commands; None before its first message.
         axes: None while they are not published.
         parts: engine, axes, fieldbus, control loop.
         goals_s: time that each running goal has got to on its path, seconds, by its action.

@@ -46,7 +46,7 @@ class AxisReport:
     Attributes:
         name: of its joint or wheel.
         unit: ``rad`` or ``m``.
-        torque: None where the drive does not tell.
+        torque: None where the drive does not report it.
     """
 
     axis: int
@@ -111,7 +111,7 @@ class RobotReport:
         stopped: why all motion is stopped until a reset; "" while it is allowed.
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
-        owners: client that moves it, by name of the joint; without those that nobody owns.
+        owners: client that moves it, by name of the joint; without those that have no owner.
         inputs, outputs: levels by name in the descriptor; None while they are unknown.
         tools: of each joint group; empty for a robot without a URDF, and while positions are not
             known.

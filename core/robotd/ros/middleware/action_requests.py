@@ -1,6 +1,6 @@
 """Action server that answers goal and cancel requests before all that can wait.
 
-Works around: rclpy formats each request as the text of a debug message that nobody reads, with the
+Works around: rclpy formats each request as the text of a debug message that is not shown, with the
 16 numbers of the goal's id, and publishes the status of all goals before it answers a cancel. It
 does not pass on who sent a goal, and converts goals before it answers (``goal_requests.py``).
 Measured: acceptance of a goal of 20 points 2.0 ms instead of 3.2 ms, answer to a cancel 0.9 ms

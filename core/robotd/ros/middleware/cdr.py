@@ -7,7 +7,7 @@ Measured: writing the numbers in place and publishing the bytes costs 2 us, of w
 ``Publisher.publish(bytes)`` is 1.2. ``rcl_publish_serialized_message`` called directly would save
 0.6 us more, and with it the checks against a destroyed publisher; the public function is preferred.
 In a loop that comes out of a sleep it costs 20 to 30 us, with and without a subscriber, so messages
-that nobody subscribes to are neither filled nor published.
+without subscribers are neither filled nor published.
 Upstream: https://github.com/ros2/rclpy/issues/836 (cost of message conversion; open).
 Shown by: tests/ros/test_cdr.py, tools/bench/middleware.py.
 """
@@ -170,7 +170,7 @@ class HotPublisher:
         topic: its resolved name.
         view: numbers of a path of ``views``, shape (count,): keep it, write into it, publish.
         stamp: sets every time stamp in the message; ns since the epoch.
-        has_readers: somebody subscribes; False: the message needs neither values nor ``publish``.
+        has_readers: there are subscribers; False: the message needs neither values nor ``publish``.
             Set by the node's executor when a subscription comes or goes.
 
     Args:

@@ -1,4 +1,4 @@
-"""Goal requests that stay C messages until somebody reads the goal.
+"""Goal requests that stay C messages until the goal is read.
 
 Works around: rclpy makes Python objects of a goal before its server can answer, four arrays and a
 duration for each point. The answer needs the identity of the goal alone.

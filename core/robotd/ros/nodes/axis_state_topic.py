@@ -36,7 +36,7 @@ FIELDS = {
 class AxisStateTopic:
     """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while nobody subscribes, nor while the engine is not ready: old values
+    Nothing is published without subscribers, nor while the engine is not ready: old values
     must not look current.
 
     Args:

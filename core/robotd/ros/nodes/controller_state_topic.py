@@ -22,7 +22,7 @@ POINTS = ("reference", "output", "feedback", "error")
 
 
 class ControllerStateTopic:
-    """Publishes commanded and measured motion of a joint group while somebody subscribes.
+    """Publishes commanded and measured motion of a joint group while there are subscribers.
 
     ``publish`` belongs to the control loop.
 

@@ -59,7 +59,7 @@ class _JointTopic:
 class JointStateTopics:
     """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while nobody subscribes, nor while the engine is not ready: old values
+    Nothing is published without subscribers, nor while the engine is not ready: old values
     must not look current.
 
     Attributes:

@@ -29,7 +29,7 @@ _TWIST = ("linear.x", "angular.z", "linear.y")  # in the order of ``PlanarTwist`
 class OdometryTopics:
     """Made in any thread; ``publish`` belongs to the control loop.
 
-    Nothing is published while nobody subscribes, nor while the engine is not ready: old values
+    Nothing is published without subscribers, nor while the engine is not ready: old values
     must not look current.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Topics for pages in other processes, on the node ``robotd``; silent while nobody subscribes."""
+"""Topics for pages in other processes, on the node ``robotd``; silent without subscribers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from robotd.ros.page_messages import (
 
 log = get_logger("page")
 
-SILENT_PERIOD_S = 0.5  # for a look whether somebody subscribes
+SILENT_PERIOD_S = 0.5  # between two checks for subscribers
 RATE_HZ = 15.0  # half of the page inside the process: a sample costs more
 CHANGES_TICKS = 2  # of ``RATE_HZ``: state, events, and a look for subscribers
 STATE_TICKS = 14  # the state is repeated, as a sign of life

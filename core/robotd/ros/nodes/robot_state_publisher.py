@@ -102,7 +102,7 @@ class _KnownJoints:
 class _MovingTopic:
     """Transforms of moving joints; ``publish`` belongs to the control loop.
 
-    Nothing is published while nobody subscribes, the engine is not ready or a position is not
+    Nothing is published without subscribers, while the engine is not ready or a position is not
     known.
 
     Attributes:

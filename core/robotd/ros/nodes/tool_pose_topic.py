@@ -20,7 +20,7 @@ RATE_HZ = 10.0
 
 
 class ToolPoseTopic:
-    """Publishes the pose of each tool at 10 Hz while somebody subscribes. Executor thread.
+    """Publishes the pose of each tool at 10 Hz while there are subscribers. Executor thread.
 
     Poses that are not known are left out.
 

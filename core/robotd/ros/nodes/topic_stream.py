@@ -17,7 +17,7 @@ class TopicStream:
     """Applies commands to a stream that a worker opens for the first of them.
 
     Without a message for ``timeout_s`` the joints slow to rest, the stream ends, and the joints
-    belong to nobody. A rejection is logged once for each kind. ``apply`` and ``stop`` for the
+    have no owner. A rejection is logged once for each kind. ``apply`` and ``stop`` for the
     executor thread.
 
     Args:

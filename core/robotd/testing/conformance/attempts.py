@@ -18,8 +18,8 @@ def judge(
 ) -> None:
     """Run ``motion``; what ``problems`` finds in its recording is a failure.
 
-    In real time it is tried again when the cycle or the device's values came late: then setpoints
-    came late, or values do not belong to their times, which is no fault of the backend.
+    In real time it is tried again when the control loop or the device's values came late: then
+    setpoints came late, or values do not belong to their times, which is no fault of the backend.
     """
     for _ in range(ATTEMPTS):
         recording = motion()
@@ -39,7 +39,7 @@ def record_stream(
         harness.robot.axes.claimed("conformance", harness.all),
         harness.each_period(send),
     ):
-        harness.let(seconds)
+        harness.pass_time(seconds)
     harness.rest()
     return recording
 

@@ -31,13 +31,13 @@ def pytest_configure(config: pytest.Config) -> None:
         target = KitTarget(name, robot, overrides)
     except RobotdError as error:
         raise pytest.UsageError(str(error)) from error
-    config.stash[STAND] = target
+    config.stash[TARGET] = target
     config.pluginmanager.register(Report(target), "robotd-conformance-report")
     config.pluginmanager.register(BusyComputer(target), "robotd-conformance-busy-computer")
     config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
 
 
-STAND = pytest.StashKey[KitTarget]()
+TARGET = pytest.StashKey[KitTarget]()
 AT_START = pytest.StashKey[dict[str, object]]()
 
 
@@ -52,7 +52,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what the backend does not have."""
     mark = item.get_closest_marker("needs")
-    backend = item.config.stash[STAND].backend
+    backend = item.config.stash[TARGET].backend
     if mark and mark.args[0] not in backend.capabilities:
         pytest.skip(f"the {backend.name} backend does not have {mark.args[0]}")
 
@@ -61,7 +61,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     """Fail a check during which a read has raised something."""
     result = yield
-    errors = item.config.stash[STAND].take_read_errors()
+    errors = item.config.stash[TARGET].take_read_errors()
     assert not errors, f"{len(errors)} reads failed, the first: {errors[0]}"
     return result
 
@@ -72,7 +72,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     failed_before = item.session.testsfailed
     result = yield
     if item.session.testsfailed > failed_before:
-        item.config.stash[STAND].clear()
+        item.config.stash[TARGET].clear()
     return result
 
 
@@ -84,15 +84,15 @@ def at_start(pytestconfig: pytest.Config) -> dict[str, object]:
 
 @pytest.fixture(scope="session")
 def target(pytestconfig: pytest.Config) -> Iterator[KitTarget]:
-    """Backend and robot, and the rig that most checks share."""
-    target = pytestconfig.stash[STAND]
+    """Backend and robot, and the harness that most checks share."""
+    target = pytestconfig.stash[TARGET]
     yield target
     target.clear()
 
 
 @pytest.fixture
 def harness(target: KitTarget) -> Harness:
-    """The shared rig: up, every axis enabled, at rest and where it was at first."""
+    """The shared harness: started, every axis enabled, at rest at its first position."""
     return target.shared()
 
 
@@ -104,13 +104,13 @@ def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
     def make(**options: Any) -> Harness:
         target.clear()
         for harness in made:
-            harness.down()
+            harness.stop()
         made.append(target.build(**options))
         return made[-1]
 
     yield make
     for harness in made:
-        harness.down()
+        harness.stop()
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ def injector(harness: Harness) -> FaultInjector:
 
 @pytest.fixture
 def jointed(harness: Harness) -> Harness:
-    """The shared rig, of a robot that has joints."""
+    """The shared harness, of a robot that has joints."""
     if not harness.robot.joint_names:
         pytest.skip(f"the robot {harness.robot.descriptor.name} has no joints")
     return harness

@@ -46,8 +46,8 @@ WAIT_S = 10.0  # for what a working backend does in far less
 class Harness:
     """A robot, its drivers, and time. One test thread.
 
-    Where the device lives by the context's clock, time is simulated: it passes while a check
-    waits, in steps of the cycle and as fast as the computer can. Otherwise the cycle has its
+    Where the device uses the context's clock, time is simulated: it passes while a check
+    waits, in control periods and as fast as the computer can. Otherwise the control loop has its
     thread, as when the robot is served.
 
     Attributes:
@@ -55,7 +55,7 @@ class Harness:
         read_errors: what ``read`` raised that is no error of robotd.
         fault_injector: None where the backend offers none.
         period_s, feedback_s: control period, and time between two measured values.
-        clock: the time that the device lives by.
+        clock: of the device.
         stepped: time is simulated.
     """
 
@@ -64,10 +64,10 @@ class Harness:
         backend: Backend,
         descriptor: RobotDescriptor,
         *,
-        lives_by_clock: bool,
+        uses_context_clock: bool,
         real_time: bool = False,
     ) -> None:
-        self.stepped = not real_time and lives_by_clock
+        self.stepped = not real_time and uses_context_clock
         self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
         self.drivers = backend.drivers(backend.context(descriptor, self.clock))
         self.read_errors: list[str] = []
@@ -105,7 +105,7 @@ class Harness:
     # Life
 
     def begin(self) -> None:
-        """Let the cycle run. Nothing is opened."""
+        """Start the control loop. Nothing is opened."""
         if not self._running:
             self.robot.control_loop.start()
         self._running = True
@@ -118,7 +118,7 @@ class Harness:
         if device.parameters_before_communication and parameters.due:
             parameters.apply()
 
-    def up(self, *, enable: bool = True) -> None:
+    def start(self, *, enable: bool = True) -> None:
         """Open, communicate, and switch every axis on (or leave them as they are)."""
         self.begin()
         self.robot.connection.start()
@@ -137,7 +137,7 @@ class Harness:
             self.robot.axes.servo(axis, True)
         self.until(lambda: bool(self.image.servo_on.all()), "all servos are on")
 
-    def down(self) -> None:
+    def stop(self) -> None:
         """Undo faults and shut everything down; the harness is done with."""
         self.undo_faults()
         self.robot.shutdown()
@@ -170,21 +170,21 @@ class Harness:
 
     # Time
 
-    def let(self, seconds: float) -> None:
-        """Time passes."""
+    def pass_time(self, seconds: float) -> None:
+        """Let ``seconds`` pass."""
         self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * 1e9))
 
     def periods(self, count: int) -> None:
         """Let ``count`` control periods pass, or periods of the feedback where that is slower."""
-        self.let(count * self.feedback_s)
+        self.pass_time(count * self.feedback_s)
 
-    def holds(self, condition: Callable[[], bool], timeout_s: float = WAIT_S) -> bool:
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float = WAIT_S) -> bool:
         """Wait for ``condition``; False when ``timeout_s`` is over."""
         return wait_until(condition, timeout_s, self.clock, self.period_s)
 
     def until(self, condition: Callable[[], bool], what: str, timeout_s: float = WAIT_S) -> None:
         """Wait for ``condition``. Raises AssertionError, saying ``what`` did not come true."""
-        if not self.holds(condition, timeout_s):
+        if not self.wait_until(condition, timeout_s):
             raise AssertionError(f"not within {timeout_s:g} s: {what}")
 
     @contextmanager
@@ -199,7 +199,7 @@ class Harness:
 
     @contextmanager
     def each_period(self, task: Callable[[ProcessImage], None]) -> Iterator[None]:
-        """Call ``task(image)`` in every period while the block runs, from the cycle."""
+        """Call ``task(image)`` in every period while the block runs, in the control loop."""
         self._recorder.call(task)
         try:
             yield
@@ -247,7 +247,7 @@ class Harness:
         # A command may need some periods to show in the image.
         self.periods(10)
         self.until(idle, f"axes {chosen} are at rest")
-        self.let(SETTLE_S)
+        self.pass_time(SETTLE_S)
 
     @contextmanager
     def following(
@@ -281,7 +281,7 @@ class Harness:
                 yield execution
             finally:
                 execution.cancel()
-                self.holds(lambda: execution.done)
+                self.wait_until(lambda: execution.done)
 
     def servo_group(self, axis: int) -> list[int]:
         """Return the axes that are switched with ``axis``, itself included."""

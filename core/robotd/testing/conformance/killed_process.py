@@ -38,14 +38,14 @@ def begin(harness: Harness, speeds: np.ndarray) -> None:
 def main(backend: str, robot: str, *overrides: str) -> None:
     """Move until the process is killed, or for ``RUNNING_S``."""
     harness = KitTarget(backend, robot or None, overrides).build(real_time=True)
-    harness.up()
+    harness.start()
     begin(harness, SPEED_RAD_S * np.sign(harness.travel()))
     fast = 0.5 * SPEED_RAD_S
     harness.until(lambda: bool((np.abs(harness.image.velocity) > fast).all()), "all axes move")
     for _ in range(round(RUNNING_S / REPORT_S)):
         print(json.dumps(harness.image.copy().position.tolist()), flush=True)
-        harness.let(REPORT_S)
-    harness.down()
+        harness.pass_time(REPORT_S)
+    harness.stop()
 
 
 if __name__ == "__main__":

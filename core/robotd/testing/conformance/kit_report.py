@@ -20,7 +20,7 @@ class Report:
     """
 
     def __init__(self, target: KitTarget) -> None:
-        self._stand = target
+        self._target = target
         self._counts: dict[str, Counter[str]] = {}
         self._reasons: Counter[str] = Counter()
         self._failed: list[str] = []
@@ -38,7 +38,7 @@ class Report:
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Print it after the failures."""
-        name, robot = self._stand.backend.name, self._stand.descriptor.name
+        name, robot = self._target.backend.name, self._target.descriptor.name
         terminalreporter.write_sep("=", f"conformance of the {name} backend on {robot}", bold=True)
         for line in self.lines():
             terminalreporter.write_line(line)

@@ -32,7 +32,7 @@ class KitTarget:
         overrides: ``KEY=VALUE`` texts that replace values of its file.
 
     Attributes:
-        lives_by_clock: the device is simulated and has no time but the clock that it is given.
+        uses_context_clock: the device is simulated and has no time but the clock that it is given.
         real_time: the running check has a harness in real time.
         arguments: the three above as texts, "" for no robot; the overrides follow one by one.
     """
@@ -41,15 +41,15 @@ class KitTarget:
         self.arguments = (backend, str(robot or ""), *overrides)
         self.backend = load_backend(backend)
         self.descriptor = _find(robot or PLAIN_ROBOT, overrides)
-        self.lives_by_clock = _lives_by_clock(self.backend, self.descriptor)
+        self.uses_context_clock = _uses_context_clock(self.backend, self.descriptor)
         self.begin()
         self._shared: Harness | None = None
         self._built: list[Harness] = []
 
     def build(self, **options: Any) -> Harness:
-        """A rig, not brought up."""
-        clocked = self.lives_by_clock
-        harness = Harness(self.backend, self.descriptor, lives_by_clock=clocked, **options)
+        """Return a harness that is not started."""
+        clocked = self.uses_context_clock
+        harness = Harness(self.backend, self.descriptor, uses_context_clock=clocked, **options)
         self.real_time |= not harness.stepped
         self._built.append(harness)
         return harness
@@ -73,7 +73,7 @@ class KitTarget:
         if self._shared is None:
             harness = self.build()
             self._shared = harness
-            harness.up()
+            harness.start()
             self._pose = harness.image.position_command.copy()
         harness = self._shared
         if np.abs(harness.image.position_command - self._pose).max() > SETTLED_RAD:
@@ -83,20 +83,20 @@ class KitTarget:
 
     def begin(self, item: pytest.Item | None = None) -> None:
         """Begin a check, which may build a harness in real time."""
-        self.real_time = not self.lives_by_clock
+        self.real_time = not self.uses_context_clock
 
     def clear(self, item: pytest.Item | None = None) -> None:
-        """Shut the shared rig down."""
+        """Shut the shared harness down."""
         harness, self._shared = self._shared, None
         if harness is not None:
-            harness.down()
+            harness.stop()
 
 
-def _lives_by_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
+def _uses_context_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
     """The device is simulated and has no time but the clock that it is given."""
     injector = backend.drivers(backend.context(descriptor)).make_fault_injector()
     simulated = Capability.SIMULATED in backend.capabilities
-    return simulated and injector is not None and injector.lives_by_clock
+    return simulated and injector is not None and injector.uses_context_clock
 
 
 def _find(robot: str | Path, overrides: Sequence[str]) -> RobotDescriptor:
@@ -111,7 +111,7 @@ def _find(robot: str | Path, overrides: Sequence[str]) -> RobotDescriptor:
 
 
 class FaultInjectorOrSkip:
-    """A bench on which "cannot do that" skips the check."""
+    """Fault injector whose unsupported calls skip the check."""
 
     def __init__(self, injector: FaultInjector, harness: Harness) -> None:
         self._fault_injector = injector
@@ -119,7 +119,7 @@ class FaultInjectorOrSkip:
 
     @classmethod
     def of(cls, harness: Harness) -> FaultInjector:
-        """The bench of ``rig``; skips where there is none."""
+        """Return the injector of ``harness``; skip the check without one."""
         if harness.fault_injector is None:
             pytest.skip(f"the {harness.robot.backend.name} backend has no fault injector")
         return cast(FaultInjector, cls(harness.fault_injector, harness))

@@ -13,7 +13,7 @@ def timed(durations_s: list[float]) -> Iterator[None]:
     """Append how long the block takes, for its thread.
 
     Where the computer gave the processor to others meanwhile, that is the time spent computing:
-    nobody can tell for how long the block would have waited otherwise.
+    it is not known how long the block would have waited otherwise.
     """
     preempted, computing_s, began_s = _preemptions(), time.thread_time(), time.perf_counter()
     try:

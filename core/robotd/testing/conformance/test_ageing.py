@@ -26,14 +26,14 @@ def test_values_are_fresh(harness: Harness) -> None:
         ages_s.append((harness.clock.now_ns() - harness.image.fresh_ns) * 1e-9)
 
     with harness.each_period(watch):
-        harness.let(0.3)
+        harness.pass_time(0.3)
     assert max(ages_s) <= harness.robot.connection.settings.stale_after_s
     assert min(ages_s) >= -harness.period_s, "values from the future: another clock was used"
 
 
 def test_their_time_goes_on(harness: Harness) -> None:
     first = harness.image.fresh_ns
-    harness.let(0.2)
+    harness.pass_time(0.2)
     assert abs((harness.image.fresh_ns - first) * 1e-9 - 0.2) <= 0.1
 
 
@@ -53,7 +53,7 @@ def test_values_follow_the_motion(harness: Harness) -> None:
 
 def test_a_dead_bus_does_not_look_alive(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     injector, connection = FaultInjectorOrSkip.of(harness), harness.robot.connection
     injector.freeze(True)
     stale_s = connection.settings.stale_after_s
@@ -76,7 +76,7 @@ def test_the_device_says_at_once_why_it_is_silent(make_harness: MakeHarness) -> 
         return text
 
     said()
-    harness.up()
+    harness.start()
     assert said() == "", "a fault while fresh values arrive"
     if harness.fault_injector is not None:
         with suppress(Unsupported):
@@ -92,7 +92,7 @@ def test_a_dead_bus_ends_a_trajectory(jointed: Harness, injector: FaultInjector)
     harness = jointed
     way = harness.travel()[list(harness.robot.joint_axes)]
     with harness.following([1.5], [way]) as execution:
-        harness.let(0.4)
+        harness.pass_time(0.4)
         injector.freeze(True)
         try:
             harness.until(lambda: execution.done, "the trajectory ends")
@@ -104,12 +104,12 @@ def test_a_dead_bus_ends_a_trajectory(jointed: Harness, injector: FaultInjector)
 
 def test_nothing_is_fresh_after_communication_stopped(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     harness.robot.connection.stop_communication()
-    harness.let(0.05)
+    harness.pass_time(0.05)
     image = ProcessImage(harness.count)
     harness.drivers.axes.read(image)
     last = image.fresh_ns
-    harness.let(0.2)
+    harness.pass_time(0.2)
     harness.drivers.axes.read(image)
     assert image.fresh_ns == last

@@ -86,7 +86,7 @@ def test_communication_without_an_open_device_is_rejected(make_harness: MakeHarn
 def test_it_works_again_after_it_was_closed(make_harness: MakeHarness) -> None:
     harness = make_harness()
     for _ in range(2):
-        harness.up()
+        harness.start()
         targets = harness.image.position_command + harness.travel(0.3)
         harness.move(harness.all, targets)
         harness.rest()
@@ -99,9 +99,9 @@ def test_it_works_again_after_it_was_closed(make_harness: MakeHarness) -> None:
 
 def test_starting_enables_and_moves_nothing(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up(enable=False)
+    harness.start(enable=False)
     start = harness.image.position.copy()
-    harness.let(0.3)
+    harness.pass_time(0.3)
     assert not harness.image.servo_on.any()
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
@@ -116,7 +116,7 @@ def test_a_start_that_times_out_is_undone(make_harness: MakeHarness) -> None:
     try:
         connection.start_communication()
     except RobotdError:
-        harness.let(1.0)
+        harness.pass_time(1.0)
         late = harness.drivers.device.state()
         assert late is ConnectionState.RUNNING, f"{late.value} after a start that failed"
     connection.settings = settings
@@ -126,20 +126,20 @@ def test_a_start_that_times_out_is_undone(make_harness: MakeHarness) -> None:
 
 def test_servos_are_off_after_communication_stopped(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     harness.drivers.device.stop_communication(10.0)
     harness.periods(3)
     harness.robot.connection.start_communication()
     harness.until(lambda: harness.robot.connection.ready, "the engine is ready again")
-    harness.let(0.3)
+    harness.pass_time(0.3)
     assert not harness.image.servo_on.any(), "nothing may enable a servo by itself"
 
 
 def test_closing_while_axes_move_is_orderly(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     harness.move(harness.all, harness.image.position_command + harness.travel())
-    harness.let(0.15)
+    harness.pass_time(0.15)
     harness.robot.shutdown()
     assert harness.robot.connection.state is ConnectionState.SHUTDOWN
     assert harness.drivers.device.state() is ConnectionState.IDLE
@@ -179,7 +179,7 @@ def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path
     with pytest.raises(RobotdError):
         harness.robot.connection.load_parameters(path)
     assert [harness.robot.connection.dump_parameters(axis) for axis in harness.all] == before
-    harness.let(0.2)
+    harness.pass_time(0.2)
     assert np.abs(harness.image.position - where).max() <= SETTLED_RAD
     assert harness.image.servo_on.all()
 
@@ -189,7 +189,7 @@ def test_a_parameter_file_without_axes_of_the_robot_is_rejected(
     make_harness: MakeHarness, tmp_path: Path
 ) -> None:
     harness = make_harness()
-    harness.up(enable=False)
+    harness.start(enable=False)
     path = tmp_path / "parameters.xml"
     write_wmx_parameters(_parameters(harness), path)
     text, last = path.read_text(encoding="utf-8"), harness.count - 1
@@ -212,7 +212,7 @@ def test_a_good_parameter_file_is_in_force_axis_by_axis(
     make_harness: MakeHarness, tmp_path: Path
 ) -> None:
     harness = make_harness()
-    harness.up(enable=False)
+    harness.start(enable=False)
     if not harness.may_rescale() or harness.count < 2:
         pytest.skip("would change the drives' scale for good, or there is one axis")
     ramps = {axis: 1.5 + axis for axis in harness.all}

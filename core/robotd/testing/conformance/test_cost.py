@@ -129,7 +129,7 @@ def test_no_read_of_many_is_slow_or_fails(harness: Harness) -> None:
 
 def test_state_answers_while_something_slow_runs(make_harness: MakeHarness) -> None:
     harness = make_harness(real_time=True)
-    harness.up()
+    harness.start()
     ended = threading.Event()
 
     def switch() -> None:

@@ -149,7 +149,7 @@ def started(make_harness: MakeHarness) -> Harness:
     harness = make_harness()
     if harness.robot.axes.trajectories_on_device:
         pytest.skip("positions are not streamed: trajectories run on the device")
-    harness.up()
+    harness.start()
     return harness
 
 

@@ -22,7 +22,7 @@ def test_enabling_does_not_move_the_axis(harness: Harness) -> None:
     start = harness.image.position.copy()
     with harness.recording() as recording:
         harness.enable()
-        harness.let(0.3)
+        harness.pass_time(0.3)
     assert np.abs(recording.position - start).max() <= SETTLED_RAD
 
 
@@ -36,7 +36,7 @@ def test_enabling_after_a_move_by_hand_does_not_jump(
     start = harness.image.position.copy()
     with harness.recording() as recording:
         harness.enable()
-        harness.let(0.3)
+        harness.pass_time(0.3)
     assert np.abs(recording.position - start).max() <= SETTLED_RAD
     enabled = recording.servo_on.astype(bool)
     jump = np.abs(recording.position_command - recording.position)[enabled]
@@ -78,12 +78,12 @@ def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
         harness.move([0], start + harness.travel())
     with pytest.raises(OperationError):
         harness.drivers.axes.move(0, float(start[0] + harness.travel()[0]), Profile(0.5, 2.0, 2.0))
-    harness.let(0.3)
+    harness.pass_time(0.3)
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
 def test_an_enabled_axis_holds_its_position(harness: Harness) -> None:
     start = harness.image.position.copy()
     with harness.recording() as recording:
-        harness.let(0.5)
+        harness.pass_time(0.5)
     assert np.abs(recording.position - start).max() <= SETTLED_RAD

@@ -69,7 +69,7 @@ def test_an_alarm_ends_the_motion_of_its_axis_alone(
 ) -> None:
     targets = harness.image.position_command + harness.travel()
     harness.move(harness.all, targets)
-    harness.let(0.2)
+    harness.pass_time(0.2)
     injector.trip(0, ALARM)
     harness.rest()
     assert harness.image.operation[0] == Operation.IDLE
@@ -85,7 +85,7 @@ def test_an_axis_in_alarm_refuses_to_move(harness: Harness, injector: FaultInjec
     start = harness.image.position.copy()
     with pytest.raises(NotReady):
         harness.move([0], start + harness.travel())
-    harness.let(0.2)
+    harness.pass_time(0.2)
     assert abs(harness.image.position[0] - start[0]) <= SETTLED_RAD
 
 
@@ -93,7 +93,7 @@ def test_an_alarm_ends_a_trajectory_with_its_reason(jointed: Harness) -> None:
     harness, injector = jointed, FaultInjectorOrSkip.of(jointed)
     way = harness.travel()[list(harness.robot.joint_axes)]
     with harness.following([1.5], [way]) as execution:
-        harness.let(0.4)
+        harness.pass_time(0.4)
         injector.trip(harness.robot.joint_axes[0], ALARM)
         harness.until(lambda: execution.done, "the trajectory ends")
     assert execution.outcome is Outcome.FAULT
@@ -107,15 +107,15 @@ def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(
     harness: Harness, injector: FaultInjector
 ) -> None:
     harness.move([0], harness.image.position_command + harness.travel())
-    harness.let(0.15)
+    harness.pass_time(0.15)
     injector.trip(0, ALARM)
     harness.rest()
-    harness.let(0.5)
+    harness.pass_time(0.5)
     assert harness.image.amp_alarm[0], "the alarm went away by itself"
     off = not harness.image.servo_on[0]
     start = harness.image.position[0]
     harness.robot.axes.clear_alarm(0)
-    harness.let(0.3)
+    harness.pass_time(0.3)
     assert not harness.image.amp_alarm[0]
     assert harness.image.alarm_code[0] == 0
     assert not (off and harness.image.servo_on[0]), "clearing an alarm enabled the servo"
@@ -133,9 +133,9 @@ def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(jointed: Harnes
     assert execution.outcome in (Outcome.PATH_TOLERANCE, Outcome.FAULT), execution.message
     assert name in execution.message
     with harness.recording() as recording:
-        harness.let(0.1)
+        harness.pass_time(0.1)
         injector.block(axis, False)
-        harness.let(0.4)
+        harness.pass_time(0.4)
     assert np.ptp(recording.position[:, axis]) <= FREED_RAD
 
 
@@ -153,14 +153,14 @@ def test_clearing_without_an_alarm_has_no_effect(harness: Harness) -> None:
     start = harness.image.position.copy()
     for axis in harness.all:
         harness.robot.axes.clear_alarm(axis)
-    harness.let(0.2)
+    harness.pass_time(0.2)
     assert harness.image.servo_on.all()
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
 def test_a_drive_that_is_lost_is_offline(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     FaultInjectorOrSkip.of(harness).disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
     assert not harness.image.offline[1:].any()
@@ -172,13 +172,13 @@ def test_a_drive_that_is_lost_is_offline(make_harness: MakeHarness) -> None:
 @pytest.mark.needs(Capability.HOT_CONNECT)
 def test_a_drive_that_is_back_stays_off(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     injector = FaultInjectorOrSkip.of(harness)
     injector.disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
     injector.reconnect(0)
     harness.robot.fieldbus.start_hot_connect(0)
     harness.until(lambda: not harness.image.offline[0], "the drive is back")
-    harness.let(0.3)
+    harness.pass_time(0.3)
     assert not harness.image.servo_on[0], "the servo was enabled by itself"
     harness.enable()

@@ -1,4 +1,4 @@
-"""Measured values: they are measured, stamped when they came, and told apart from commands."""
+"""Measured values: measured, stamped on arrival, and distinct from commands."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_time_stamps_never_go_back(harness: Harness) -> None:
     stamps: list[int] = []
     harness.move(harness.all, harness.image.position_command + harness.travel())
     with harness.each_period(lambda image: stamps.append(image.fresh_ns)):
-        harness.let(0.5)
+        harness.pass_time(0.5)
     steps = np.diff(stamps)
     assert (steps >= 0).all(), "a value is older than the one before"
     assert steps.max() <= 1e9 * (5 * harness.feedback_s + 0.05)
@@ -52,7 +52,7 @@ def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
 
 def test_a_blocked_axis_is_measured_where_it_is(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     injector = FaultInjectorOrSkip.of(harness)
     start = harness.image.position.copy()
     shaft = injector.position(0)
@@ -75,7 +75,7 @@ def test_a_blocked_axis_is_measured_where_it_is(make_harness: MakeHarness) -> No
 
 def test_a_jump_of_the_encoder_is_seen(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up(enable=False)
+    harness.start(enable=False)
     injector = FaultInjectorOrSkip.of(harness)
     before = harness.image.position.copy()
     injector.jump_encoder(0, 0.02)
@@ -151,7 +151,7 @@ def test_the_code_is_that_of_the_present_alarm(harness: Harness, injector: Fault
 def test_an_alarm_stays_however_long_it_takes(harness: Harness, injector: FaultInjector) -> None:
     injector.trip(0, CODES[0])
     harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
-    harness.let(LONG_STEPPED_S if harness.stepped else LONG_S)
+    harness.pass_time(LONG_STEPPED_S if harness.stepped else LONG_S)
     assert harness.image.amp_alarm[0], "the alarm went away by itself"
     assert harness.image.alarm_code[0] == CODES[0]
 

@@ -79,7 +79,7 @@ def test_what_is_told_of_it_is_text(harness: Harness) -> None:
 
 def test_a_lost_slave_is_shown(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     driver = fieldbus_of(harness)
     FaultInjectorOrSkip.of(harness).disconnect(0)
 
@@ -110,7 +110,7 @@ def test_counters_are_zero_after_a_reset(harness: Harness) -> None:
 def test_a_hot_connect_moves_and_switches_nothing(harness: Harness) -> None:
     start = harness.image.position.copy()
     harness.robot.fieldbus.start_hot_connect(0)
-    harness.let(0.5)
+    harness.pass_time(0.5)
     assert harness.image.servo_on.all()
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
@@ -140,7 +140,7 @@ def test_the_lost_node_is_the_one_that_was_lost(make_harness: MakeHarness) -> No
     lost = []
     for axis in (0, 1):
         harness = make_harness()
-        harness.up()
+        harness.start()
         if harness.count < 2:
             pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
         driver = fieldbus_of(harness)

@@ -16,10 +16,10 @@ ROUNDS = 3
 
 def run_once(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     harness.move(harness.all, harness.image.position_command + harness.travel(0.1))
     harness.rest()
-    harness.down()
+    harness.stop()
 
 
 def settles(condition: Callable[[], bool]) -> bool:

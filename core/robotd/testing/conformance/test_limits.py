@@ -19,7 +19,7 @@ POINTS = 60
 
 @pytest.mark.needs(Capability.SIMULATED)
 def test_a_trajectory_at_the_limits_is_followed(jointed: Harness) -> None:
-    """A device that clips sooner has to tell its limits: ``AxisDriver.device_limits``."""
+    """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
     harness, joints = jointed, list(jointed.robot.joint_axes)
     times_s, rows = fastest_way(harness)
     problems: list[str] = []

@@ -21,7 +21,7 @@ def several(harness: Harness) -> Harness:
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_the_mode_of_one_axis(make_harness: MakeHarness) -> None:
     harness = several(make_harness())
-    harness.up()
+    harness.start()
     for axis in harness.all[:2]:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
         harness.periods(5)
@@ -60,7 +60,7 @@ def test_the_gear_ratio_of_one_axis(make_harness: MakeHarness) -> None:
 @pytest.mark.needs(Capability.HOMING)
 def test_the_home_position_of_one_axis(make_harness: MakeHarness) -> None:
     harness = several(make_harness())
-    harness.up()
+    harness.start()
     if not harness.may_rescale():
         pytest.skip("would change the home position for good")
     harness.move(harness.all, harness.image.position_command + harness.travel())
@@ -84,5 +84,5 @@ def test_the_alarm_of_one_axis_is_cleared_alone(harness: Harness, injector: Faul
         injector.trip(axis, 0x32)
     harness.until(lambda: bool(harness.image.amp_alarm[:2].all()), "both alarms are shown", 1.0)
     harness.robot.axes.clear_alarm(0)
-    harness.let(0.3)
+    harness.pass_time(0.3)
     assert list(harness.image.amp_alarm[:2]) == [False, True]

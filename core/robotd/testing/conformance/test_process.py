@@ -38,11 +38,11 @@ def test_it_is_left_as_it_is(
 ) -> None:
     before = at_start | hooks()
     harness = make_harness()
-    harness.up()
+    harness.start()
     harness.move(harness.all, harness.image.position_command + harness.travel(0.2))
     harness.rest()
     during = surroundings() | hooks()
-    harness.down()
+    harness.stop()
     for seen in (during, surroundings() | hooks()):
         assert [name for name in before if seen[name] != before[name]] == []
     said = capfd.readouterr()
@@ -52,7 +52,7 @@ def test_it_is_left_as_it_is(
 
 def test_closing_takes_no_time(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     device = harness.drivers.device
     device.stop_communication(5.0)
     began_ns = harness.clock.now_ns()
@@ -64,7 +64,7 @@ def test_closing_takes_no_time(make_harness: MakeHarness) -> None:
 
 def test_reading_needs_no_memory(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
 
     def growth() -> float:
         """Return the objects that the process gains per read of the control loop."""
@@ -87,10 +87,10 @@ def living_objects() -> int:
 
 def test_a_forked_process_does_not_disturb_the_device(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     start = harness.image.position_command.copy()
     assert in_a_fork(lambda: None) == ""
-    harness.let(0.2)
+    harness.pass_time(0.2)
     assert harness.robot.connection.ready, "a fork has ended the communication"
     assert harness.image.servo_on.all(), "a fork has switched servos off"
     harness.move(harness.all, start + harness.travel(0.2))
@@ -102,9 +102,9 @@ def test_a_device_can_be_opened_after_a_fork(make_harness: MakeHarness) -> None:
     harness = make_harness()
 
     def use() -> None:
-        harness.up(enable=False)
+        harness.start(enable=False)
         assert np.isfinite(harness.image.position).all()
-        harness.down()
+        harness.stop()
 
     failure = in_a_fork(use)
     assert failure == "", (
@@ -115,7 +115,7 @@ def test_a_device_can_be_opened_after_a_fork(make_harness: MakeHarness) -> None:
 def test_programs_inherit_no_handle(make_harness: MakeHarness) -> None:
     before = inherited_handles()
     harness = make_harness()
-    harness.up(enable=False)
+    harness.start(enable=False)
     left = inherited_handles() - before
     assert not left, "a program that robotd starts would hold the device open"
 

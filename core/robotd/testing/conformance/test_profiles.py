@@ -81,7 +81,7 @@ def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
         start, distance = harness.image.position_command.copy(), harness.travel()
         with harness.recording() as recording:
             harness.move(harness.all, start + distance)
-            harness.let(0.2)
+            harness.pass_time(0.2)
             harness.move(harness.all, start - 0.2 * distance)
             harness.rest()
         assert np.abs(harness.image.position - (start - 0.2 * distance)).max() <= SETTLED_RAD

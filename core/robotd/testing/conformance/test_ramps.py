@@ -83,7 +83,7 @@ def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
         targets = harness.image.position_command + harness.travel()
         moves = [Move(axis, float(targets[axis]), profiles[axis]) for axis in harness.all]
         harness.robot.axes.move(moves)
-        harness.let(0.15)
+        harness.pass_time(0.15)
         with harness.recording() as recording:
             harness.periods(3)
             harness.robot.axes.stop(harness.all)
@@ -99,7 +99,7 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(
     make_harness: MakeHarness, gentle: str
 ) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     for axis in harness.all:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     profiles = [
@@ -119,7 +119,7 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(
         def run() -> Recording:
             with harness.recording() as recording:
                 harness.robot.axes.jog(jogs())
-                harness.let(0.45)
+                harness.pass_time(0.45)
                 stop()
                 harness.rest()
             return recording
@@ -139,7 +139,7 @@ def test_a_stop_ends_a_trajectory(jointed: Harness, stop: Stop) -> None:
     harness, joints = jointed, list(jointed.robot.joint_axes)
     way = harness.travel()[joints]
     with harness.following([2.0], [way]) as execution:
-        harness.let(0.8)
+        harness.pass_time(0.8)
         began = harness.image.position.copy()
         stop(harness.drivers.axes, joints)
         harness.until(lambda: execution.done, "the trajectory ends")
@@ -152,7 +152,7 @@ def test_a_stop_ends_a_trajectory(jointed: Harness, stop: Stop) -> None:
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_returns_at_once(harness: Harness, stop: Stop) -> None:
     harness.move(harness.all, harness.image.position_command + harness.travel())
-    harness.let(0.2)
+    harness.pass_time(0.2)
     began_ns, began_s = harness.clock.now_ns(), time.perf_counter()
     stop(harness.drivers.axes, harness.all)
     took_s = time.perf_counter() - began_s
@@ -167,11 +167,11 @@ def test_a_stop_returns_at_once(harness: Harness, stop: Stop) -> None:
 def test_an_axis_that_is_stopped_neither_returns_nor_goes_on(harness: Harness, stop: Stop) -> None:
     distance = harness.travel()
     harness.move(harness.all, harness.image.position_command + distance)
-    harness.let(0.2)
+    harness.pass_time(0.2)
     with harness.recording() as recording:
         stop(harness.drivers.axes, harness.all)
         harness.rest()
-        harness.let(1.5)
+        harness.pass_time(1.5)
     way = (recording.position - recording.position[0]) * np.sign(distance)
     assert (way.max(0) - way[-1] <= SETTLED_RAD).all(), "an axis came back after it had stopped"
     later = recording.time_s > recording.time_s[-1] - 1.4
@@ -208,5 +208,5 @@ def test_a_standing_axis_does_not_drift(harness: Harness) -> None:
     harness.move(harness.all, harness.image.position_command + harness.travel(0.3))
     harness.rest()
     with harness.recording() as recording:
-        harness.let(LONG_STEPPED_S if harness.stepped else LONG_S)
+        harness.pass_time(LONG_STEPPED_S if harness.stepped else LONG_S)
     assert np.ptp(recording.position, 0).max() <= SETTLED_RAD

@@ -82,7 +82,7 @@ def test_values_outside_are_rejected_before_the_driver_sees_them(harness: Harnes
     for call in calls:
         with pytest.raises(OperationError):
             call()
-    harness.let(0.1)
+    harness.pass_time(0.1)
     assert harness.image.position == pytest.approx(start, abs=1e-3)
 
 
@@ -110,7 +110,7 @@ def commands(driver: AxisDriver, profile: Profile) -> list[Callable[[], object]]
 @pytest.mark.needs(Capability.TORQUE_MODE)
 def test_the_torque_mode_can_be_set_while_the_servo_is_off(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up(enable=False)
+    harness.start(enable=False)
     for mode in (CommandMode.TORQUE, CommandMode.POSITION):
         harness.robot.axes.set_command_mode(0, mode)
         harness.periods(5)

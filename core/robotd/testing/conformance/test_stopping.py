@@ -18,7 +18,7 @@ def stop_moving(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Start moves, ``stop`` all axes at full speed: speeds then, times to rest, distances."""
     harness.move(harness.all, harness.image.position_command + harness.travel())
-    harness.let(0.25)
+    harness.pass_time(0.25)
     with harness.recording() as recording:
         # A device may stop an axis within less than a period: one sample has to be from before.
         harness.until(lambda: len(recording) > 0, "there are values")
@@ -54,7 +54,7 @@ def test_a_quick_stop_is_no_slower_than_a_stop(harness: Harness) -> None:
 
 def test_a_stopped_move_is_not_complete(harness: Harness) -> None:
     harness.move(harness.all, harness.image.position_command + harness.travel())
-    harness.let(0.2)
+    harness.pass_time(0.2)
     harness.robot.axes.stop(harness.all)
     harness.rest()
     assert not harness.image.motion_complete.any()
@@ -63,7 +63,7 @@ def test_a_stopped_move_is_not_complete(harness: Harness) -> None:
 def test_a_stop_leaves_other_axes_alone(harness: Harness) -> None:
     targets = harness.image.position_command + harness.travel()
     harness.move(harness.all, targets)
-    harness.let(0.2)
+    harness.pass_time(0.2)
     harness.robot.axes.stop([0])
     harness.rest()
     assert abs(harness.image.position[0] - targets[0]) > 10 * SETTLED_RAD
@@ -90,7 +90,7 @@ def test_a_stopped_axis_takes_the_next_move(harness: Harness) -> None:
 def test_a_servo_that_goes_off_ends_the_motion(harness: Harness) -> None:
     targets = harness.image.position_command + harness.travel()
     harness.move([0], targets)
-    harness.let(0.15)
+    harness.pass_time(0.15)
     harness.robot.axes.servo(0, False)
     harness.rest([0])
     assert not harness.image.servo_on[0]

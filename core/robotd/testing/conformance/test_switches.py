@@ -36,7 +36,7 @@ def test_a_closed_switch_is_shown_alone_until_it_is_released(
         expected[SWITCHES.index(switch), axis] = True
         injector.press_switch(axis, switch, True)
         harness.until(partial(shows, harness, switch, axis, True), f"{name} is shown", WAIT_S)
-        harness.let(0.3)
+        harness.pass_time(0.3)
         assert (levels(harness.image) == expected).all(), f"more than {name}"
         injector.press_switch(axis, switch, False)
         harness.until(partial(shows, harness, switch, axis, False), f"{name} is open", WAIT_S)
@@ -49,16 +49,16 @@ def test_a_switch_moves_no_axis_and_defines_no_home(
 ) -> None:
     start, was_homed = harness.image.position.copy(), harness.image.home_done.copy()
     injector.press_switch(0, switch, True)
-    harness.let(0.3)
+    harness.pass_time(0.3)
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
     assert (harness.image.home_done == was_homed).all()
     injector.press_switch(0, switch, False)
-    harness.let(0.1)
+    harness.pass_time(0.1)
 
 
 def test_a_switch_that_is_closed_at_the_start_is_shown(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up(enable=False)
+    harness.start(enable=False)
     harness.robot.connection.stop_communication()
     FaultInjectorOrSkip.of(harness).press_switch(0, "negative_limit", True)
     harness.robot.connection.start_communication()

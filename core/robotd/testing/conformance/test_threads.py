@@ -1,4 +1,4 @@
-"""Concurrent calls from several threads while the cycle runs. In real time."""
+"""Concurrent calls from several threads while the control loop runs. In real time."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def together(*works: Callable[[], None], seconds: float = SECONDS) -> list[BaseE
 
 
 def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
-    """A rig in real time whose reads are watched: durations, and what they raised."""
+    """A harness in real time that records durations and errors of reads."""
     harness = make_harness(real_time=True)
     read, durations_s, failures = harness.drivers.axes.read, list[float](), list[str]()
 
@@ -54,7 +54,7 @@ def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
             raise
 
     harness.drivers.axes.read = watched  # type: ignore[method-assign]
-    harness.up()
+    harness.start()
     return harness, durations_s, failures
 
 

@@ -108,7 +108,7 @@ def test_bare_axes_do_not_move_with_the_joints(jointed: Harness) -> None:
 def test_a_stream_begins_where_the_command_stands(harness: Harness) -> None:
     start = harness.image.position.copy()
     with harness.recording() as recording, harness.robot.axes.claimed("conformance", harness.all):
-        harness.let(0.2)
+        harness.pass_time(0.2)
     assert np.abs(recording.position - start).max() <= SETTLED_RAD
 
 
@@ -118,7 +118,7 @@ def test_the_end_of_a_trajectory_is_held(jointed: Harness) -> None:
         harness.until(lambda: execution.done, "the trajectory ends")
     harness.rest()
     with harness.recording() as recording:
-        harness.let(0.4)
+        harness.pass_time(0.4)
     assert np.ptp(recording.position, 0).max() <= SETTLED_RAD
     assert np.ptp(recording.position_command, 0).max() <= SETTLED_RAD
 
@@ -131,7 +131,7 @@ def test_a_canceled_trajectory_stops_within_the_limits(jointed: Harness) -> None
             harness.recording() as recording,
             harness.following([1.2], [joint_travel(harness)]) as execution,
         ):
-            harness.let(0.6)
+            harness.pass_time(0.6)
             execution.cancel()
             harness.until(lambda: execution.done, "the trajectory is stopped")
         assert execution.outcome is Outcome.CANCELED
@@ -145,7 +145,7 @@ def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(jointed: Harness) -
     """The joints' limits say how long a stop takes, not the goal's own acceleration."""
     harness, joints = jointed, list(jointed.robot.joint_axes)
     with harness.following([GENTLE_S], [joint_travel(harness)]) as execution:
-        harness.let(0.4 * GENTLE_S)
+        harness.pass_time(0.4 * GENTLE_S)
         speed = np.abs(harness.image.velocity_command[joints])
         ramp_s = float((speed / harness.robot.follower.limits.acceleration).max())
         execution.cancel()
@@ -165,7 +165,7 @@ def test_a_new_goal_takes_over_without_a_jump(jointed: Harness) -> None:
     def motion() -> Recording:
         way = joint_travel(harness)
         with harness.recording() as recording, harness.following([1.2], [way]) as first:
-            harness.let(0.5)
+            harness.pass_time(0.5)
             with harness.following([1.0], [-0.3 * way]) as second:
                 harness.until(lambda: second.done, "the second trajectory ends")
         assert first.outcome is Outcome.PREEMPTED

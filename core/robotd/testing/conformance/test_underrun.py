@@ -75,7 +75,7 @@ def test_an_axis_without_setpoints_does_what_underrun_says(make_harness: MakeHar
     harness = make_harness()
     if harness.robot.axes.trajectories_on_device:
         pytest.skip("positions are not streamed: trajectories run on the device")
-    harness.up()
+    harness.start()
     underrun = harness.drivers.axes.underrun
     share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0
     streams: list[InterruptedStream] = []

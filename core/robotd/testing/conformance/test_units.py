@@ -118,7 +118,7 @@ def test_torque_is_finite_or_not_known(harness: Harness) -> None:
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_a_positive_velocity_raises_the_position(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     for axis in harness.all:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     harness.until(
@@ -129,7 +129,7 @@ def test_a_positive_velocity_raises_the_position(make_harness: MakeHarness) -> N
     ]
     start = harness.image.position.copy()
     jog(harness, speeds)
-    harness.let(0.5)
+    harness.pass_time(0.5)
     assert harness.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
     jog(harness, 0.0 * speeds)
     harness.rest()
@@ -139,7 +139,7 @@ def test_a_positive_velocity_raises_the_position(make_harness: MakeHarness) -> N
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     for axis in harness.all:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     speeds = np.sign(harness.travel()) * [
@@ -153,7 +153,7 @@ def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -
 
     claim = harness.robot.axes.claimed("conformance", harness.all, CommandMode.VELOCITY)
     with claim, harness.each_period(setpoint):
-        harness.let(0.5)
+        harness.pass_time(0.5)
         assert harness.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
     harness.rest()
 
@@ -186,7 +186,7 @@ def test_the_gear_ratio_counts_units(make_harness: MakeHarness) -> None:
 @pytest.mark.needs(Capability.HOMING)
 def test_homing_makes_the_position_zero_and_moves_nothing(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
     harness.move(harness.all, harness.image.position_command + harness.travel())
@@ -205,9 +205,9 @@ NO_WAY_BACK = "would change the drives' scale for good: the robot has no paramet
 
 
 def rescalable(make_harness: MakeHarness) -> Harness:
-    """A rig of its own, away from zero, with the servos off."""
+    """A harness of its own, away from zero, with the servos off."""
     harness = make_harness()
-    harness.up()
+    harness.start()
     if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
     harness.move(harness.all, harness.image.position_command + harness.travel())
@@ -244,5 +244,5 @@ def stream_ramp(
         driver.stream(start + way * (end - start), slope * (end - start), due_ns)
 
     with harness.robot.axes.claimed("conformance", chosen), harness.each_period(setpoint):
-        harness.let(seconds + 0.1)
+        harness.pass_time(seconds + 0.1)
     harness.rest()

@@ -24,7 +24,7 @@ WATCHDOG_S, GONE_S = 1.0, 2.5  # longest reaction of a device, and time until it
 
 def test_an_axis_stops_when_setpoints_stay_away(make_harness: MakeHarness) -> None:
     harness = make_harness()
-    harness.up()
+    harness.start()
     if harness.robot.axes.trajectories_on_device:
         pytest.skip(f"the {harness.robot.backend.name} backend streams no positions")
     start = harness.image.position_command.copy()
@@ -42,9 +42,9 @@ def test_an_axis_stops_when_setpoints_stay_away(make_harness: MakeHarness) -> No
 
     claim = harness.robot.axes.claimed("conformance", harness.all)
     with claim, harness.each_period(setpoint):
-        harness.let(1.5)
+        harness.pass_time(1.5)
         with harness.recording() as recording:
-            harness.let(0.3)
+            harness.pass_time(0.3)
     assert np.ptp(recording.position, 0).max() <= SETTLED_RAD, "it went on without setpoints"
 
 
@@ -57,7 +57,7 @@ def test_axes_stop_when_their_process_is_killed(
         pytest.skip("the device is simulated in the process and ends with it")
     last = last_positions(target)
     time.sleep(GONE_S)
-    harness.up(enable=False)
+    harness.start(enable=False)
     way = np.abs(harness.image.position - last)
     limit = killed_process.SPEED_RAD_S * WATCHDOG_S + SETTLED_RAD
     assert way.max() <= limit, f"axes moved by {way} rad after their process was killed"
