@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
 
 ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR_LE; alignment counts from its end
-NANOSECONDS = 1_000_000_000
 
 
 class CdrWriter:

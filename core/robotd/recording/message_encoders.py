@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
 from robotd.device.process_image import FLAGS, NUMBERS
 from robotd.events import Event, Level
-from robotd.recording.cdr_stream import NANOSECONDS, CdrReader, CdrWriter
+from robotd.recording.cdr_stream import CdrReader, CdrWriter
 
 LEVELS = {Level.DEBUG: 10, Level.INFO: 20, Level.WARNING: 30, Level.ERROR: 40}
 AXIS_VALUES = (*NUMBERS, *FLAGS)

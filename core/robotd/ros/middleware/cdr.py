@@ -27,6 +27,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message, serialize_message
 
+from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
 from robotd.ros.middleware.message_fields import MessageField, time_paths
 
@@ -37,7 +38,6 @@ _HEADER_BYTES = 4
 _ALIGNMENT_BYTES = 8
 # Each round leaves a wrong place for a one-byte field a chance of 1 in 2, so 2^-24 in the end.
 _ROUNDS = 24
-_NANOSECONDS = 1_000_000_000
 
 
 class LayoutError(ValueError):
@@ -96,7 +96,7 @@ class PatchedMessage:
         return self._views[path]
 
     def stamp(self, time_ns: int) -> None:
-        seconds, nanoseconds = divmod(time_ns, _NANOSECONDS)
+        seconds, nanoseconds = divmod(time_ns, NANOSECONDS)
         for sec, nanosec in self._times:
             sec[0] = seconds
             nanosec[0] = nanoseconds
@@ -134,7 +134,7 @@ class PlainMessage:
         return self._values[path]
 
     def stamp(self, time_ns: int) -> None:
-        parts = np.array(divmod(time_ns, _NANOSECONDS))
+        parts = np.array(divmod(time_ns, NANOSECONDS))
         for sec, nanosec in self._times:
             sec.set(parts[:1])
             nanosec.set(parts[1:])
