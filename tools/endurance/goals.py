@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from robotd.descriptor import RobotDescriptor
 
 REACH_RAD = 0.4
-SHORTEST_S, LONGEST_S = 1.6, 4.0
+SHORTEST_S, LONGEST_S = 2.6, 5.0  # within the acceleration limits from any start
 MOST_POINTS = 50
 CANCEL, PREEMPT, BAD, PAUSE = 0.2, 0.2, 0.05, 0.2  # shares of the goals
 WORDS = {GoalStatus.STATUS_SUCCEEDED: "succeeded", GoalStatus.STATUS_CANCELED: "canceled"}
