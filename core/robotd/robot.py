@@ -23,6 +23,7 @@ from robotd.control.problem import Problem, ProblemKind
 from robotd.control.recovery import Recovery, Report
 from robotd.control.servos import Servos
 from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.control.torque_stream import TorqueStreams
 from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Axes
@@ -176,6 +177,11 @@ class Robot:
     def stream(self) -> JointStreams:
         """Opens streams of the joints. Raises InvalidArgument with several groups."""
         return self.groups.only.stream
+
+    @property
+    def torque_stream(self) -> TorqueStreams:
+        """Opens torque streams of the joints. Raises InvalidArgument with several groups."""
+        return self.groups.only.torque_stream
 
     def start(self, *, enable: bool = True) -> None:
         """Bring the robot up: control loop, device, communication, parameters, then the servos.

@@ -9,6 +9,7 @@ from robotd.control.joint_motion import STOP_TIMEOUT_S, JointMotion
 from robotd.control.joint_stream import JointStreams
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.source_slot import SourceSlot
+from robotd.control.torque_stream import TorqueStreams
 from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
@@ -30,7 +31,7 @@ class JointGroup:
         axes: of the robot.
         slot: of the joints.
         clock: of the control loop.
-        on_device: as of ``TrajectoryFollower``.
+        driver: of the axes.
         backend: name, for errors.
 
     Attributes:
@@ -39,6 +40,7 @@ class JointGroup:
         motion: hands the joints from one setpoint source to the next.
         follower: executes trajectories of ``joint_names``.
         stream: opens a stream of some of the joints.
+        torque_stream: opens a torque stream of some of the joints.
     """
 
     def __init__(
@@ -48,16 +50,20 @@ class JointGroup:
         axes: Axes,
         slot: SourceSlot,
         clock: Clock,
-        on_device: AxisDriver | None,
+        driver: AxisDriver,
         backend: str,
     ) -> None:
         self.name = name
         self.joint_names = descriptor.joint_names
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
         self.motion = JointMotion(axes, slot, self.joint_axes, clock)
+        on_device = driver if axes.trajectories_on_device else None
         self.follower = TrajectoryFollower(self.motion, axes, descriptor, clock, on_device)
         self.stream = JointStreams(
             self.motion, axes, descriptor, self.follower.limits, clock, backend
+        )
+        self.torque_stream = TorqueStreams(
+            self.motion, axes, descriptor, self.follower.limits, clock, driver
         )
 
 
@@ -116,7 +122,6 @@ def make_groups(
     groups = descriptor.joint_groups
     if len(groups) > 1 and axes.trajectories_on_device:
         raise Unsupported(ON_DEVICE, backend)
-    on_device = driver if axes.trajectories_on_device else None
     return JointGroups(
         (
             name,
@@ -126,7 +131,7 @@ def make_groups(
                 axes,
                 mixer.slot(),
                 clock,
-                on_device,
+                driver,
                 backend,
             ),
         )

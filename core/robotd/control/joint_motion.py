@@ -56,6 +56,7 @@ class JointMotion:
         self._clock = clock
         self._claim = ExitStack()
         self._owner = ""  # of the claim
+        self._is_alone = False  # nothing takes over
         self._tickets = itertools.count(1)
         self._newest = 0  # ticket of the last source that was started
         self._active = 0
@@ -111,6 +112,34 @@ class JointMotion:
                     return source
             raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
 
+    def start_alone(
+        self, axes: Sequence[int], mode: CommandMode, make: Callable[[int], Source], owner: str
+    ) -> Source:
+        """Submit a source for ``axes`` at rest, in another command mode; ``release`` has to follow.
+
+        No other source takes over from it, and the joints return to position mode after it.
+
+        Args:
+            axes: some of the joints' axes.
+            mode: command mode of the source.
+            make: returns the source for its start time.
+            owner: name of the client.
+
+        Raises:
+            NotReady: motion is stopped, or an axis cannot be commanded now or moves.
+        """
+        with self.lock, self._released_on_failure():
+            if self._active:
+                raise NotReady(f"{self._axes.names[axes[0]]}: in use by {self._owner}")
+            self._axes.stop_latch.check()
+            self._claim.enter_context(self._axes.in_command_mode(axes, mode))
+            self._claim.enter_context(self._axes.claimed(owner, axes, mode))
+            source = make(max(self._slot.next_start_ns, self._clock.now_ns()))
+            self._slot.submit(source, None)
+            self._owner, self._is_alone = owner, True
+            self._active += 1
+            return source
+
     def release(self, source: SetpointSource) -> None:
         """Stop ``source`` and wait for its end; the last one releases the joints.
 
@@ -125,6 +154,7 @@ class JointMotion:
             self._active -= 1
             if self._active == 0:
                 self._slot.release()
+                self._is_alone = False
                 self._claim.close()
 
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
@@ -172,7 +202,8 @@ class JointMotion:
         """Raise NotReady after a later request, and while the joints move for another owner."""
         if ticket < self._newest:
             raise NotReady(PREEMPTED)
-        if self._slot.active and self._owner != owner and not takeover:
+        foreign = self._owner != owner and not takeover
+        if self._is_alone or (self._slot.active and foreign):
             name = self._axes.names[self._joint_axes[0]]
             raise NotReady(f"{name}: in use by {self._owner}")
 

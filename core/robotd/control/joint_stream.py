@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from functools import partial
 
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import Clock
-from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
+from robotd.control.open_stream import OpenStream
 from robotd.control.stream_motion import StreamMotion
 from robotd.control.stream_setpoints import StreamCommand, StreamMode
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
-from robotd.errors import InvalidArgument, NotReady, Unsupported
-from robotd.log import get_logger
+from robotd.errors import InvalidArgument, Unsupported
 from robotd.motion import JointLimits, MotionState
-
-log = get_logger("stream")
 
 OWNER = "stream"
 
@@ -41,7 +38,7 @@ class StreamStatistics:
     timeouts: int
 
 
-class JointStream:
+class JointStream(OpenStream[StreamMotion]):
     """Open stream of some joints, made by ``Robot.stream``; a context that closes it.
 
     ``send`` and ``send_velocity`` may be called by any thread and never block.
@@ -52,9 +49,6 @@ class JointStream:
         columns: (k,) index of the stream's joints among the m joints of ``limits``.
         limits: of all joints.
         clock: of the control loop.
-
-    Attributes:
-        joints: names, in the order of the values that it takes.
     """
 
     def __init__(
@@ -65,26 +59,12 @@ class JointStream:
         limits: JointLimits,
         clock: Clock,
     ) -> None:
-        self.joints = tuple(limits.names[column] for column in columns)
-        self._motion, self._release = motion, release
+        super().__init__([limits.names[column] for column in columns], motion, release)
         self._columns, self._clock = columns, clock
         self._names = limits.names
         self._units = tuple(limits.units[column] for column in columns)
         self._position_limits = limits.lower[columns], limits.upper[columns]
         self._velocity_limits = -limits.velocity[columns], limits.velocity[columns]
-        self._commands = self._clipped = 0
-        self._closed = False
-
-    @property
-    def open(self) -> bool:
-        """Commands are accepted."""
-        return self._motion.completion.requested is None and not self._motion.completion.done
-
-    @property
-    def message(self) -> str:
-        """Reason of its end, "" while it is open."""
-        completion = self._motion.completion
-        return completion.message or (completion.requested[1] if completion.requested else "")
 
     @property
     def statistics(self) -> StreamStatistics:
@@ -107,7 +87,7 @@ class JointStream:
         speed = None if velocity is None else self._values("velocity", velocity)
         if speed is not None and self._motion.mode is StreamMode.SMOOTH:
             raise InvalidArgument("velocity: a smooth stream takes positions only")
-        self._put(self._clip("position", target, *self._position_limits), speed)
+        self._put(self._clip("position", target, *self._position_limits, self._units), speed)
 
     def send_velocity(self, velocity: Sequence[float]) -> None:
         """Move with ``velocity``, one for each of ``joints``, in rad/s or m/s.
@@ -116,73 +96,16 @@ class JointStream:
         limit. Raises as ``send``.
         """
         speed = self._values("velocity", velocity)
-        self._put(None, self._clip("velocity", speed, *self._velocity_limits))
+        self._put(None, self._clip("velocity", speed, *self._velocity_limits, self._units))
 
-    def end(self, reason: str) -> None:
-        """Request the end with a reason; the joints slow to rest. Never blocks."""
-        self._motion.completion.request(Outcome.CANCELED, reason)
-
-    def wait(self, timeout_s: float | None = None) -> bool:
-        """Block until it has ended, at rest; return False after ``timeout_s`` (None: no limit)."""
-        return self._motion.completion.event.wait(timeout_s)
-
-    def close(self) -> None:
-        """Slow to rest, wait, and give the joints back; a second call has no effect."""
-        if not self._closed:
-            self._closed = True
-            self.end("closed by the client")
-            self._release(self._motion)
-            counts = self.statistics
-            log.info(
-                "stream ended",
-                reason=self.message,
-                commands=counts.commands,
-                clipped=counts.clipped,
-                timeouts=counts.timeouts,
-            )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def _counts(self) -> dict[str, int]:
+        return {**super()._counts(), "timeouts": self._motion.timeouts}
 
     def _put(self, position: FloatArray | None, velocity: FloatArray | None) -> None:
-        if not self.open:
-            raise NotReady(f"the stream has ended: {self.message}")
-        self._commands += 1
+        self._count_command()
         self._motion.put(
             StreamCommand(self._all(position), self._all(velocity), self._clock.now_ns())
         )
-
-    def _values(self, what: str, values: Sequence[float]) -> FloatArray:
-        array = np.array(values, np.float64)
-        if array.shape != (len(self.joints),):
-            raise InvalidArgument(
-                f"{what}: {array.size} values for {len(self.joints)} joints"
-                f" ({', '.join(self.joints)})"
-            )
-        for name, value in zip(self.joints, array.tolist(), strict=True):
-            if not math.isfinite(value):
-                raise InvalidArgument(f"{name}: {what} is {value}, must be a finite number")
-        return array
-
-    def _clip(self, what: str, values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        clipped: FloatArray = np.minimum(np.maximum(values, low), high)
-        beyond = np.flatnonzero(clipped != values)
-        if len(beyond):
-            self._clipped += 1
-            if self._clipped == 1:
-                joint = int(beyond[0])
-                log.warning(
-                    "a command beyond a limit is clipped",
-                    quantity=what,
-                    joint=self.joints[joint],
-                    value=float(values[joint]),
-                    limit=float(clipped[joint]),
-                    unit=self._units[joint],
-                )
-        return clipped
 
     def _all(self, values: FloatArray | None) -> FloatArray | None:
         """Return (m,) values of all joints, NaN for those of others."""
@@ -253,7 +176,7 @@ class JointStreams:
         """
         names, limits = self._limits.names, self._limits
         wanted = names if joints is None else tuple(joints)
-        columns = _columns(wanted, names)
+        columns = chosen_columns(wanted, names)
         seconds = self._settings.timeout_s if timeout_s is None else timeout_s
         if not (math.isfinite(seconds) and seconds > 0.0):
             raise InvalidArgument(f"timeout_s is {seconds}, must be a positive number")
@@ -290,6 +213,13 @@ class JointStreams:
         motion = self._motion.start(plan, owner=owner, takeover=allowed)
         return JointStream(motion, self._motion.release, columns, slowed, self._clock)
 
+    def ends_when_silent(self, owner: str, timeout_s: float) -> Callable[[], JointStream]:
+        """Return a function that opens a stream of all joints, for ``owner``; any worker.
+
+        The stream ends ``timeout_s`` after its last command.
+        """
+        return partial(self, timeout_s=timeout_s, owner=owner, ends_when_silent=True)
+
 
 def _limited(limits: JointLimits, columns: IntArray, velocity: Sequence[float]) -> JointLimits:
     highest: FloatArray = np.array(velocity, np.float64)
@@ -303,7 +233,8 @@ def _limited(limits: JointLimits, columns: IntArray, velocity: Sequence[float]) 
     return replace(limits, velocity=lower)
 
 
-def _columns(joints: Sequence[str], known: Sequence[str]) -> IntArray:
+def chosen_columns(joints: Sequence[str], known: Sequence[str]) -> IntArray:
+    """Return the index of each of ``joints`` among ``known``. Raises InvalidArgument."""
     if not joints:
         raise InvalidArgument("no joint given")
     for name in joints:

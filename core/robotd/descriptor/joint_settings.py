@@ -29,9 +29,9 @@ _REQUIRED = {
     JointType.PRISMATIC: ("lower_m", "upper_m", "velocity_m_s", "acceleration_m_s2"),
 }
 _OPTIONAL = {
-    JointType.REVOLUTE: ("jerk_rad_s3", "rated_torque_nm"),
-    JointType.CONTINUOUS: ("jerk_rad_s3", "rated_torque_nm"),
-    JointType.PRISMATIC: ("jerk_m_s3", "rated_force_n"),
+    JointType.REVOLUTE: ("jerk_rad_s3", "rated_torque_nm", "torque_limit_nm"),
+    JointType.CONTINUOUS: ("jerk_rad_s3", "rated_torque_nm", "torque_limit_nm"),
+    JointType.PRISMATIC: ("jerk_m_s3", "rated_force_n", "force_limit_n"),
 }
 _OTHER_UNIT = {
     **dict(zip(_REQUIRED[JointType.REVOLUTE], _REQUIRED[JointType.PRISMATIC], strict=True)),
@@ -82,6 +82,9 @@ class JointSettings(Section):
     rated_torque_nm: Positive | None = Field(
         None, description="Torque at 100 % of the drive's rating; null reports the effort as NaN."
     )
+    torque_limit_nm: Positive | None = Field(
+        None, description="Highest torque of a torque stream; null: the joint takes none."
+    )
     lower_m: float | None = Field(
         None, validate_default=True, description="As `lower_rad`; required if prismatic."
     )
@@ -97,6 +100,9 @@ class JointSettings(Section):
     jerk_m_s3: Positive | None = Field(None, description="As `jerk_rad_s3`, of a prismatic joint.")
     rated_force_n: Positive | None = Field(
         None, description="Force at 100 % of the drive's rating, of a prismatic joint."
+    )
+    force_limit_n: Positive | None = Field(
+        None, description="As `torque_limit_nm`, of a prismatic joint."
     )
 
     @property
@@ -133,6 +139,11 @@ class JointSettings(Section):
     def rated_effort(self) -> float | None:
         """N·m or N at 100 % of the drive's rating; None: not known."""
         return self.rated_force_n if self.type is JointType.PRISMATIC else self.rated_torque_nm
+
+    @property
+    def effort_limit(self) -> float | None:
+        """Highest N·m or N of a torque stream; None: the joint takes none."""
+        return self.force_limit_n if self.type is JointType.PRISMATIC else self.torque_limit_nm
 
     def key(self, turning: str) -> str:
         """Return the key of this joint for ``turning``, the key of a revolute one."""

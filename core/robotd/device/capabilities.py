@@ -18,7 +18,8 @@ class Capability(StrEnum):
 
     - VELOCITY_MODE: velocity commands (``AxisDriver.jog``) and velocity streams, in a mode of
       their own (``set_command_mode``). Without it ``jog`` is never called.
-    - TORQUE_MODE: the torque mode can be set (``set_command_mode``).
+    - TORQUE_MODE: torque setpoints (``AxisDriver.stream_torque``), in a mode of their own
+      (``set_command_mode``).
     - HOMING: the present position can become zero (``home``).
     - SCALING: gear ratio and polarity change at run time (``set_gear_ratio``, ``set_polarity``).
     - PARAMETERS_FILE: the device takes a parameter file (``DeviceDriver.load_parameters``,

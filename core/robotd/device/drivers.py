@@ -208,7 +208,8 @@ class AxisDriver(ABC):
         """Start a controlled stop of whatever moves the axes. Idle axes: no effect.
 
         A move or velocity command ends with the deceleration of its profile, a stream with a
-        ramp of the driver's own. Returns at once: the control loop calls it, too.
+        ramp of the driver's own. A stream of torques ends with position control: the axis holds
+        where it has come to rest. Returns at once: the control loop calls it, too.
         """
 
     def quick_stop(self, axes: Sequence[int]) -> None:
@@ -243,6 +244,18 @@ class AxisDriver(ABC):
                 next one allows for that.
         """
         raise Unsupported("streamed setpoints")
+
+    def stream_torque(self, torque: FloatArray, due_ns: int) -> None:
+        """Take one torque per axis (TORQUE_MODE). Control-loop thread.
+
+        It acts until the next one. Only axes in torque mode between ``begin_stream`` and
+        ``end_stream`` obey. Setpoints that are missing for too long have to stop the axes.
+
+        Args:
+            torque: (n_axes,) in N·m or N; NaN: unchanged, at first the torque that holds the axis.
+            due_ns: as of ``stream``.
+        """
+        raise Unsupported("torque setpoints")
 
     def stream_ran_dry(self, due_ns: int) -> bool:
         """Return True when a setpoint for ``due_ns`` would be ignored. Control-loop thread.
@@ -287,7 +300,10 @@ class AxisDriver(ABC):
         self.stop(axes)
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
-        """Change the command mode of an idle axis; nothing moves (VELOCITY_MODE, TORQUE_MODE)."""
+        """Change the command mode of an idle axis; nothing moves (VELOCITY_MODE, TORQUE_MODE).
+
+        An axis in torque mode holds its position until ``begin_stream``.
+        """
         if mode is not CommandMode.POSITION:
             raise Unsupported(f"{mode.name.lower()} mode")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from robotd.arrays import FloatArray
+from robotd.arrays import FloatArray, IntArray
 from robotd.descriptor.joint_settings import FULL_ACCELERATION_S
 from robotd.descriptor.model import TrajectorySettings
 
@@ -57,6 +57,16 @@ class JointLimits:
             raise ValueError("a lower position limit is not below its upper one")
         if not all((each > 0).all() for each in (self.velocity, self.acceleration, self.jerk)):
             raise ValueError("velocity, acceleration and jerk limits must be positive")
+
+    def of(self, columns: IntArray) -> JointLimits:
+        """Return the limits of some of the joints; ``columns``: (k,) their indices."""
+        arrays = {
+            each.name: getattr(self, each.name)[columns]
+            for each in fields(self)
+            if each.name not in ("names", "units")
+        }
+        names = tuple(self.names[column] for column in columns)
+        return JointLimits(names, units=tuple(self.units[column] for column in columns), **arrays)
 
     def start_tolerance(self, settings: TrajectorySettings) -> FloatArray:
         """Return ``start_tolerance_rad`` or ``_m`` of each joint; shape (m,)."""

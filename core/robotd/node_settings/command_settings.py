@@ -18,6 +18,7 @@ class JointTopics(NamedTuple):
     trajectory: str
     position: str
     velocity: str
+    effort: str
     jog: str
     state: str
     query: str
@@ -74,6 +75,7 @@ def _joint_topics(parameters: ParameterReader, prefix: str) -> JointTopics:
         topic("joint_trajectory_topic", "trajectories and single points"),
         topic("position_commands_topic", "positions of all joints"),
         topic("velocity_commands_topic", "velocities of all joints"),
+        topic("effort_commands_topic", "torques of all joints, which need limits"),
         topic("joint_jog_topic", "velocities of named joints"),
         topic("controller_state_topic", "commanded and measured motion"),
         topic("query_state_service", "commanded motion at a time"),

@@ -12,7 +12,7 @@ from robotd.plugin.fault_isolation import isolated
 
 _METHODS: dict[Capability, tuple[tuple[type, str], ...]] = {
     Capability.VELOCITY_MODE: ((AxisDriver, "jog"), (AxisDriver, "set_command_mode")),
-    Capability.TORQUE_MODE: ((AxisDriver, "set_command_mode"),),
+    Capability.TORQUE_MODE: ((AxisDriver, "set_command_mode"), (AxisDriver, "stream_torque")),
     Capability.HOMING: ((AxisDriver, "home"),),
     Capability.SCALING: ((AxisDriver, "set_polarity"), (AxisDriver, "set_gear_ratio")),
     Capability.TRAJECTORIES_ON_DEVICE: ((AxisDriver, "follow"),),
@@ -76,7 +76,6 @@ class Drivers:
             str(capability)
             for capability, methods in _METHODS.items()
             if capability not in declared
-            and capability is not Capability.TORQUE_MODE  # its method serves the velocity mode too
             and all(self._has(contract, name) for contract, name in methods)
         ]
 

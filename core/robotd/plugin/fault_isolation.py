@@ -27,7 +27,7 @@ GRACE_S = 2.0  # granted beyond the time-out that a call was given
 
 _UNTIMED = {
     DeviceDriver: {"state", "fault"},
-    AxisDriver: {"read", "stream", "stream_ran_dry"},
+    AxisDriver: {"read", "stream", "stream_ran_dry", "stream_torque"},
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
     FieldbusDriver: {"buses", "register_bytes"},
 }

@@ -22,6 +22,7 @@ class CanopenObjects:
         self.name = f"node {node.id}"
         self.rpdos = RpdoWriter(layout)
         self.inputs = frozenset(entry.base for pdo in layout.tpdos for entry in pdo.entries)
+        self.outputs = frozenset(self.rpdos.values)
         self.put = self.rpdos.values.__setitem__
         self._number, self._layout, self._node = number, layout, node
         self._feedback = feedback

@@ -143,6 +143,14 @@ class Master:
                 axis.follow(position[axis.number], velocity[axis.number])
         self._transmit()
 
+    def stream_torque(self, torque: Sequence[float]) -> None:
+        """Control loop: torques; another group's ``stream`` sends them where it runs."""
+        self._stream.restart()
+        for axis in self.axes:
+            axis.follow_torque(torque[axis.number])
+        if all(axis.mode.is_torque or not axis.streaming for axis in self.axes):
+            self._transmit()
+
     def begin_stream(self) -> None:
         """Start the time-out of the stream."""
         self._stream.restart()

@@ -9,7 +9,13 @@ from robotd_canopen.frame import Frame
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.pdo import Pdo
 from robotd_cia402.modes import VELOCITY, OperationMode
-from robotd_cia402.object_numbers import CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY
+from robotd_cia402.object_numbers import (
+    CONTROLWORD,
+    MODE,
+    TARGET_POSITION,
+    TARGET_TORQUE,
+    TARGET_VELOCITY,
+)
 
 
 @dataclass(frozen=True)
@@ -21,12 +27,15 @@ class _Rpdo:
     objects: list[int]
     always: bool  # it holds the controlword or the mode
     has_velocity: bool
+    has_torque: bool
     has_target: bool
 
     def is_sent(self, mode: int) -> bool:
         """True if an object of this RPDO matters in operation mode ``mode``."""
         if self.has_velocity and not self.always:
             return mode in VELOCITY
+        if self.has_torque and not self.always:
+            return mode == OperationMode.CYCLIC_TORQUE
         in_profile = mode == OperationMode.PROFILE_POSITION
         return self.always or not self.has_target or in_profile
 
@@ -46,6 +55,7 @@ class RpdoWriter:
                 [entry.base for entry in pdo.entries],
                 always=pdo.holds(CONTROLWORD) or pdo.holds(MODE),
                 has_velocity=pdo.holds(TARGET_VELOCITY),
+                has_torque=pdo.holds(TARGET_TORQUE),
                 has_target=pdo.holds(TARGET_POSITION),
             )
             for pdo in layout.rpdos

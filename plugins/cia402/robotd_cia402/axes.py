@@ -13,8 +13,8 @@ from robotd.api import (
     NotReady,
     ProcessImage,
     Profile,
+    RobotdError,
     Underrun,
-    Unsupported,
 )
 from robotd_cia402.axis import Axis
 from robotd_cia402.commands import Commands
@@ -37,6 +37,10 @@ class Cia402Master(Protocol):
 
     def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
         """Control loop: as ``AxisDriver.stream``, with plain numbers."""
+        ...
+
+    def stream_torque(self, torque: Sequence[float]) -> None:
+        """Control loop: as ``AxisDriver.stream_torque``, with plain numbers."""
         ...
 
     def begin_stream(self) -> None:
@@ -64,6 +68,9 @@ class Cia402Axes(AxisDriver):
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         self._master.stream(position.tolist(), velocity.tolist(), due_ns)
 
+    def stream_torque(self, torque: FloatArray, due_ns: int) -> None:
+        self._master.stream_torque(torque.tolist())
+
     @property
     def underrun(self) -> Underrun:
         return Underrun.HOLD  # without frames from the control loop a drive holds its position
@@ -74,6 +81,10 @@ class Cia402Axes(AxisDriver):
         try:
             for axis in axes:
                 self._commands[axis].prepare_stream()
+        except RobotdError:
+            for axis in axes:
+                self._commands[axis].leave_torque()
+            raise
         finally:
             self._master.begin_stream()
         for axis in axes:
@@ -98,8 +109,6 @@ class Cia402Axes(AxisDriver):
         self._master.settle()
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
-        if mode is CommandMode.TORQUE:
-            raise Unsupported("torque mode")
         self._commands[axis].set_mode(mode)
         self._master.settle()
 

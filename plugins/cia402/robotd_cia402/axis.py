@@ -8,6 +8,7 @@ axis; the control loop acts on them. Nothing here blocks.
 
 from __future__ import annotations
 
+import math
 import threading
 
 from robotd.api import CommandMode, Operation, ProcessImage, Profile, get_logger
@@ -90,7 +91,13 @@ class Axis:
 
     def follow(self, position: float, velocity: float) -> None:
         """Control loop: a streamed setpoint; the position does not count in a velocity mode."""
-        self.setpoint.follow(position, velocity, by_velocity=self.mode.is_velocity)
+        if not self.mode.is_torque:
+            self.setpoint.follow(position, velocity, by_velocity=self.mode.is_velocity)
+
+    def follow_torque(self, torque: float) -> None:
+        """Control loop: a streamed torque, N·m or N; NaN: unchanged."""
+        if self.mode.is_torque and math.isfinite(torque):
+            self.setpoint.torque = torque
 
     def begin_move(self, target: float, profile: Profile) -> None:
         """Worker: a profile position move; the control loop hands ``target`` over to the drive."""
@@ -112,13 +119,20 @@ class Axis:
         self.estimate.stop(deceleration)
         if self.mode.requested is OperationMode.PROFILE_POSITION:
             self.mode.cancel_target()
-        elif self.mode.requested is OperationMode.HOMING:
+        elif self.mode.requested is OperationMode.HOMING or self.mode.is_torque:
             self.power.command(Control.QUICK_STOP)
 
     def hold(self) -> None:
         """Idle from now on, at the present command."""
         self.activity.end()
         self.setpoint.velocity = 0.0
+
+    def present_position(self) -> float:
+        """Return the position at which a position command begins.
+
+        That is the drive's own command, and the measured position after a torque.
+        """
+        return self.report.position if self.mode.is_torque else self.report.demand()
 
     def resume(self) -> None:
         """Control loop: the drive answers again; continue at its own command."""
@@ -175,7 +189,7 @@ class Axis:
                 self.hold()
             case Operation.STOPPING if self._is_at_rest():
                 if not self.mode.is_cyclic_position:
-                    self.setpoint.position = self.report.demand()
+                    self.setpoint.position = self.present_position()
                 self.hold()
             case _:
                 pass
@@ -216,10 +230,12 @@ class Axis:
         own = mode.is_cyclic_position or self.activity.is_idle
         position = setpoint.position if own else self.estimate.position
         homing = mode.requested is OperationMode.HOMING
-        if not report.powered or mode.is_velocity or homing:
+        if not report.powered or mode.is_velocity or mode.is_torque or homing:
             position = report.position
         image.position_command[number] = position
         velocity = setpoint.velocity if mode.is_ours else self.estimate.velocity
+        if mode.is_torque:
+            velocity = report.velocity
         image.velocity_command[number] = velocity
 
     def _reason(self) -> str:

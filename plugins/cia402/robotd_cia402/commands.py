@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -19,6 +20,7 @@ from robotd.api import (
 )
 from robotd_cia402.axis import Axis
 from robotd_cia402.modes import CYCLIC, STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
+from robotd_cia402.object_numbers import TARGET_TORQUE
 from robotd_cia402.state_machine import TOWARDS_ENABLED, Control, DriveState, Status
 
 _HERE = (35, 37)  # homing methods that take the present position
@@ -106,6 +108,9 @@ class Commands:
             if axis.streaming:
                 return
             self._recover()
+            if axis.mode.command_mode is CommandMode.TORQUE:
+                self._enter_torque()
+                return
             if axis.mode.command_mode is CommandMode.VELOCITY:
                 ramp = axis.options.stop_deceleration_rad_s2
                 self._write_ramps(Profile(0.0, ramp, ramp))
@@ -121,13 +126,21 @@ class Commands:
             axis.activity.complete = False
             axis.activity.begin(Operation.STREAM)
 
+    def leave_torque(self) -> None:
+        """Stop an axis that is in cyclic torque mode and will not stream."""
+        axis = self._axis
+        with axis.lock:
+            if axis.mode.is_torque:
+                axis.activity.begin(Operation.STREAM)
+                axis.brake(axis.options.stop_deceleration_rad_s2)
+
     def end_stream(self) -> None:
         """Hold the last setpoint; still moving there, brake."""
         axis = self._axis
         with axis.lock:
             if not axis.streaming:
                 return
-            if abs(axis.setpoint.velocity) > 1e-3:
+            if axis.mode.is_torque or abs(axis.setpoint.velocity) > 1e-3:
                 axis.brake(axis.options.stop_deceleration_rad_s2)
                 return
             axis.hold()
@@ -264,12 +277,32 @@ class Commands:
         if mode in CYCLIC:
             axis.mode.clear_bits()
 
+    def _enter_torque(self) -> None:
+        """Enter the cyclic torque mode, with the torque that holds the axis."""
+        axis = self._axis
+        if TARGET_TORQUE not in axis.drive.outputs:
+            raise self._error(NotReady, "no PDO holds 0x6071 (target torque)")
+        if not math.isfinite(axis.report.torque):
+            raise self._error(NotReady, "the rated torque of the joint is not known")
+        axis.setpoint.torque = axis.report.torque
+        try:
+            self._enter(OperationMode.CYCLIC_TORQUE)
+        except RobotdError:
+            axis.mode.requested = self._rest_mode()
+            raise
+
     def _recover(self) -> None:
-        """Leave a quick stop (transition 16), with the command at the present position."""
+        """Leave a quick stop (transition 16), with the command at the present position.
+
+        A drive that was stopped in the cyclic torque mode gets a position mode first: operation is
+        never enabled with a torque.
+        """
         axis = self._axis
         report = axis.report
         if report.state is DriveState.QUICK_STOP_ACTIVE:
-            axis.setpoint.stand_at(report.demand())
+            axis.setpoint.stand_at(axis.present_position())
+            if axis.mode.is_torque:
+                axis.mode.requested = self._rest_mode()
             axis.mode.halt()
             axis.power.command(Control.ENABLE_OPERATION)
             if not self._wait(lambda: report.state is DriveState.OPERATION_ENABLED, _STEP_S):

@@ -53,6 +53,10 @@ class CyclicObjects(Protocol):
     def inputs(self) -> Collection[int]:
         """Objects in the cyclic frames from the drive, once it is configured."""
 
+    @property
+    def outputs(self) -> Collection[int]:
+        """Objects in the cyclic frames to the drive, once it is configured."""
+
     def put(self, index: int, value: int) -> None:
         """Set an output for the next cyclic frame, and those after it. Control loop.
 

@@ -15,7 +15,7 @@ class ModeControl:
 
     Attributes:
         requested: mode of operation (object 0x6060).
-        command_mode: position or velocity, as the user has set it.
+        command_mode: as the user has set it.
         bits: bits of the controlword whose meaning depends on the mode.
     """
 
@@ -33,6 +33,10 @@ class ModeControl:
     @property
     def is_velocity(self) -> bool:
         return self.requested in VELOCITY_MODES
+
+    @property
+    def is_torque(self) -> bool:
+        return self.requested is OperationMode.CYCLIC_TORQUE
 
     @property
     def is_ours(self) -> bool:

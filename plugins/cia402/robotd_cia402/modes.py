@@ -18,6 +18,7 @@ class OperationMode(IntEnum):
     INTERPOLATED_POSITION = 7
     CYCLIC_POSITION = 8
     CYCLIC_VELOCITY = 9
+    CYCLIC_TORQUE = 10
 
     @property
     def support_bit(self) -> int:
@@ -39,7 +40,7 @@ VELOCITY = tuple(VELOCITY_MODES.values())
 
 
 def rest_mode(options: DriveOptions, command: CommandMode) -> OperationMode:
-    """Return the mode of an axis without a command."""
+    """Return the mode of an axis without a command; it holds unless in velocity mode."""
     if command is CommandMode.VELOCITY:
         return VELOCITY_MODES[options.velocity_mode]
     return STREAM_MODES[options.stream_mode]

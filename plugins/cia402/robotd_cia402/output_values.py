@@ -12,6 +12,7 @@ from robotd_cia402.object_numbers import (
     INTERPOLATION,
     MODE,
     TARGET_POSITION,
+    TARGET_TORQUE,
     TARGET_VELOCITY,
 )
 from robotd_cia402.scaling import Scaling, wrapped
@@ -42,6 +43,7 @@ class OutputValues:
         put(INTERPOLATION, counts)
         put(TARGET_POSITION, wrapped(target) if requested is _PROFILE_POSITION else counts)
         put(TARGET_VELOCITY, self._velocity(mode, setpoint) if mode.is_velocity else 0)
+        put(TARGET_TORQUE, self._scaling.torque_units(setpoint.torque) if mode.is_torque else 0)
         self.controlword = word
 
     def _velocity(self, mode: ModeControl, setpoint: Setpoint) -> int:

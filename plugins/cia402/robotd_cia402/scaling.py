@@ -6,6 +6,7 @@ from robotd_cia402.options import DriveOptions
 
 SPAN = 1 << 32
 _HALF = SPAN >> 1
+_INT16 = (1 << 15) - 1
 _UNLIMITED = 100.0  # rad/s or m/s, for an axis without a velocity limit in the descriptor
 
 
@@ -52,6 +53,10 @@ class Scaling:
 
     def velocity_units(self, velocity: float) -> int:
         return wrapped(round(velocity / self.velocity))
+
+    def torque_units(self, torque: float) -> int:
+        """Per mille of the rated torque, which is known; within 16 bits."""
+        return max(-_INT16, min(_INT16, round(torque / self.torque)))
 
     def ramp_units(self, acceleration: float) -> int:
         """Acceleration units of a positive acceleration, at least 1."""

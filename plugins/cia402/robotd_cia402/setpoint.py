@@ -14,12 +14,13 @@ class Setpoint:
         position, velocity: setpoint of the next frame; NaN before the first report of the drive.
         target_velocity: velocity to reach along the ramps.
         target_counts: target of a profile position move, not wrapped.
+        torque: setpoint of the cyclic torque mode, N·m or N.
         acceleration, deceleration: ramps of the velocity; the latter also of the running stop.
     """
 
     def __init__(self, ramp: float) -> None:
         self.position, self.velocity = math.nan, 0.0
-        self.target_velocity = 0.0
+        self.target_velocity = self.torque = 0.0
         self.target_counts = 0
         self.acceleration = self.deceleration = ramp
 

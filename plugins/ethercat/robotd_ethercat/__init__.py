@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 CAPABILITIES = frozenset(
     {
         Capability.VELOCITY_MODE,
+        Capability.TORQUE_MODE,
         Capability.HOMING,
         Capability.SCALING,
         Capability.STATISTICS,

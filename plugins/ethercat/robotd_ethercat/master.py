@@ -181,6 +181,17 @@ class Master:
             if live and not self.exchange.in_flight:
                 self._transmit()
 
+    def stream_torque(self, torque: Sequence[float]) -> None:
+        """Control loop: torques; another group's ``stream`` sends them where it runs."""
+        self._stream.restart()
+        for axis in self.axes:
+            axis.follow_torque(torque[axis.number])
+        with self._live:
+            live = self._state is ConnectionState.COMMUNICATING
+            alone = all(axis.mode.is_torque or not axis.streaming for axis in self.axes)
+            if live and alone and not self.exchange.in_flight:
+                self._transmit()
+
     def begin_stream(self) -> None:
         """Start the time-out of the stream."""
         self._stream.restart()

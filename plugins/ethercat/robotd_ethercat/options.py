@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from robotd.api import BackendOptions
 from robotd_cia402.options import (
@@ -25,7 +25,19 @@ from robotd_cia402.options import (
 )
 
 MAX_SLAVES = 199  # of SOEM
-PdoIndex = Annotated[int, Field(ge=0x1600, le=0x1BFF)]
+
+
+def _number(value: object) -> object:
+    """Read `0x1600`, which YAML leaves a text."""
+    if isinstance(value, str) and value.lower().startswith("0x"):
+        try:
+            return int(value, 16)
+        except ValueError:
+            return value
+    return value
+
+
+PdoIndex = Annotated[int, BeforeValidator(_number), Field(ge=0x1600, le=0x1BFF)]
 Milliseconds = Annotated[float, Field(gt=0, le=6000, allow_inf_nan=False)]
 
 

@@ -10,13 +10,16 @@ from robotd_cia402.object_numbers import (
     INTERPOLATION,
     MODE,
     TARGET_POSITION,
+    TARGET_TORQUE,
     TARGET_VELOCITY,
     on_axis,
 )
 from robotd_ethercat.exchange import Exchange
 from robotd_ethercat.slave import Slave
 
-_SET_BY_AXIS = (CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, INTERPOLATION)
+_SET_BY_AXIS = (
+    CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE, INTERPOLATION,
+)  # fmt: skip
 
 
 class SlaveObjects:
@@ -60,6 +63,10 @@ class SlaveObjects:
     @property
     def inputs(self) -> Collection[int]:
         return self._input_slots
+
+    @property
+    def outputs(self) -> Collection[int]:
+        return self._output_slots
 
     def put(self, index: int, value: int) -> None:
         slot = self._output_slots.get(index)

@@ -12,13 +12,18 @@ from robotd_cia402.cyclic_objects import CyclicObjects, SdoAbort
 from robotd_cia402.drive_setup import set_up
 from robotd_cia402.emcy import Emergency
 from robotd_cia402.object_numbers import (
+    CONTROLWORD,
     DEMAND,
     ERROR_CODE,
     INTERPOLATION,
+    MODE,
     MODE_DISPLAY,
     POSITION,
     STATUSWORD,
     SWITCHES,
+    TARGET_POSITION,
+    TARGET_TORQUE,
+    TARGET_VELOCITY,
     TORQUE,
     VELOCITY,
     on_axis,
@@ -44,6 +49,9 @@ class LoopedObjects:
         self.emergency: Emergency | None = None
         self.inputs = (
             STATUSWORD, MODE_DISPLAY, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, SWITCHES,
+        )  # fmt: skip
+        self.outputs = (
+            CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE, INTERPOLATION,
         )  # fmt: skip
         self.values = drive_defaults(axes=2)  # the drive's side
         self.written: list[tuple[int, int, int]] = []

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pytest
 from tests.unit.cia402.looped_drive import PERIOD_S, LoopedDrive
 
-from robotd.api import CommandMode, NotReady, ProcessImage, Profile, Unsupported
+from robotd.api import CommandMode, NotReady, ProcessImage, Profile
 from robotd_cia402.axes import Cia402Axes
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
@@ -25,6 +25,9 @@ class LoopedMaster:
 
     def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
         self.looped.axis.follow(position[0], velocity[0])
+
+    def stream_torque(self, torque: Sequence[float]) -> None:
+        self.looped.axis.follow_torque(torque[0])
 
     def begin_stream(self) -> None:
         self.begun += 1
@@ -109,8 +112,3 @@ def test_an_alarm_is_cleared_and_the_axis_homed(axes: LoopedAxes) -> None:
     axes.servo(0, on=True, timeout_s=1.0)
     axes.home(0, 5.0)
     assert axes.looped.image.home_done[0]
-
-
-def test_torque_mode_is_not_supported(axes: LoopedAxes) -> None:
-    with pytest.raises(Unsupported, match="torque mode"):
-        axes.set_command_mode(0, CommandMode.TORQUE)

@@ -40,7 +40,7 @@ class AxisJog:
         self._robot, self._host = robot, host
         self._timeout_ns = round(timeout_s * NANOSECONDS)
         self._streams = [
-            (group, TopicStream(group.stream, host, topic, topic, timeout_s))
+            (group, TopicStream(group.stream.ends_when_silent(topic, timeout_s), host, topic))
             for group in robot.groups.values()
         ]
         self._deadlines: dict[int, int] = {}  # of axes in velocity mode

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from control_msgs.msg import JointJog
@@ -13,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_motion import OWNER
 from robotd.control.joint_stream import JointStream
+from robotd.control.torque_stream import TorqueStream
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
 from robotd.node_settings.command_settings import JointTopics, read_joint_command
 from robotd.robot import Robot
@@ -59,6 +61,8 @@ class JointCommandNode(Node):
             self._forward(group, topics.position, Float64MultiArray, _positions)
         if topics.velocity:
             self._forward(group, topics.velocity, Float64MultiArray, _velocities)
+        if topics.effort:
+            self._forward_efforts(group, topics.effort)
         if topics.jog:
             self._forward(group, topics.jog, JointJog, _jog)
         if topics.state:
@@ -71,15 +75,24 @@ class JointCommandNode(Node):
 
     def _forward(self, group: JointGroup, topic: str, message_type: Any, command: Any) -> None:
         """Let every message of ``topic`` command a stream of its own."""
-        stream = self._stream(group, topic, topic)
+        self._subscribe(topic, message_type, self._stream(group, topic, topic), command)
 
+    def _forward_efforts(self, group: JointGroup, topic: str) -> None:
+        """Let every message of ``topic`` command a torque stream."""
+        open_stream = partial(group.torque_stream, timeout_s=self._timeout_s, owner=topic)
+        stream = TopicStream(open_stream, self._host, topic)
+        self._subscribe(topic, Float64MultiArray, stream, _efforts)
+
+    def _subscribe(
+        self, topic: str, message_type: Any, stream: TopicStream[Any], command: Any
+    ) -> None:
         def on_message(message: Any) -> None:
             stream.apply(lambda open_stream: command(message, open_stream))
 
         add_subscription(self, self._host, message_type, topic, on_message, DEPTH)
 
-    def _stream(self, group: JointGroup, topic: str, owner: str) -> TopicStream:
-        return TopicStream(group.stream, self._host, topic, owner, self._timeout_s)
+    def _stream(self, group: JointGroup, topic: str, owner: str) -> TopicStream[JointStream]:
+        return TopicStream(group.stream.ends_when_silent(owner, self._timeout_s), self._host, topic)
 
 
 def named_values(
@@ -101,6 +114,10 @@ def named_values(
 
 
 def _positions(message: Any, stream: JointStream) -> None:
+    stream.send(message.data)
+
+
+def _efforts(message: Any, stream: TorqueStream) -> None:
     stream.send(message.data)
 
 

@@ -4,42 +4,37 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any, Generic, TypeVar
 
-from robotd.control.joint_stream import JointStream, JointStreams
+from robotd.control.open_stream import OpenStream
 from robotd.errors import NotReady, RobotdError
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
 
-Command = Callable[[JointStream], None]
+Stream = TypeVar("Stream", bound=OpenStream[Any])
 
 
-class TopicStream:
+class TopicStream(Generic[Stream]):
     """Applies commands to a stream that a worker opens for the first of them.
 
-    Without a message for ``timeout_s`` the joints slow to rest, the stream ends, and the joints
-    have no owner. A rejection is logged once for each kind. ``apply`` and ``stop`` for the
-    executor thread.
+    The stream ends by itself when no message comes; the joints then have no owner. A rejection
+    is logged once for each kind. ``apply`` and ``stop`` for the executor thread.
 
     Args:
-        streams: of the joint group.
+        open_stream: returns an open stream, which ends without commands. Worker.
         host: its workers open and close streams.
         topic: name, for the log.
-        owner: of the joints.
-        timeout_s: age of the last message at which the joints slow to rest.
     """
 
-    def __init__(
-        self, streams: JointStreams, host: RosHost, topic: str, owner: str, timeout_s: float
-    ) -> None:
-        self._streams, self._host, self._topic = streams, host, topic
-        self._owner, self._timeout_s = owner, timeout_s
+    def __init__(self, open_stream: Callable[[], Stream], host: RosHost, topic: str) -> None:
+        self._open_stream, self._host, self._topic = open_stream, host, topic
         self._rejections = RejectionLog()
         self._lock = threading.Lock()  # of the three below
-        self._stream: JointStream | None = None
-        self._waiting: Command | None = None
+        self._stream: Stream | None = None
+        self._waiting: Callable[[Stream], None] | None = None
         self._opening = False
 
-    def apply(self, command: Command) -> None:
+    def apply(self, command: Callable[[Stream], None]) -> None:
         """Run ``command`` with the open stream, or open one for it; a rejection is logged."""
         with self._lock:
             stream = self._stream
@@ -70,9 +65,7 @@ class TopicStream:
     def _run(self) -> None:
         """Worker: open a stream, run it to its end, and give the joints back."""
         try:
-            stream = self._streams(
-                timeout_s=self._timeout_s, owner=self._owner, ends_when_silent=True
-            )
+            stream = self._open_stream()
         except RobotdError as error:
             with self._lock:
                 self._opening, self._waiting = False, None
@@ -88,7 +81,7 @@ class TopicStream:
             with self._lock:
                 self._stream = None
 
-    def _first(self, stream: JointStream, command: Command) -> None:
+    def _first(self, stream: Stream, command: Callable[[Stream], None]) -> None:
         try:
             command(stream)
         except RobotdError as error:

@@ -55,7 +55,7 @@ class TrajectoryTopic:
         clock: Clock,
         host: RosHost,
         topic: str,
-        stream: TopicStream,
+        stream: TopicStream[JointStream],
     ) -> None:
         self._group, self._clock, self._ros_clock = group, clock, node.get_clock()
         self._host, self._topic, self._stream = host, topic, stream

@@ -107,16 +107,6 @@ def commands(driver: AxisDriver, profile: Profile) -> list[Callable[[], object]]
     ]
 
 
-@pytest.mark.needs(Capability.TORQUE_MODE)
-def test_the_torque_mode_can_be_set_while_the_servo_is_off(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start(enable=False)
-    for mode in (CommandMode.TORQUE, CommandMode.POSITION):
-        harness.robot.axes.set_command_mode(0, mode)
-        harness.periods(5)
-        assert harness.image.mode[0] == mode
-
-
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_an_axis_in_position_mode_takes_no_velocity(harness: Harness) -> None:
     with pytest.raises(OperationError):

@@ -82,7 +82,7 @@ DRIVE_OBJECTS = (
     DriveObject(0x60F4, 0, "Following error actual value", I32, 0, writable=False),
     DriveObject(0x60FD, 0, "Digital inputs", U32, 0, writable=False),
     DriveObject(0x60FF, 0, "Target velocity", I32, 0, writable=True),
-    DriveObject(0x6502, 0, "Supported drive modes", U32, 0x1E5, writable=False),
+    DriveObject(0x6502, 0, "Supported drive modes", U32, 0x3E5, writable=False),
 )
 # fmt: on
 """All objects of an axis; those of axis n of a drive are n times 0x800 further."""

@@ -28,6 +28,7 @@ class Mode(IntEnum):
     INTERPOLATED_POSITION = 7
     CYCLIC_POSITION = 8
     CYCLIC_VELOCITY = 9
+    CYCLIC_TORQUE = 10
 
     @classmethod
     def of(cls, number: int) -> Mode | None:
@@ -61,6 +62,7 @@ class Motion:
             Mode.INTERPOLATED_POSITION: self._interpolated_position,
             Mode.CYCLIC_POSITION: self._cyclic_position,
             Mode.CYCLIC_VELOCITY: self._cyclic_velocity,
+            Mode.CYCLIC_TORQUE: self._cyclic_torque,
         }
 
     def counts(self, position: float) -> int:
@@ -202,6 +204,12 @@ class Motion:
                 self._motor,
                 [Segment(0.0, position, before, change), Segment(period_s, end, speed, 0.0)],
             )
+
+    def _cyclic_torque(self, rising: int, word: int, period_s: float) -> None:
+        rated_nm = self._get(0x6076) / 1000
+        torque = 0.0 if word & _HALT else self._get(0x6071) / 1000 * rated_nm
+        self.mode_bit = True
+        self._machine.push(self._motor, torque * self._scale.polarity, period_s)
 
     def _follow(self, target: float, word: int, period_s: float) -> None:
         """A straight line to ``target`` in one period, within the limits of 0x607D.

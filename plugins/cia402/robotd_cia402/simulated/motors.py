@@ -46,7 +46,8 @@ class Motors:
 
     def __init__(self, initial: Sequence[float], now_ns: int) -> None:
         axes = max(1, len(initial))
-        self.servo = Servo(_mechanics(axes), TICK_S)
+        self._mechanics = _mechanics(axes)
+        self.servo = Servo(self._mechanics, TICK_S)
         self._clock = DriveClock(now_ns)
         self._timing = SyncTiming(round(TICK_S * NANOSECONDS), now_ns)
         self._runs_free = True
@@ -114,6 +115,31 @@ class Motors:
     def hold(self, axis: int, position: float) -> None:
         """Hold ``position``."""
         self.plan(axis, [Segment(0.0, position, 0.0, 0.0)])
+
+    def push(self, axis: int, torque: float, period_s: float) -> None:
+        """Accelerate with ``torque`` (N·m or N) for a period; then keep the speed.
+
+        The model has inertia and friction of one motor. It has no gravity, no other joints and no
+        limit of the torque, and the position loop stays closed: the motor follows with its lag.
+        """
+        position, velocity = self.command(axis)
+        mechanics = self._mechanics
+        coulomb = float(mechanics.coulomb_friction_nm[axis])
+        if velocity == 0.0 and abs(torque) <= coulomb:
+            self.hold(axis, position)
+            return
+        direction = velocity or torque
+        friction = float(np.sign(direction)) * coulomb
+        viscous = float(mechanics.viscous_friction_nm_s[axis]) * velocity
+        change = (torque - friction - viscous) / float(mechanics.inertia_kg_m2[axis])
+        speed = velocity + change * period_s
+        if velocity * speed < 0.0:  # friction stops it; it starts anew in the next period
+            speed = 0.0
+            change = -velocity / period_s
+        end = position + 0.5 * (velocity + speed) * period_s
+        self.plan(
+            axis, [Segment(0.0, position, velocity, change), Segment(period_s, end, speed, 0.0)]
+        )
 
     def keep(self, axis: int, position: float) -> None:
         """Hold the motor at ``position`` from outside, at rest, whatever the command."""

@@ -35,6 +35,7 @@ _KINDS = {
 _RX: dict[int, tuple[str, Mapping]] = {
     0x1600: ("All modes", [(0x6040, 0, 16), (0x6060, 0, 8), (0x607A, 0, 32), (0x60FF, 0, 32)]),
     0x1601: ("Position", [(0x6040, 0, 16), (0x6060, 0, 8), (0x607A, 0, 32)]),
+    0x1603: ("Target torque", [(0x6071, 0, 16)]),
     0x1602: ("Velocity", [(0x6040, 0, 16), (0x6060, 0, 8), (0x60FF, 0, 32)]),
 }
 _TX: dict[int, tuple[str, Mapping]] = {

@@ -1,0 +1,126 @@
+"""Open stream of commands to some joints: checks, counts, and its end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Generic, Self, TypeVar
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.control.completion import Outcome
+from robotd.control.setpoint_source import SetpointSource
+from robotd.errors import InvalidArgument, NotReady
+from robotd.log import get_logger
+
+log = get_logger("stream")
+
+Motion = TypeVar("Motion", bound=SetpointSource)
+
+
+class OpenStream(Generic[Motion]):
+    """Base of streams; a context that closes it. Any thread, except ``close``: a worker.
+
+    Args:
+        joints: names, in the order of the values that it takes.
+        motion: moves the joints.
+        release: stops ``motion`` and gives the joints back.
+
+    Attributes:
+        joints: as above.
+    """
+
+    def __init__(
+        self, joints: Sequence[str], motion: Motion, release: Callable[[Motion], None]
+    ) -> None:
+        self.joints = tuple(joints)
+        self._motion, self._release = motion, release
+        self._commands = self._clipped = 0
+        self._closed = False
+
+    @property
+    def open(self) -> bool:
+        """Commands are accepted."""
+        return self._motion.completion.requested is None and not self._motion.completion.done
+
+    @property
+    def message(self) -> str:
+        """Reason of its end, "" while it is open."""
+        completion = self._motion.completion
+        return completion.message or (completion.requested[1] if completion.requested else "")
+
+    @property
+    def clipped(self) -> int:
+        """Commands with a value beyond a limit, which was used instead."""
+        return self._clipped
+
+    def end(self, reason: str) -> None:
+        """Request the end with a reason; the joints slow to rest. Never blocks."""
+        self._motion.completion.request(Outcome.CANCELED, reason)
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Block until it has ended, at rest; return False after ``timeout_s`` (None: no limit)."""
+        return self._motion.completion.event.wait(timeout_s)
+
+    def close(self) -> None:
+        """Slow to rest, wait, and give the joints back; a second call has no effect."""
+        if not self._closed:
+            self._closed = True
+            self.end("closed by the client")
+            self._release(self._motion)
+            log.info("stream ended", reason=self.message, **self._counts())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _counts(self) -> dict[str, int]:
+        """Counts for the log."""
+        return {"commands": self._commands, "clipped": self._clipped}
+
+    def _count_command(self) -> None:
+        """Count a command. Raises NotReady, with the reason, after the end."""
+        if not self.open:
+            raise NotReady(f"the stream has ended: {self.message}")
+        self._commands += 1
+
+    def _values(self, what: str, values: Sequence[float]) -> FloatArray:
+        """Return one finite value for each joint. Raises InvalidArgument."""
+        array = np.array(values, np.float64)
+        if array.shape != (len(self.joints),):
+            raise InvalidArgument(
+                f"{what}: {array.size} values for {len(self.joints)} joints"
+                f" ({', '.join(self.joints)})"
+            )
+        for name, value in zip(self.joints, array.tolist(), strict=True):
+            if not math.isfinite(value):
+                raise InvalidArgument(f"{name}: {what} is {value}, must be a finite number")
+        return array
+
+    def _clip(
+        self,
+        what: str,
+        values: FloatArray,
+        low: FloatArray,
+        high: FloatArray,
+        units: Sequence[str],
+    ) -> FloatArray:
+        """Return ``values`` within the limits; what is beyond is counted, the first one logged."""
+        clipped: FloatArray = np.minimum(np.maximum(values, low), high)
+        beyond = np.flatnonzero(clipped != values)
+        if len(beyond):
+            self._clipped += 1
+            if self._clipped == 1:
+                joint = int(beyond[0])
+                log.warning(
+                    "a command beyond a limit is clipped",
+                    quantity=what,
+                    joint=self.joints[joint],
+                    value=float(values[joint]),
+                    limit=float(clipped[joint]),
+                    unit=units[joint],
+                )
+        return clipped

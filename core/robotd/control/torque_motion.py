@@ -1,0 +1,150 @@
+"""Setpoint source that applies the torques of a stream, within limits of the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
+from robotd.control.completion import Completion, Outcome
+from robotd.control.execution_phase import Phase, PhaseState
+from robotd.control.fault_monitor import FaultMonitor
+from robotd.control.setpoint_source import SetpointSource
+from robotd.device.drivers import AxisDriver
+from robotd.device.process_image import ProcessImage, columns
+from robotd.device.speed_scale import SpeedScale
+from robotd.motion import JointLimits, MotionState
+
+REST_TIMEOUT_S = 2.0  # for joints to come to rest after the stop
+REACTION_PERIODS = 3.0  # values are a period old, a stop begins a period later; one to spare
+
+
+class TorqueMotion:
+    """Torques of m joints, ended by a stop of the drives.
+
+    A ``SetpointSource`` without setpoints of position: the device gets torques, and keeps the one
+    that holds the joints until the first command. It ends when no
+    command has come for ``timeout_s``, when a client requests it, with a fault, and as soon as a
+    joint exceeds its velocity limit or has just enough room left to brake before a position limit.
+    The driver then brings the joints to rest in position control.
+
+    Args:
+        driver: applies the torques, and stops; the control loop may call its ``stop``.
+        axes: (m,) index of each joint's axis.
+        limits: of the same joints.
+        start_ns: monotonic time of its first period, at the earliest.
+        timeout_s: age of the last command at which it ends.
+        stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
+        speed: of the operator; it ends at 0.
+        feedback_period_s: as of ``AxisDriver``.
+    """
+
+    def __init__(
+        self,
+        driver: AxisDriver,
+        axes: IntArray,
+        limits: JointLimits,
+        start_ns: int,
+        timeout_s: float,
+        stopped_velocity: FloatArray,
+        speed: SpeedScale,
+        feedback_period_s: float,
+    ) -> None:
+        self.start_ns, self.stall_recovery, self.rate = start_ns, None, 1.0
+        self.columns, self.completion = columns(axes), Completion()
+        self.setpoint: FloatArray = np.full((3, len(axes)), np.nan)
+        self._driver, self._axes, self._limits = driver, axes, limits
+        self._timeout_s, self._speed = timeout_s, speed
+        self._feedback_period_s = feedback_period_s
+        self._stopped_velocity = stopped_velocity
+        self._monitor = FaultMonitor(limits.names, axes, streamed=True)
+        self._phase = PhaseState(start_ns)
+        self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
+        self._torque: FloatArray = np.zeros(0)  # of all axes of the device; NaN: unchanged
+
+    def put(self, torque: FloatArray, time_ns: int) -> None:
+        """Apply ``torque`` (m,), N·m or N, from the next period on; never blocks. Any thread."""
+        self._command = time_ns, torque
+
+    def delay(self, by_ns: int) -> None:
+        """Do nothing: it begins at rest."""
+
+    def splice_state(self, time_ns: int) -> MotionState | None:
+        """Return None: a successor has to wait until it has ended."""
+        return None
+
+    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
+        """Do nothing: it begins at rest."""
+
+    def sent(self, due_ns: int) -> None:
+        """Do nothing: it has no setpoints of position."""
+
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
+        """Send the torque for this period, or monitor the stop; return False."""
+        if self._phase.phase is Phase.RUNNING and not self.completion.done:
+            self._check(time_ns, period_ns, image)
+            if self.completion.requested is None:
+                self._apply(time_ns + period_ns, image.axes)
+            else:
+                self._phase.enter(Phase.STOPPING, time_ns)
+                self._driver.stop(self._axes.tolist())
+        elif not self.completion.done:
+            self._rest(time_ns, image)
+        return False
+
+    def _apply(self, due_ns: int, axes: int) -> None:
+        if not len(self._torque):
+            self._torque = np.full(axes, np.nan)
+        torque = self._command[1]
+        if torque is not None:
+            self._torque[self._axes] = torque
+        self._driver.stream_torque(self._torque, due_ns)
+
+    def _check(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
+        """Request the end where it has to stop."""
+        if self._monitor.is_faulty(image):
+            seconds = (time_ns - self.start_ns) / NANOSECONDS
+            self.completion.escalate(self._monitor.describe(image, seconds, period_ns))
+        elif not self._speed.scale:
+            self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
+        elif reason := self._excess(period_ns, image):
+            self.completion.request(Outcome.STOPPED, reason)
+        elif time_ns - self._command[0] > self._timeout_s * NANOSECONDS:
+            self.completion.request(Outcome.SUCCEEDED, f"no command for {self._timeout_s:g} s")
+
+    def _excess(self, period_ns: int, image: ProcessImage) -> str:
+        """Return the limit that a joint exceeds or is about to; "" without one."""
+        limits = self._limits
+        reaction_s = REACTION_PERIODS * period_ns / NANOSECONDS + self._feedback_period_s
+        rows = zip(
+            limits.names,
+            limits.units,
+            image.position[self._axes].tolist(),
+            image.velocity[self._axes].tolist(),
+            limits.lower.tolist(),
+            limits.upper.tolist(),
+            limits.velocity.tolist(),
+            limits.acceleration.tolist(),
+            strict=True,
+        )
+        for name, unit, position, velocity, lower, upper, fastest, deceleration in rows:
+            speed = abs(velocity)
+            if not speed <= fastest:  # also of a velocity that is not a number
+                return (
+                    f"{name}: {velocity:.3g} {unit}/s, its velocity limit is {fastest:g} {unit}/s"
+                )
+            stop = speed**2 / (2.0 * deceleration) + speed * reaction_s
+            room = upper - position if velocity > 0.0 else position - lower
+            if not (room >= stop and lower <= position <= upper):
+                limit = upper if velocity > 0.0 else lower
+                return f"{name}: at {position:.3g} {unit}, too close to its limit {limit:g} {unit}"
+        return ""
+
+    def _rest(self, time_ns: int, image: ProcessImage) -> None:
+        """End as requested when the joints are at rest, or after ``REST_TIMEOUT_S``."""
+        fast = np.abs(image.velocity[self._axes]) > self._stopped_velocity
+        moving = bool((fast & ~image.offline[self._axes]).any())
+        over = self._phase.settle(not moving) or self._phase.age_s(time_ns) > REST_TIMEOUT_S
+        if over and self.completion.requested is not None:
+            outcome, message = self.completion.requested
+            self.completion.finish(outcome, f"{message}; joints still move" if moving else message)

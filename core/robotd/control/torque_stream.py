@@ -1,0 +1,161 @@
+"""Torque streams: torques of joints that a client decides while they move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import Clock
+from robotd.control.joint_motion import JointMotion
+from robotd.control.joint_stream import chosen_columns
+from robotd.control.open_stream import OpenStream
+from robotd.control.torque_motion import TorqueMotion
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Axes
+from robotd.device.drivers import AxisDriver
+from robotd.device.state import CommandMode
+from robotd.errors import InvalidArgument
+from robotd.motion import JointLimits
+
+OWNER = "torque stream"
+_UNITS = {"rad": "N·m", "m": "N"}
+
+
+class TorqueStream(OpenStream[TorqueMotion]):
+    """Open torque stream of some joints, made by ``Robot.torque_stream``; a context.
+
+    Gravity, friction and contact are the client's: at a torque of 0 an arm falls.
+
+    Args:
+        joints: names.
+        units: of their torques, "N·m" or "N".
+        limit: (k,) highest torque of each.
+        motion: applies the torques.
+        release: stops ``motion`` and gives the joints back.
+        clock: of the control loop.
+    """
+
+    def __init__(
+        self,
+        joints: Sequence[str],
+        units: Sequence[str],
+        limit: FloatArray,
+        motion: TorqueMotion,
+        release: Callable[[TorqueMotion], None],
+        clock: Clock,
+    ) -> None:
+        super().__init__(joints, motion, release)
+        self._units, self._limit, self._clock = tuple(units), limit, clock
+
+    def send(self, torque: Sequence[float]) -> None:
+        """Apply ``torque`` until the next command; beyond a limit it is clipped and counted.
+
+        Never blocks. Any thread.
+
+        Args:
+            torque: one for each of ``joints``, in N·m or N.
+
+        Raises:
+            InvalidArgument: a wrong number of values, or one that is not finite.
+            NotReady: the stream has ended; with the reason.
+        """
+        values = self._values("torque", torque)
+        self._count_command()
+        clipped = self._clip("torque", values, -self._limit, self._limit, self._units)
+        self._motion.put(clipped, self._clock.now_ns())
+
+
+class TorqueStreams:
+    """Opens torque streams of the joints of a group, one at a time.
+
+    Called like a function, by worker threads.
+
+    Args:
+        motion: of the joints.
+        axes: of the robot.
+        descriptor: joints of the group, and time-outs.
+        limits: of the joints.
+        clock: of the control loop.
+        driver: applies the torques.
+    """
+
+    def __init__(
+        self,
+        motion: JointMotion,
+        axes: Axes,
+        descriptor: RobotDescriptor,
+        limits: JointLimits,
+        clock: Clock,
+        driver: AxisDriver,
+    ) -> None:
+        self._motion, self._axes, self._limits = motion, axes, limits
+        self._joints, self._timeout_s = descriptor.joints, descriptor.stream.timeout_s
+        self._clock, self._driver = clock, driver
+        self._stopped_velocity = limits.stopped_velocity(descriptor.trajectory)
+
+    def __call__(
+        self,
+        joints: Sequence[str] | None = None,
+        *,
+        timeout_s: float | None = None,
+        owner: str = OWNER,
+    ) -> TorqueStream:
+        """Return an open stream of joints at rest; until its first command each torque stays.
+
+        It begins with the torque that holds the joints, and ends in position control: when it is
+        closed, without a command for ``timeout_s``, when a joint exceeds its velocity limit or
+        comes so close to a position limit that it has to brake. Other joints hold their positions.
+
+        Args:
+            joints: in the order of the values to send; None: all.
+            timeout_s: age of the last command at which it ends; None: the descriptor's.
+            owner: name of the client, for those who ask for the same joints.
+
+        Raises:
+            InvalidArgument: unknown joint, one without a torque limit, or a time-out that is not
+                positive.
+            NotReady: a joint moves, cannot be commanded now, or has another owner.
+            Unsupported: the backend takes no torques.
+        """
+        names = self._limits.names
+        wanted = names if joints is None else tuple(joints)
+        chosen = chosen_columns(wanted, names)
+        limit = self._torque_limits(chosen)
+        seconds = self._timeout_s if timeout_s is None else timeout_s
+        if not (math.isfinite(seconds) and seconds > 0.0):
+            raise InvalidArgument(f"timeout_s is {seconds}, must be a positive number")
+        self._axes.speed.at_start()
+        limits = self._limits.of(chosen)
+        axes = np.array([self._joints[column].axis for column in chosen], np.int64)
+
+        def make(start_ns: int) -> TorqueMotion:
+            return TorqueMotion(
+                self._driver,
+                axes,
+                limits,
+                start_ns,
+                seconds,
+                self._stopped_velocity[chosen],
+                self._axes.speed,
+                self._axes.feedback_period_s,
+            )
+
+        motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, make, owner)
+        units = [_UNITS[unit] for unit in limits.units]
+        return TorqueStream(wanted, units, limit, motion, self._motion.release, self._clock)
+
+    def _torque_limits(self, chosen: IntArray) -> FloatArray:
+        limits = []
+        for column in chosen:
+            joint = self._joints[column]
+            if joint.effort_limit is None:
+                key = joint.key("torque_limit_nm")
+                raise InvalidArgument(
+                    f"{joint.name}: no torque limit; a torque stream needs"
+                    f" joints.{column}.{key} in the robot's file"
+                )
+            limits.append(joint.effort_limit)
+        return np.array(limits, np.float64)

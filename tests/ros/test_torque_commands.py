@@ -1,0 +1,57 @@
+"""Torques of an arm on a topic, with CANopen drives of the robot's own process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+
+pytestmark = pytest.mark.ros
+
+ROBOT = Path(__file__).parents[1] / "canopen" / "torque_drives.yaml"
+TOPIC = "/forward_effort_controller/commands"
+RATE_HZ = 50.0
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RobotProcess]:
+    robot = tmp_path_factory.mktemp("robot") / "robot.yaml"
+    robot.write_text(
+        f"""extends: {ROBOT}
+name: torque_arm
+nodes: [wmx_engine_node, manipulator_state, joint_command_node]
+ros_parameters:
+  manipulator_state: {{encoder_joint_topic: joint_states}}
+  joint_command_node: {{effort_commands_topic: {TOPIC[1:]}, command_timeout_s: 0.2}}
+"""
+    )
+    with RobotProcess(robot=str(robot), backend="canopen", patient=False) as process:
+        process.wait_ready()
+        yield process
+        assert process.end() == 0, process.output
+
+
+def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
+    client = Client(arm.domain)
+    states = client.listen(JointState, "/joint_states")
+    owners = client.listen(String, "/robotd/owners", LATCHED)
+    torques = client.publisher(Float64MultiArray, TOPIC)
+    wait_until(lambda: states and torques.get_subscription_count(), "the arm")
+
+    def moves() -> bool:
+        torques.publish(Float64MultiArray(data=[6.0, 0.0]))
+        time.sleep(1.0 / RATE_HZ)
+        return bool(states[-1].velocity[0] > 0.5)
+
+    wait_until(moves, "a torque of 6 N·m moves the joint")
+    assert TOPIC[1:] in owners[-1].data
+    wait_until(lambda: abs(states[-1].velocity[0]) < 1e-3, "without messages the joint stops")
+    wait_until(lambda: TOPIC[1:] not in owners[-1].data, "the joints belong to nobody")
+    torques.publish(Float64MultiArray(data=[6.0]))
+    wait_until(lambda: "torque: 1 values for 2 joints" in arm.output, "the rejection is logged")
+    client.close()
