@@ -14,6 +14,7 @@ from robotd.api import (
     CommandMode,
     ConnectionState,
     DeviceTimeout,
+    FloatArray,
     NotReady,
     hookimpl,
 )
@@ -121,7 +122,11 @@ class ParametersShownButNotInForce(Mutant):
 
 
 class DeclaresTorqueMode(Mutant):
-    found_by = "test_rejections.py::test_the_torque_mode_can_be_set_while_the_servo_is_off"
+    found_by = "test_torque.py::test_a_torque_moves_a_joint_until_its_source_is_lost"
+
+    class Axes(SimAxes):
+        def stream_torque(self, torque: FloatArray, due_ns: int) -> None:
+            pass
 
     @hookimpl
     def robotd_backend(self) -> BackendInfo:

@@ -7,7 +7,7 @@ import pytest
 
 from robotd.device.capabilities import Capability
 from robotd.device.state import CommandMode
-from robotd.testing.conformance.harness import STANDSTILL_RAD_S, Harness
+from robotd.testing.conformance.harness import STANDSTILL_RAD_S, MakeHarness
 
 SHARE = 0.5  # of a joint's torque limit
 MOVING_RAD_S = 0.1
@@ -15,7 +15,14 @@ TIMEOUT_S = 0.2
 
 
 @pytest.mark.needs(Capability.TORQUE_MODE)
-def test_a_torque_moves_a_joint_until_its_source_is_lost(harness: Harness) -> None:
+def test_a_torque_moves_a_joint_until_its_source_is_lost(make_harness: MakeHarness) -> None:
+    harness = make_harness()
+    harness.start(enable=False)
+    for mode in (CommandMode.TORQUE, CommandMode.POSITION):  # also while the servo is off
+        harness.robot.axes.set_command_mode(0, mode)
+        harness.periods(5)
+        assert harness.image.mode[0] == mode
+    harness.enable()
     joints = zip(harness.robot.descriptor.joints, harness.robot.joint_axes, strict=True)
     able = [(each.name, axis, each.effort_limit) for each, axis in joints if each.effort_limit]
     if not able:
