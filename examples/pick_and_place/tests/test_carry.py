@@ -51,7 +51,7 @@ def test_the_work_goes_on_after_the_alarm_is_cleared(robot: RobotUnderTest) -> N
 
 
 def test_the_program_says_why_it_failed(robot: RobotUnderTest) -> None:
-    robot.inject("communication_drop", at_s=2.0)
+    robot.inject("communication_drop", when={"joint": "joint1", "below_rad": -0.1})
     command = [sys.executable, "-m", "pick_and_place.main"]
     result = subprocess.run(
         command,
@@ -62,4 +62,4 @@ def test_the_program_says_why_it_failed(robot: RobotUnderTest) -> None:
         timeout=30,
     )
     assert result.returncode == 1
-    assert "engine is" in result.stderr
+    assert "communication has ended" in result.stderr
