@@ -17,7 +17,7 @@ from robotd.device.axes import Move
 from robotd.device.capabilities import Capability
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
-from robotd.errors import OperationError, RobotdError
+from robotd.errors import LateSetpoint, OperationError, RobotdError
 from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import Backend
@@ -199,12 +199,31 @@ class Harness:
 
     @contextmanager
     def each_period(self, task: Callable[[ProcessImage], None]) -> Iterator[None]:
-        """Call ``task(image)`` in every period while the block runs, in the control loop."""
-        self._recorder.call(task)
+        """Call ``task(image)`` in every period while the block runs, in the control loop.
+
+        The first exception of ``task`` ends these calls, and is raised after the block.
+        """
+        errors = list[Exception]()
+
+        def guarded(image: ProcessImage) -> None:
+            if not errors:
+                try:
+                    task(image)
+                except Exception as error:  # noqa: BLE001 - raised after the block
+                    errors.append(error)
+
+        self._recorder.call(guarded)
         try:
             yield
         finally:
             self._recorder.call(None)
+        if errors:
+            raise errors[0]
+
+    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Control loop: send setpoints (n_axes,) of this period; too late, they are left out."""
+        with suppress(LateSetpoint):
+            self.drivers.axes.stream(position, velocity, self.due_ns)
 
     # Motion
 

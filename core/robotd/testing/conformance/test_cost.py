@@ -20,86 +20,99 @@ SLOW_STATE_S = 0.02
 ATTEMPTS = 3  # a busy computer makes calls slower, never faster: the best attempt counts
 
 
-def measure(
-    harness: Harness, call: Callable[[], object], begin: Callable[[], object]
-) -> tuple[float, float]:
-    """Median and 99th percentile in s, of the best attempt, called once a period."""
-    attempts = []
-    for _ in range(ATTEMPTS):
-        begin()
-        durations = list[float]()
-        for _ in range(CALLS):
-            harness.periods(1)
-            with timed(durations):
-                call()
-        attempts.append(tuple(np.percentile(durations, (50, 99))))
-        if within_budget(harness, attempts[-1]):
-            break
-    return min(attempts)
-
-
-def within_budget(harness: Harness, measured: tuple[float, float]) -> bool:
-    typical_s, worst_s = measured
-    return (
+def within_budget(harness: Harness, durations_s: list[float]) -> bool:
+    typical_s, worst_s = np.percentile(durations_s, (50, 99))
+    return bool(
         typical_s <= TYPICAL_SHARE * harness.period_s and worst_s <= WORST_SHARE * harness.period_s
     )
 
 
-def check(
-    harness: Harness,
-    what: str,
-    call: Callable[[], object],
-    begin: Callable[[], object] = lambda: None,
-) -> None:
-    """Measure ``call``, after ``begin`` in each attempt."""
-    typical_s, worst_s = measure(harness, call, begin)
-    assert within_budget(harness, (typical_s, worst_s)), (
-        f"{what} takes {typical_s * 1e6:.0f} µs, 99 of 100 times at most {worst_s * 1e6:.0f} µs;"
-        f" a period has {harness.period_s * 1e6:.0f} µs"
-    )
+def check(harness: Harness, what: str, measure: Callable[[], list[float]]) -> None:
+    """Judge the durations in s that ``measure`` returns, by the best attempt."""
+    attempts = list[list[float]]()
+    while not (attempts and within_budget(harness, attempts[-1])):
+        if len(attempts) == ATTEMPTS:
+            typical_s, worst_s = min(tuple(np.percentile(each, (50, 99))) for each in attempts)
+            raise AssertionError(
+                f"{what} takes {typical_s * 1e6:.0f} µs, 99 of 100 times at most"
+                f" {worst_s * 1e6:.0f} µs; a period has {harness.period_s * 1e6:.0f} µs"
+            )
+        attempts.append(measure())
+
+
+def reads(harness: Harness, count: int = CALLS) -> list[float]:
+    """Durations in s of the control loop's own calls of ``read``, at least ``count``.
+
+    No other thread may call it, and a second call in a period could send a second frame.
+    """
+    axes, durations = harness.drivers.axes, list[float]()
+    read = axes.read
+
+    def timed_read(image: ProcessImage) -> None:
+        with timed(durations):
+            read(image)
+
+    axes.read = timed_read  # type: ignore[method-assign]
+    try:
+        harness.periods(count)
+        harness.until(lambda: len(durations) >= count, f"the control loop reads {count} times")
+    finally:
+        axes.read = read  # type: ignore[method-assign]
+    return durations
 
 
 def test_read_does_not_block(harness: Harness) -> None:
-    image = ProcessImage(harness.count)
-    check(harness, "read", lambda: harness.drivers.axes.read(image))
+    check(harness, "read", lambda: reads(harness))
 
 
 def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
-    image = ProcessImage(harness.count)
-
-    def begin() -> None:
+    def measure() -> list[float]:
         harness.rest()
         harness.move(harness.all, harness.image.position_command + harness.travel(), 0.3)
+        return reads(harness)
 
-    check(harness, "read", lambda: harness.drivers.axes.read(image), begin)
+    check(harness, "read", measure)
     harness.rest()
 
 
 def test_stream_does_not_block(harness: Harness) -> None:
     position, velocity = harness.image.position_command.copy(), np.zeros(harness.count)
 
-    def stream() -> None:
-        harness.drivers.axes.stream(
-            position, velocity, harness.clock.now_ns() + round(harness.period_s * 1e9)
-        )
+    def measure() -> list[float]:
+        durations = list[float]()
+
+        def stream(image: ProcessImage) -> None:
+            with timed(durations):
+                harness.stream(position, velocity)
+
+        with harness.each_period(stream):
+            harness.periods(CALLS)
+        return durations
 
     with harness.robot.axes.claimed("conformance", harness.all):
-        check(harness, "stream", stream)
+        check(harness, "stream", measure)
     harness.rest()
 
 
 def test_state_does_not_block(harness: Harness) -> None:
-    check(harness, "state", harness.drivers.device.state)
+    def measure() -> list[float]:
+        durations = list[float]()
+        for _ in range(CALLS):
+            harness.periods(1)
+            with timed(durations):
+                harness.drivers.device.state()
+        return durations
+
+    check(harness, "state", measure)
 
 
 def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
-    image = ProcessImage(harness.count)
-    arrays = {name: id(value) for name, value in vars(image).items()
-              if isinstance(value, np.ndarray)}  # fmt: skip
+    image = harness.image
+    arrays = {name: value for name, value in vars(image).items() if isinstance(value, np.ndarray)}
     reasons = image.reason
-    harness.periods(1)
-    harness.drivers.axes.read(image)
-    assert {name: id(getattr(image, name)) for name in arrays} == arrays
+    harness.periods(2)
+    replaced = [name for name, array in arrays.items() if getattr(image, name) is not array]
+    assert not replaced, f"read replaced the arrays {', '.join(replaced)}"
     assert image.reason is reasons
     assert [type(reason) for reason in reasons] == [str] * harness.count
     for values in (
@@ -114,17 +127,12 @@ def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
 
 
 def test_no_read_of_many_is_slow_or_fails(harness: Harness) -> None:
-    image, slow = ProcessImage(harness.count), 0
+    slow = 0
     for _ in range(ATTEMPTS):
-        durations = list[float]()
-        for _ in range(MANY):
-            harness.periods(1)
-            with timed(durations):
-                harness.drivers.axes.read(image)
-        slow = sum(duration > harness.period_s for duration in durations)
+        slow = sum(duration > harness.period_s for duration in reads(harness, MANY))
         if slow <= MANY_SLOW:
-            return
-    raise AssertionError(f"{slow} of {MANY} reads took longer than a period")
+            break
+    assert slow <= MANY_SLOW, f"{slow} of {MANY} reads took longer than a period"
 
 
 def test_state_answers_while_something_slow_runs(make_harness: MakeHarness) -> None:

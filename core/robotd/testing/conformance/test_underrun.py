@@ -43,7 +43,7 @@ class InterruptedStream:
         self.samples.append(((image.fresh_ns - self._began_ns) * 1e-9, image.position.copy()))
         state = self._setpoint((due_ns - self._began_ns) * 1e-9)
         if state is not None:
-            self._harness.drivers.axes.stream(*state, due_ns)
+            self._harness.stream(*state)
 
     def slopes(self) -> FloatArray:
         """(n_axes,) mean measured velocity in the later part of the gap."""

@@ -149,7 +149,7 @@ def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -
 
     def setpoint(image: ProcessImage) -> None:
         share = min((harness.clock.now_ns() - began_ns) * 1e-9 / 0.3, 1.0)
-        harness.drivers.axes.stream(unknown, share * speeds, harness.due_ns)
+        harness.stream(unknown, share * speeds)
 
     claim = harness.robot.axes.claimed("conformance", harness.all, CommandMode.VELOCITY)
     with claim, harness.each_period(setpoint):
@@ -235,13 +235,12 @@ def stream_ramp(
 ) -> None:
     """Stream a smooth path from ``start`` to ``end`` for all axes; ``axes`` (all) follow it."""
     chosen = harness.all if axes is None else axes
-    driver, began_ns = harness.drivers.axes, harness.clock.now_ns()
+    began_ns = harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
-        due_ns = harness.due_ns
-        share = min((due_ns - began_ns) * 1e-9 / seconds, 1.0)
+        share = min((harness.due_ns - began_ns) * 1e-9 / seconds, 1.0)
         way, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
-        driver.stream(start + way * (end - start), slope * (end - start), due_ns)
+        harness.stream(start + way * (end - start), slope * (end - start))
 
     with harness.robot.axes.claimed("conformance", chosen), harness.each_period(setpoint):
         harness.pass_time(seconds + 0.1)

@@ -38,7 +38,7 @@ def test_an_axis_stops_when_setpoints_stay_away(make_harness: MakeHarness) -> No
         ramp_s = min(time_s, 0.2)
         way = speeds * (ramp_s**2 / 0.4 + max(0.0, time_s - 0.2))
         if time_s < 0.5:
-            harness.drivers.axes.stream(start + way, speeds * ramp_s / 0.2, harness.due_ns)
+            harness.stream(start + way, speeds * ramp_s / 0.2)
 
     claim = harness.robot.axes.claimed("conformance", harness.all)
     with claim, harness.each_period(setpoint):
