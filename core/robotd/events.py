@@ -7,6 +7,7 @@ reader take the events from here; none of them has taps of its own.
 from __future__ import annotations
 
 import functools
+import inspect
 import itertools
 import threading
 from collections import Counter, deque
@@ -19,6 +20,7 @@ from typing import Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 
+from robotd.command_text import command_text
 from robotd.errors import RobotdError
 
 MAX_EVENTS = 8192
@@ -191,7 +193,7 @@ def noted(
     command: Callable[Concatenate[Facade, Parameters], Result],
 ) -> Callable[Concatenate[Facade, Parameters], Result]:
     """Decorate a command of a facade: note its arguments, its sender and a rejection."""
-    name = command.__name__
+    name, parameters = command.__name__, [*inspect.signature(command).parameters][1:]
 
     @functools.wraps(command)
     def call(self: Facade, /, *args: Parameters.args, **options: Parameters.kwargs) -> Result:
@@ -204,14 +206,11 @@ def noted(
             self.events.add(EventKind.COMMAND, name, text, level=Level.WARNING, data=data)
             raise
         data = {**arguments, "outcome": "accepted"}
-        self.events.add(EventKind.COMMAND, name, _call_text(name, args), data=data)
+        text = command_text(name, parameters, args, getattr(self, "names", ()))
+        self.events.add(EventKind.COMMAND, name, text, data=data)
         return result
 
     return call
-
-
-def _call_text(name: str, args: tuple[object, ...]) -> str:
-    return f"{name}({', '.join(map(str, args))})"
 
 
 def _size(value: object) -> int:

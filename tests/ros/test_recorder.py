@@ -51,7 +51,7 @@ def test_a_snapshot_names_the_sender_of_each_request(client: Client) -> None:
         assert client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[on]).success
     recording = snapshot(client)
     found = [each.text for each in recording.events if each.sender == "/client"]
-    assert found[:2] == ["servo(1, False)", "servo(1, True)"]
+    assert found[:2] == ["servo: joint2, off", "servo: joint2, on"]
     frames = recording.frames
     assert (np.diff(frames["start_ns"]) > 0).all()
     assert np.isfinite(frames["values"][-1][:4]).all()

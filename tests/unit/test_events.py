@@ -76,7 +76,7 @@ def test_a_command_is_noted_with_sender_and_arguments() -> None:
     facade.servo(3, True)
     first, second = facade.events.since(0)[0]
     assert (first.kind, first.subject, first.sender) == (EventKind.COMMAND, "servo", "/move_group")
-    assert first.text == "servo(2, True)"
+    assert first.text == "servo: axis 2, on"
     assert first.data == {"call": "servo", "args": [2, True], "outcome": "accepted"}
     assert second.sender == OWN_PROCESS
 

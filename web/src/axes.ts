@@ -15,6 +15,7 @@ interface Row {
   error: HTMLElement;
   servo: HTMLElement;
   state: HTMLElement;
+  owner: HTMLElement;
   fault: HTMLElement;
 }
 
@@ -62,7 +63,7 @@ export class AxesTable {
       setText(row.servo, state.offline ? "offline" : state.servo ? "on" : "off");
       row.servo.className = `lamp ${state.offline ? "bad" : state.servo ? "good" : "idle"}`;
       setText(row.state, stateText(state));
-      row.state.title = stateText(state);
+      setText(row.owner, state.owner);
       setText(row.fault, state.fault);
       row.fault.parentElement!.parentElement!.hidden = !state.fault;
     });
@@ -82,6 +83,7 @@ export class AxesTable {
     const error = make("span", "number");
     const servo = make("span", "lamp idle");
     const state = make("span", "state");
+    const owner = make("span", "owner");
     const fault = make("span", "");
     const positionBar = new Bar(`position of ${axis.name} between its limits`);
     const velocityBar = new Bar(`velocity of ${axis.name} between its limits`);
@@ -94,7 +96,7 @@ export class AxesTable {
       cell("Velocity", velocity, velocityBar.element),
       cell("Torque", torque),
       cell("Following error", error),
-      cell("State", state),
+      cell("State", state, owner),
     );
     const faultCell = make("td", "", fault);
     faultCell.colSpan = 7;
@@ -103,7 +105,7 @@ export class AxesTable {
     const body = make("tbody", "", row, faultRow);
     body.dataset["axis"] = axis.name;
     this.table.append(body);
-    return { body, position, positionBar, velocity, velocityBar, torque, error, servo, state, fault };
+    return { body, position, positionBar, velocity, velocityBar, torque, error, servo, state, owner, fault };
   }
 }
 
@@ -142,7 +144,6 @@ function swatch(axis: number): HTMLElement {
 function stateText(state: AxisState): string {
   const parts = [state.operation];
   if (state.mode !== "position") parts.push(`${state.mode} mode`);
-  if (state.owner) parts.push(state.owner);
   parts.push(...state.switches.map((name) => SWITCH_NAMES[name] ?? name));
   return parts.join(" · ");
 }

@@ -141,6 +141,7 @@ export class Control {
   private say(text: string, look: "good" | "bad" | "busy"): void {
     setText(this.answer, text);
     this.answer.className = `answer ${look}`;
+    this.answer.scrollTop = this.answer.scrollHeight; // a recovery ends with what was verified
   }
 
   private showSpeed(percent: number): void {

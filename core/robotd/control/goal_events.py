@@ -43,7 +43,8 @@ def note_goal(events: EventLog, request: TrajectoryRequest, execution: Trajector
         "times_s": request.times_s,
         **{name: rows for name, rows in points.items() if rows is not None},
     }
-    text = f"goal of {len(request.times_s)} points over {duration_s:.3f} s"
+    count = len(request.times_s)
+    text = f"goal of {count} point{'s' if count != 1 else ''} over {duration_s:.3f} s"
     events.add(EventKind.GOAL, SUBJECT, text, data=data)
 
 

@@ -52,9 +52,9 @@ def test_the_root_cause_comes_first_with_values_limits_and_the_client(fault: Pat
     assert "limits -2.86 to 2.86 rad" in text
     assert "limit 3.14 rad/s" in text
     assert "commanded by /move_group, 0.4" in text
-    assert "goal of 1 points over 1.000 s" in text
+    assert "goal of 1 point over 1.000 s" in text
     lines = events.splitlines()
-    order = ["servo(5, False)  [/panel]", "goal of 1 points", "* ", "goal fault: joint3 at"]
+    order = ["servo: joint6, off  [/panel]", "goal of 1 point", "* ", "goal fault: joint3 at"]
     places = [next(i for i, line in enumerate(lines) if each in line) for each in order]
     assert places == sorted(places)
 

@@ -114,7 +114,7 @@ def test_commands_of_clients_are_recorded_also_rejected_ones(arm: Observed) -> N
     events = read_recording(arm.flight.snapshot("test")).events
     found = [(each.text, each.sender) for each in events if each.sender == "/panel"]
     assert found == [
-        ("servo(3, False)", "/panel"),
+        ("servo: joint4, off", "/panel"),
         ("servo rejected: axis 17 is outside 0..5", "/panel"),
     ]
 
@@ -135,7 +135,7 @@ def test_a_path_tolerance_violation_and_a_quick_stop_are_saved(arm: Observed) ->
     arm.robot.axes.quick_stop([0])
     arm.step(0.6)
     recording = saved(arm)
-    assert recording.info.cause == "quick_stop([0])"
+    assert recording.info.cause == "quick stop: joint1"
 
 
 def test_old_recordings_are_removed_by_number(arm: Observed) -> None:

@@ -117,7 +117,7 @@ def test_a_joint_moves_while_heartbeats_arrive_and_stops_when_released(client: C
     assert client.robot.axes.owner(AXIS) == ""
     assert client.position == pytest.approx(0.1, abs=0.01)
     (command,) = [each for each in client.robot.events.since(0)[0] if each.subject == "jog"]
-    assert (command.sender, command.text) == ("page 1", "jog(joint2, 0.1, None)")
+    assert (command.sender, command.text) == ("page 1", "jog: joint2, velocity 0.1")
 
 
 @pytest.mark.parametrize("held_s", [0.02, 0.04, 0.06, 0.1, 0.6])
