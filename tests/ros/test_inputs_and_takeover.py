@@ -55,7 +55,8 @@ def test_the_stop_input_ends_a_goal_and_has_to_be_released_before_the_reset(wire
     assert not answer.success
     assert "stop input 0.3" in answer.message
     set_input(wired, 3, on=False)
-    assert wired.call(Trigger, "/robotd/reset").success
+    # The input follows the output in the next period.
+    wait_until(lambda: wired.call(Trigger, "/robotd/reset").success, "the release to arrive")
     assert wired.send_goal(goal((1.5, pose(0.0)))).result()[0] == GoalStatus.STATUS_SUCCEEDED
 
 
