@@ -148,9 +148,15 @@ def test_named_joints_are_jogged_while_messages_come(arm: Arm) -> None:
 
 
 def test_wrong_commands_are_logged_with_the_reason(arm: Arm, cr3a: RobotProcess) -> None:
+    streamed, whole, over = (trajectory((each, [0.0] * 6)) for each in (0.03, 1.0, 1.0))
+    streamed.points[0].effort = whole.points[0].effort = [0.0] * 6
+    over.header.stamp.sec = 1
     for publisher, message, reason in (
         (arm.positions, Float64MultiArray(data=[0.0] * 5), "position: 5 values for 6 joints"),
         (arm.velocities, Float64MultiArray(data=[math.nan] * 6), "joint1: velocity is nan"),
+        (arm.trajectory, streamed, "effort in the point is not supported"),
+        (arm.trajectory, whole, "effort in the points is not supported"),
+        (arm.trajectory, over, "it is over"),
         (arm.jog, JointJog(joint_names=["elbow"], velocities=[0.1]), "elbow"),
         (arm.jog, JointJog(joint_names=["joint1"], displacements=[0.1]), "displacements"),
     ):

@@ -29,6 +29,7 @@ from robotd.motion import (
     Tolerances,
     Trajectory,
     TrajectoryRequest,
+    check_start_delay,
     plan,
 )
 from robotd.motion.rejection import reject
@@ -161,6 +162,7 @@ class TrajectoryFollower:
             )
 
         with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
+            self._check_start(request, start_ns)
             recent_path = self._recent_path(start_ns or 0)
             execution = self._motion.start(
                 planned, start_ns or 0, takeover=self._takeover, ticket=ticket
@@ -194,6 +196,12 @@ class TrajectoryFollower:
         if isinstance(running, TrajectoryExecution) and not running.done:
             return running.rate
         return self._speed.scale
+
+    def _check_start(self, request: TrajectoryRequest, start_ns: int | None) -> None:
+        """Reject a trajectory whose last point is in the past."""
+        if start_ns is not None and len(request.times_s):
+            delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
+            check_start_delay(delay_s, float(request.times_s[-1]))
 
     def _check_end(self, trajectory: Trajectory) -> None:
         """Reject a last point with a velocity where the device interpolates the trajectory."""

@@ -13,6 +13,7 @@ from robotd.control.source_slot import PREEMPTED, SPLICE_LOST
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.state import Operation
 from robotd.errors import NotReady
+from robotd.events import EventKind
 from robotd.motion import JointTolerance, TrajectoryRejected, TrajectoryRequest
 
 CANCELED = "canceled by the client"
@@ -235,6 +236,14 @@ def test_a_rejected_goal_leaves_the_running_one_alone(harness: Harness) -> None:
         harness.end(first)
     assert first.outcome is Outcome.SUCCEEDED
     harness.setpoints.assert_smooth(peak(first))
+
+
+def test_a_goal_that_is_over_already_is_rejected_and_noted(harness: Harness) -> None:
+    goal = harness.goal(FAR, start_in_s=-2.0)
+    with pytest.raises(TrajectoryRejected, match="it is over"), goal:
+        pass
+    events = harness.robot.events.since(0)[0]
+    assert [each.kind for each in events if "it is over" in each.text] == [EventKind.GOAL]
 
 
 def test_a_rejected_goal_at_rest_claims_no_axis(harness: Harness) -> None:

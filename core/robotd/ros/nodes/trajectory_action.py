@@ -10,7 +10,6 @@ from control_msgs.action import FollowJointTrajectory
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 
-from robotd.clock import NANOSECONDS
 from robotd.control.joint_group import JointGroup
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import RobotdError
@@ -18,19 +17,16 @@ from robotd.log import get_logger
 from robotd.motion import (
     Tolerances,
     TrajectoryRejected,
-    TrajectoryRequest,
-    check_start_delay,
 )
 from robotd.robot import Robot
 from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.trajectory_conversions import (
     TrajectoryFeedback,
-    clock_time_ns,
     duration_s,
     joint_tolerances,
     refuse_unsupported,
-    stamp_ns,
+    start_time_ns,
     trajectory_request,
 )
 
@@ -161,7 +157,7 @@ class TrajectoryAction:
             joint_tolerances(message.goal_tolerance),
             duration_s(message.goal_time_tolerance),
         )
-        start_ns = self._start_ns(message.trajectory.header.stamp, request)
+        start_ns = start_time_ns(message.trajectory, self._clock, self._robot.clock)
         with ExitStack() as joints:
             execution = joints.enter_context(follower.follow(request, tolerances, start_ns, ticket))
             self._executions[bytes(goal.goal_id.uuid)] = execution
@@ -180,16 +176,6 @@ class TrajectoryAction:
                     execution.cancel()
                 now_ns = self._clock.now().nanoseconds
                 goal.publish_feedback(feedback.fill(execution.progress(), now_ns))
-
-    def _start_ns(self, stamp: Any, request: TrajectoryRequest) -> int | None:
-        """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
-        begin_ns = stamp_ns(stamp)
-        if begin_ns == 0 or len(request.times_s) == 0:
-            return None
-        start_ns = clock_time_ns(begin_ns, self._clock, self._robot.clock)
-        delay_ns = start_ns - self._robot.clock.now_ns()
-        check_start_delay(delay_ns / NANOSECONDS, float(request.times_s[-1]))
-        return start_ns
 
 
 def _ending(goal: Any, execution: TrajectoryExecution, tolerances: Tolerances) -> Ending:

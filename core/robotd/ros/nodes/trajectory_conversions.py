@@ -19,6 +19,8 @@ CLOCK_READINGS = 3
 def trajectory_request(trajectory: Any) -> TrajectoryRequest:
     """The rows of a trajectory_msgs/JointTrajectory as they came. Raises TrajectoryRejected."""
     points = trajectory.points
+    if any(point.effort for point in points):
+        raise reject("effort in the points is not supported; leave it empty")
     return TrajectoryRequest.from_rows(
         trajectory.joint_names,
         [duration_s(point.time_from_start) for point in points],
@@ -44,6 +46,12 @@ def duration_s(message: Any) -> float:
 def stamp_ns(message: Any) -> int:
     """Nanoseconds of a builtin_interfaces/Time."""
     return int(message.sec) * NANOSECONDS + int(message.nanosec)
+
+
+def start_time_ns(trajectory: Any, ros_clock: Any, clock: Clock) -> int | None:
+    """Return the time of ``clock`` at which a trajectory begins; None: now (stamp 0)."""
+    begin_ns = stamp_ns(trajectory.header.stamp)
+    return clock_time_ns(begin_ns, ros_clock, clock) if begin_ns else None
 
 
 def clock_time_ns(time_ns: int, ros_clock: Any, clock: Clock) -> int:
@@ -96,7 +104,6 @@ def refuse_unsupported(goal: Any) -> None:
         (multi_dof.joint_names or multi_dof.points, "multi_dof_trajectory"),
         (goal.component_path_tolerance, "component_path_tolerance"),
         (goal.component_goal_tolerance, "component_goal_tolerance"),
-        (any(point.effort for point in goal.trajectory.points), "effort in the points"),
     ):
         if given:
             raise reject(f"{what} is not supported; leave it empty")

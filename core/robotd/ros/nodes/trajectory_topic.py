@@ -18,9 +18,8 @@ from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.topic_stream import TopicStream
 from robotd.ros.nodes.trajectory_conversions import (
-    clock_time_ns,
     duration_s,
-    stamp_ns,
+    start_time_ns,
     trajectory_request,
 )
 from robotd.ros.services import add_subscription
@@ -93,12 +92,15 @@ class TrajectoryTopic:
             position[column] = point.positions[index]
             if len(point.velocities):
                 velocity[column] = point.velocities[index]
+        if point.effort:
+            raise InvalidArgument("effort in the point is not supported; leave it empty")
         stream.send(position, velocity if any(velocity) else None)
 
     def _follow(self, message: Any) -> None:
         """Worker: execute a trajectory until it has ended."""
         try:
-            request, start_ns = trajectory_request(message), self._start_ns(message)
+            request = trajectory_request(message)
+            start_ns = start_time_ns(message, self._ros_clock, self._clock)
             with self._group.follower.follow(request, None, start_ns) as execution:
                 with self._lock:
                     self._execution = execution
@@ -108,11 +110,6 @@ class TrajectoryTopic:
             self._rejections.rejected(self._topic, (), str(error))
         else:
             self._rejections.accepted(self._topic, ())
-
-    def _start_ns(self, message: Any) -> int | None:
-        """Monotonic time of the trajectory's time 0; None: now, as a zero stamp says."""
-        begin_ns = stamp_ns(message.header.stamp)
-        return clock_time_ns(begin_ns, self._ros_clock, self._clock) if begin_ns else None
 
 
 def _columns(names: list[str], known: tuple[str, ...]) -> list[int]:
