@@ -14,6 +14,7 @@ from robotd.testing.conformance.recording import Recording
 
 RAMP_S, CRUISE_S, GAP_S = 0.4, 0.1, 0.06
 MIN_GAP_PERIODS = 10
+SPEED_SHARE = 0.6  # for a way of at most ``TRAVEL_RAD``
 SETTLING_SHARE = 0.5  # of the gap: a device may continue for some periods before it holds
 TOLERANCE = 0.25  # of the streamed velocity
 
@@ -26,7 +27,7 @@ class InterruptedStream:
         axes = harness.all
         self._start = harness.image.position_command.copy()
         self.velocity: FloatArray = np.sign(harness.travel()) * [
-            harness.profile(axis).velocity for axis in axes
+            harness.profile(axis, SPEED_SHARE).velocity for axis in axes
         ]
         self._began_ns = 0
         self.gap_s = max(GAP_S, MIN_GAP_PERIODS * harness.period_s)
