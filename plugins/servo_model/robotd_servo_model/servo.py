@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -42,14 +42,11 @@ class Mechanics:
     coulomb_friction_nm: FloatArray
 
 
-class _Path(NamedTuple):
-    """The command of one axis about the tick ``origin``."""
+_Path = tuple[int, float, float, float, float]
+"""Command of one axis: tick, position and velocity there, acceleration / 2, jerk / 6.
 
-    origin: int
-    position: float
-    velocity: float
-    half_acceleration: float
-    sixth_jerk: float
+No NamedTuple, which takes ten times as long to make, for each axis in each period.
+"""
 
 
 class _Loop(NamedTuple):
@@ -88,7 +85,7 @@ class Servo:
         self.position, self.command, self.command_velocity, self.command_acceleration = self._state
         self.watched = self._state[:2]  # measured and commanded position
         self._cells = self._state.data.cast("B").cast("d")  # the quick way to single numbers
-        self._paths = [_Path(0, 0.0, 0.0, 0.0, 0.0)] * axes
+        self._paths: list[_Path] = [(0, 0.0, 0.0, 0.0, 0.0)] * axes
         self._loops = [_COASTING] * axes
         self._rests = False
         self._changes = 0  # of what an axis measures in the same state
@@ -112,7 +109,7 @@ class Servo:
         self._rests = True
         np.copyto(self.position, self.command, where=self._free)
         self._state[2:] = 0.0
-        self._paths = [_Path(0, command, 0.0, 0.0, 0.0) for command in self.command.tolist()]
+        self._paths = [(0, command, 0.0, 0.0, 0.0) for command in self.command.tolist()]
 
     def follow(
         self,
@@ -124,7 +121,7 @@ class Servo:
         jerk: float = 0.0,
     ) -> None:
         """From ``tick``, where the command shall be at ``position``, keep ``jerk`` constant."""
-        self._paths[axis] = _Path(tick, position, velocity, acceleration / 2, jerk / 6)
+        self._paths[axis] = tick, position, velocity, acceleration / 2, jerk / 6
 
     def close_loop(self, axis: int, *, closed: bool) -> None:
         """Position loop on, or off: the axis then is its own command (it coasts)."""
@@ -152,15 +149,19 @@ class Servo:
 
     def velocity(self, axis: int) -> float:
         """Measured velocity of one axis."""
-        return self.measure()[0][axis]
+        return self.measure(self.state())[0][axis]
 
-    def measure(self) -> tuple[list[float], list[float]]:
-        """Measured velocities of all axes, and torques of their motors.
+    def state(self) -> list[list[float]]:
+        """Return (4, n): measured positions; commanded positions, velocities, accelerations."""
+        return cast(list[list[float]], self._state.tolist())
+
+    def measure(self, state: list[list[float]]) -> tuple[list[float], list[float]]:
+        """Measured velocities of all axes in ``state``, and torques of their motors.
 
         By the lag's equation y' = (c − y)/τ + f·c', and the torque by its derivative.
         """
         velocities, torques = [], []
-        for y, c, speed, acceleration, loop in zip(*self._state.tolist(), self._loops, strict=True):
+        for y, c, speed, acceleration, loop in zip(*state, self._loops, strict=True):
             _, _, _, gain, forward, inertia, viscous, friction = loop
             velocity = gain * (c - y) + forward * speed
             slip = velocity
@@ -183,9 +184,8 @@ class Servo:
         for axis, (factor, summand) in enumerate(zip(scale.tolist(), shift.tolist(), strict=True)):
             origin, position, *others = self._paths[axis]
             velocity, half_acceleration, sixth_jerk = (factor * other for other in others)
-            self._paths[axis] = _Path(
-                origin, position * factor + summand, velocity, half_acceleration, sixth_jerk
-            )
+            position = position * factor + summand
+            self._paths[axis] = origin, position, velocity, half_acceleration, sixth_jerk
 
     def _live(self, tick: int, stop: int) -> None:
         """Step from ``tick`` to ``stop``, axis by axis."""

@@ -55,7 +55,7 @@ class SimFaultInjector(FaultInjector):
     def torque(self, axis: int) -> float:
         with self._world.lock:
             self._world.advance()
-            return self._simulation.servo.measure()[1][axis]
+            return self._simulation.servo.measure(self._simulation.servo.state())[1][axis]
 
     def jump_encoder(self, axis: int, delta: float) -> None:
         self._faults.jump_encoder(axis, delta)

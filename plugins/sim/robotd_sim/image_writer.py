@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from struct import Struct
+
 import numpy as np
 
 from robotd.api import CommandMode, ProcessImage
@@ -30,6 +32,7 @@ class Readout:
         self._noisy = bool(self._velocity_noise or self._torque_noise)
         if self._noisy:  # numpy.random is imported with the first use of it
             self._random = np.random.default_rng(options.seed)
+        self._pack = Struct(f"{5 * axes}d").pack_into
         self._followers: list[int] = []  # axes whose position command is what they measure
 
     def fill(self, image: ProcessImage) -> None:
@@ -80,14 +83,14 @@ class Readout:
     def _receive(self, image: ProcessImage) -> None:
         """The measured and commanded values of all axes into ``image``."""
         servo = self._simulation.servo
-        positions = self._simulation.scaling.quantised(servo.position.tolist())
-        velocities, torques = servo.measure()
-        commands = servo.command.tolist()
+        state = servo.state()
+        positions, commands, speeds, _ = state
+        velocities, torques = servo.measure(state)
+        positions = self._simulation.scaling.quantised(positions)
         for axis in self._followers:
             commands[axis] = positions[axis]
-        speeds = servo.command_velocity.tolist()
-        # One assignment, which is a third of five. The rows are in the order of the image's.
-        image.values[:] = commands, speeds, positions, velocities, torques
+        # In the order of the image's rows. NumPy takes three times as long for lists.
+        self._pack(image.values, 0, *commands, *speeds, *positions, *velocities, *torques)
         if self._torque_noise:
             image.torque += self._torque_noise * self._random.standard_normal(servo.axes)
         if self._velocity_noise:

@@ -120,7 +120,7 @@ class Motion:
             self.brake(axis, self._stop_deceleration(axis))
             return
         remaining_s = max(0.0, (stream.end - tick) * self._servo.tick_s)
-        stay = Segment(remaining_s, float(stream.position[axis]), 0.0, 0.0)
+        stay = Segment(remaining_s, stream.position[axis], 0.0, 0.0)
         self._begin(axis, [stay], Operation.IDLE)
         self._states.motion_complete[axis] = True
 

@@ -29,8 +29,8 @@ class Stream:
         axes = world.servo.axes
         self.following: Flags = np.zeros(axes, bool)
         self.by_velocity: Flags = np.zeros(axes, bool)
-        self.position: FloatArray = np.zeros(axes)  # the last setpoint
-        self.velocity: FloatArray = np.zeros(axes)
+        self.position = [0.0] * axes  # the last setpoint
+        self.velocity = [0.0] * axes
         self.end = 0.0  # tick, with its fraction, at which the last setpoint is due
         self._world, self._timeout, self._on_timeout = world, timeout, on_timeout
         self._period = period_s / world.servo.tick_s
@@ -43,7 +43,8 @@ class Stream:
     def begin(self, axis: int, *, by_velocity: bool = False) -> None:
         """``axis`` follows from now on; until the first setpoint its velocity stays."""
         servo = self._world.servo
-        self.position[axis], self.velocity[axis] = servo.command[axis], servo.command_velocity[axis]
+        _, commands, speeds, _ = servo.state()
+        self.position[axis], self.velocity[axis] = commands[axis], speeds[axis]
         servo.follow(axis, self._world.tick, *self._setpoint(axis), 0.0)
         self.following[axis], self.by_velocity[axis] = True, by_velocity
         self._take_stock()
@@ -72,7 +73,7 @@ class Stream:
         self._world.lapse = floor(self.end)
         time_s = (self.end - tick) * servo.tick_s
         targets, ends = position.tolist(), velocity.tolist()
-        starts, speeds = servo.command.tolist(), servo.command_velocity.tolist()
+        _, starts, speeds, _ = servo.state()
         for axis, by_velocity in self._followers:
             start, speed, end = starts[axis], speeds[axis], ends[axis]
             way = (speed + end) / 2 * time_s if by_velocity else targets[axis] - start
@@ -92,7 +93,7 @@ class Stream:
             )
 
     def _setpoint(self, axis: int) -> tuple[float, float]:
-        return float(self.position[axis]), float(self.velocity[axis])
+        return self.position[axis], self.velocity[axis]
 
     def _take_stock(self) -> None:
         self._followers = [
@@ -108,7 +109,7 @@ class Stream:
         self._watching = False
         if not self.following.any():
             return
-        waiting = not self._fed and not self.velocity[self.following].any()
+        waiting = not self._fed and not any(self.velocity[axis] for axis, _ in self._followers)
         if self._world.tick - self._called >= self._timeout and not waiting:
             self._on_timeout()
         else:

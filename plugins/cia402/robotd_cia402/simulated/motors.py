@@ -53,7 +53,7 @@ class Motors:
         self._runs_free = True
         self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
-        self._velocity, self._torque = self.servo.measure()
+        self._velocity, self._torque = self.servo.measure(self.servo.state())
         for axis, position in enumerate(initial):
             self.servo.place(axis, position, position, 0.0)
             self._follow(axis, Segment(0.0, position, 0.0, 0.0))
@@ -184,7 +184,7 @@ class Motors:
     def _advance(self, elapsed_ns: int) -> None:
         self._clock.set(self._clock.now_ns() + elapsed_ns)
         self._world.advance()
-        self._velocity, self._torque = self.servo.measure()
+        self._velocity, self._torque = self.servo.measure(self.servo.state())
 
 
 def _mechanics(axes: int) -> Mechanics:
