@@ -13,10 +13,12 @@ from control_msgs.action import FollowJointTrajectory
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
+from tests.ros.test_client_commands import started
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.srv import SetAxis
 
+from robotd.cli.exit_codes import ExitCode
 from robotd.events import EventKind
 from robotd.recording.recording_reader import Recording, read_recording
 
@@ -89,6 +91,17 @@ def test_an_alarm_is_recorded_without_a_request(client: Client, folder: Path) ->
     assert answer.result.successful, answer.result.reason
     (path,) = wait_until(lambda: [*folder.glob("*-fault.mcap")], "the recording of the fault")
     assert read_recording(path).info.cause.startswith("joint3: amplifier alarm")
+
+
+def test_record_ends_when_the_robot_has_gone(tmp_path: Path) -> None:
+    with RobotProcess("--record-dir", str(tmp_path)) as process:
+        process.wait_ready()
+        with started(process.domain, "record") as record:
+            wait_until(lambda: size_of(tmp_path.iterdir()) > SOME_BYTES, "a recording")
+            process.end(signal.SIGTERM)
+            _, error = record.communicate(timeout=WAIT_S)
+    assert record.returncode == ExitCode.DEVICE
+    assert "the robot has gone: the recording ends with it" in error
 
 
 def size_of(paths: Iterable[Path]) -> int:

@@ -41,7 +41,8 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
     for time_s, text in repetition.rejections:
         click.echo(f"{time_s:9.3f} s  rejected by the simulation: {text}")
     seconds = len(repetition.recorded) / info.rate_hz
-    click.echo(f"{repetition.commands} commands over {seconds:.1f} s, tolerance {tolerance:g} rad")
+    count = f"{repetition.commands} command{'s' if repetition.commands != 1 else ''}"
+    click.echo(f"{count} over {seconds:.1f} s, tolerance {tolerance:g} rad")
     beyond = [each for each in differences if each.first_s is not None]
     if not beyond:
         click.echo("the simulation moved as recorded")

@@ -41,7 +41,9 @@ def _head(report: LiveReport) -> Table:
 
 
 def _axes(report: LiveReport) -> Table:
-    table = Table("axis", "name", "servo", "alarm", box=None, header_style="dim")
+    # Without padding at the edges six joints fit into 80 columns, a line each.
+    columns = ("axis", "name", "servo", "alarm")
+    table = Table(*columns, box=None, header_style="dim", pad_edge=False)
     for heading in ("position", "velocity", "torque", "following error"):
         table.add_column(heading, justify="right")
     for each in report.axes or ():
@@ -61,13 +63,18 @@ def _axes(report: LiveReport) -> Table:
 def _tools(report: LiveReport) -> Table:
     grid = Table.grid(padding=(0, 2))
     for tool in report.tools:
-        grid.add_row(Text("tool", style="dim"), *tool.lines)
+        name, *pose = tool.lines
+        grid.add_row(Text("tool", style="dim"), name, "\n".join(pose))
     return grid
 
 
 def _parts(report: LiveReport) -> Table:
-    table = Table("part", "state", box=None, header_style="dim")
-    for part in report.parts:
+    """Return the parts of the diagnostics, the worst first.
+
+    A terminal may be too low for all of them.
+    """
+    table = Table("part", "state", box=None, header_style="dim", pad_edge=False)
+    for part in sorted(report.parts, key=lambda part: -part.level):
         style = LEVELS[min(part.level, len(LEVELS) - 1)]
         table.add_row(part.name, Text(part.message, style=style))
     return table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,17 +32,22 @@ class Recovery:
     duration_s: float
 
 
-def recover(path: Path) -> Recovery:
+def recover(path: Path) -> Recovery | None:
     """Replace ``path`` by a repaired file, and keep the original under another name.
 
-    Also for MCAP files of other programs. Raises RecordingError: no message could be read, or a
-    file cannot be written; then ``path`` is unchanged.
+    Also for MCAP files of other programs. Returns None for a complete file, which is left as it
+    is. Raises RecordingError: no message could be read, or a file cannot be written; then
+    ``path`` is unchanged.
     """
     partial = path.with_name(path.name + PARTIAL)
     damaged = path.with_name(path.name + DAMAGED)
     try:
-        with path.open("rb") as source, partial.open("wb") as target:
-            times = _copy(source, target)
+        with path.open("rb") as source:
+            if _is_complete(source):
+                return None
+            source.seek(0)
+            with partial.open("wb") as target:
+                times = _copy(source, target)
         if not times:
             raise RecordingError(f"{path}: no complete chunk of messages in it")
         path.rename(damaged)
@@ -103,18 +109,39 @@ def _copy(source: IO[bytes], target: IO[bytes]) -> list[int]:
     return times
 
 
+def _is_complete(source: IO[bytes]) -> bool:
+    """Return True for a file without damage that was closed."""
+    try:
+        deque(_read(source), maxlen=0)
+    except _Damage:
+        return False
+    return True
+
+
 def _records(source: IO[bytes]) -> Iterator[Any]:
     """Yield records up to the first that is cut off or damaged."""
-    from mcap.exceptions import McapError
     from mcap.records import DataEnd
-    from mcap.stream_reader import StreamReader
-    from zstandard import ZstdError
 
-    ends = (McapError, ZstdError, struct.error, EOFError, ValueError, KeyError)
     try:
-        for record in StreamReader(source, validate_crcs=True).records:
+        for record in _read(source):
             if isinstance(record, DataEnd):
                 return  # the summary behind it is written anew
             yield record
-    except ends:
+    except _Damage:
         return
+
+
+class _Damage(Exception):
+    """A record is cut off or damaged."""
+
+
+def _read(source: IO[bytes]) -> Iterator[Any]:
+    """Yield all records. Raises _Damage, also where the end of the file is missing."""
+    from mcap.exceptions import McapError
+    from mcap.stream_reader import StreamReader
+    from zstandard import ZstdError
+
+    try:
+        yield from StreamReader(source, validate_crcs=True).records
+    except (McapError, ZstdError, struct.error, EOFError, ValueError, KeyError) as error:
+        raise _Damage from error

@@ -90,7 +90,7 @@ class Readout:
         for axis in self._followers:
             commands[axis] = positions[axis]
         # In the order of the image's rows. NumPy takes three times as long for lists.
-        self._pack(image.values, 0, *commands, *speeds, *positions, *velocities, *torques)
+        self._pack(image.values.data, 0, *commands, *speeds, *positions, *velocities, *torques)
         if self._torque_noise:
             image.torque += self._torque_noise * self._random.standard_normal(servo.axes)
         if self._velocity_noise:

@@ -12,7 +12,7 @@ from robotd.ros.client.status_client import AxisReport, ToolReport
 
 def shown(report: LiveReport) -> str:
     stream = io.StringIO()
-    Console(file=stream, width=120).print(view(report))
+    Console(file=stream, width=80).print(view(report))
     return stream.getvalue()
 
 
@@ -72,7 +72,20 @@ def test_a_robot_that_is_not_ready_has_no_axes() -> None:
     assert "on its path" not in text
 
 
-def test_the_pose_of_each_tool_is_one_line() -> None:
+def test_six_moving_joints_take_a_line_each_in_80_columns() -> None:
+    axes = tuple(axis(number, torque=-2.5) for number in range(6))
+    lines = shown(LiveReport(True, axes, (), {})).splitlines()
+    assert [line.split()[1] for line in lines if "N·m" in line] == [each.name for each in axes]
+    assert not [line for line in lines if line.strip() in ("rad", "rad/s", "N·m")]
+
+
+def test_the_parts_with_problems_come_first() -> None:
+    parts = tuple(PartReport(name, level, "text") for name, level in (("a", 0), ("b", 2), ("c", 0)))
+    lines = shown(LiveReport(True, (), parts, {})).splitlines()
+    assert [line.split()[0] for line in lines if "text" in line] == ["b", "a", "c"]
+
+
+def test_the_pose_of_each_tool_fits_into_80_columns() -> None:
     turned = (0.0, 0.0, math.pi / 2)
     half = math.sqrt(0.5)
     tools = tuple(
@@ -80,8 +93,9 @@ def test_the_pose_of_each_tool_is_one_line() -> None:
         for link in ("left_tool", "right_tool")
     )
     text = shown(LiveReport(True, (axis(0),), (), {}, tools))
-    left, right = (line for line in text.splitlines() if line.startswith("tool"))
+    lines = text.splitlines()
+    left, right = (line for line in lines if line.startswith("tool"))
     words = ["tool", "left_tool", "in", "base_link", "x", "+0.1000", "y", "-0.2000", "z", "+0.3000"]
     assert left.split()[: len(words)] == words
-    assert "yaw +90.00°" in left
+    assert lines[lines.index(left) + 1].strip() == "roll +0.00  pitch +0.00  yaw +90.00°"
     assert "right_tool in base_link" in right

@@ -21,6 +21,7 @@ def test_the_complete_chunks_of_a_file_that_was_cut_off_are_kept(
     whole = path.read_bytes()
     path.write_bytes(whole[:-missing])
     found = recover(path)
+    assert found is not None
     assert found.damaged.read_bytes() == whole[:-missing]
     kept = read_recording(path).frames
     assert len(kept) >= 700
@@ -39,6 +40,15 @@ def test_a_damaged_chunk_ends_the_recording(tmp_path: Path) -> None:
     kept = read_recording(path).frames
     assert 100 <= len(kept) < 1000
     np.testing.assert_array_equal(kept["values"], frames["values"][: len(kept)])
+
+
+def test_a_complete_file_stays_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "whole.mcap"
+    write(path, ramp(1000))
+    whole = path.read_bytes()
+    assert recover(path) is None
+    assert [each.name for each in tmp_path.iterdir()] == ["whole.mcap"]
+    assert path.read_bytes() == whole
 
 
 def test_a_file_without_a_complete_chunk_stays_as_it_is(tmp_path: Path) -> None:

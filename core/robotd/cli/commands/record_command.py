@@ -53,6 +53,9 @@ def _recover(path: Path) -> ExitCode:
     from robotd.recording.recording_repair import recover
 
     found = recover(path)
+    if found is None:
+        click.echo(f"{path}: complete, nothing to repair")
+        return ExitCode.OK
     size = f"{found.messages} messages over {found.duration_s:.1f} s"
     click.echo(f"{path}: {size}; the damaged file is {found.damaged}")
     return ExitCode.OK
@@ -66,6 +69,7 @@ def _record(ros_args: Sequence[str], timeout_s: float, time_s: float | None) -> 
         end_s = None if time_s is None else time.monotonic() + time_s
         with Interrupt() as interrupt:
             while not interrupt.happened and (end_s is None or time.monotonic() < end_s):
+                status.require_recorder(client)
                 time.sleep(TICK_S)
         click.echo(status.set_recording(client, False))
     return ExitCode.OK

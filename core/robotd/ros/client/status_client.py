@@ -25,6 +25,7 @@ from robotd.ros.node_registry import OPERATOR_NODE
 GRIPPER = "wmx/set_gripper"
 AXIS_NODE = "wmx_core_motion_node"
 AXIS_STATE = "wmx/axis/state"
+RECORD = "robotd/record"
 TOOL_POSE = f"{OPERATOR_NODE}/tool_pose"
 FAULT = "wmx/engine/get_fault"
 DESCRIPTION = "robot_description"
@@ -240,7 +241,13 @@ def set_recording(client: RosClient, on: bool) -> str:
 
     Raises as ``save_snapshot`` does.
     """
-    return str(client.call(SetBool, "robotd/record", data=on).message)
+    return str(client.call(SetBool, RECORD, data=on).message)
+
+
+def require_recorder(client: RosClient) -> None:
+    """Raise DeviceTimeout once the robot has gone. That it was killed shows after 20 s."""
+    if not client.node.count_services(RECORD):
+        raise DeviceTimeout("the robot has gone: the recording ends with it")
 
 
 def set_servos(client: RosClient, axes: Sequence[int], on: bool) -> str:
