@@ -54,7 +54,7 @@ def stepped_clock(folder: Path) -> Iterator[None]:
 
     def step() -> None:
         with (folder / "offset").open("r+b", buffering=0) as file:
-            for offset_ns in itertools.control_loop((HOURS_NS, -HOURS_NS, 0)):
+            for offset_ns in itertools.cycle((HOURS_NS, -HOURS_NS, 0)):
                 os.pwrite(file.fileno(), struct.pack("q", offset_ns), 0)
                 if ended.wait(STEP_S):
                     return
