@@ -18,8 +18,11 @@ from robotd.control.setpoint_source import SetpointSource
 from robotd.control.source_slot import PREEMPTED, SourceSlot
 from robotd.device.axes import Axes
 from robotd.device.state import CommandMode
-from robotd.errors import NotReady
+from robotd.errors import NotReady, RobotdError
+from robotd.log import get_logger
 from robotd.motion import MotionState
+
+log = get_logger("axes")
 
 OWNER = "follow_joint_trajectory"
 LEAD_S = 0.03  # planning time of a source that takes over from a moving one
@@ -132,7 +135,7 @@ class JointMotion:
             if self._active:
                 raise NotReady(f"{self._axes.names[axes[0]]}: in use by {self._owner}")
             self._axes.stop_latch.check()
-            self._claim.enter_context(self._axes.in_command_mode(axes, mode))
+            self._claim.enter_context(_in_command_mode(self._axes, axes, mode))
             self._claim.enter_context(self._axes.claimed(owner, axes, mode))
             source = make(max(self._slot.next_start_ns, self._clock.now_ns()))
             self._slot.submit(source, None)
@@ -262,3 +265,23 @@ def _splice_state(running: SetpointSource, time_ns: int) -> tuple[MotionState | 
         state = running.splice_state(time_ns)
         if running.start_ns == start_ns:
             return state, start_ns
+
+
+@contextmanager
+def _in_command_mode(axes: Axes, chosen: Sequence[int], mode: CommandMode) -> Iterator[None]:
+    """Put idle axes into ``mode`` for the block; afterwards they are in position mode.
+
+    Raises as ``Axes.set_command_mode``; an axis that does not return is logged, not an error.
+    """
+    changed: list[int] = []
+    try:
+        for axis in chosen:
+            axes.set_command_mode(axis, mode)
+            changed.append(axis)
+        yield
+    finally:
+        for axis in changed:
+            try:
+                axes.set_command_mode(axis, CommandMode.POSITION)
+            except RobotdError as error:
+                log.warning("an axis stays in its mode", mode=mode.name.lower(), reason=str(error))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +11,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import Clock
 from robotd.control.joint_motion import JointMotion
-from robotd.control.open_stream import OpenStream
+from robotd.control.open_stream import OpenStream, chosen_columns, chosen_timeout
 from robotd.control.stream_motion import StreamMotion
 from robotd.control.stream_setpoints import StreamCommand, StreamMode
 from robotd.descriptor import RobotDescriptor
@@ -174,12 +173,9 @@ class JointStreams:
             NotReady: a joint cannot be commanded now, or has another owner, or motion is paused.
             Unsupported: the backend streams no positions.
         """
-        names, limits = self._limits.names, self._limits
-        wanted = names if joints is None else tuple(joints)
-        columns = chosen_columns(wanted, names)
-        seconds = self._settings.timeout_s if timeout_s is None else timeout_s
-        if not (math.isfinite(seconds) and seconds > 0.0):
-            raise InvalidArgument(f"timeout_s is {seconds}, must be a positive number")
+        limits = self._limits
+        columns = chosen_columns(joints, limits.names)
+        seconds = chosen_timeout(timeout_s, self._settings.timeout_s)
         if mode not in tuple(StreamMode):
             raise InvalidArgument(f"mode {mode!r} is unknown (available: target, smooth)")
         if self._axes.trajectories_on_device:
@@ -231,15 +227,3 @@ def _limited(limits: JointLimits, columns: IntArray, velocity: Sequence[float]) 
     lower = limits.velocity.copy()
     lower[columns] = np.minimum(lower[columns], highest)
     return replace(limits, velocity=lower)
-
-
-def chosen_columns(joints: Sequence[str], known: Sequence[str]) -> IntArray:
-    """Return the index of each of ``joints`` among ``known``. Raises InvalidArgument."""
-    if not joints:
-        raise InvalidArgument("no joint given")
-    for name in joints:
-        if name not in known:
-            raise InvalidArgument(f"joint {name} is unknown (available: {', '.join(known)})")
-    if len(set(joints)) < len(joints):
-        raise InvalidArgument(f"a joint is given twice: {', '.join(joints)}")
-    return np.array([known.index(name) for name in joints], np.int64)

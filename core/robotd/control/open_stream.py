@@ -8,7 +8,7 @@ from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from robotd.arrays import FloatArray
+from robotd.arrays import FloatArray, IntArray
 from robotd.control.completion import Outcome
 from robotd.control.setpoint_source import SetpointSource
 from robotd.errors import InvalidArgument, NotReady
@@ -124,3 +124,27 @@ class OpenStream(Generic[Motion]):
                     unit=units[joint],
                 )
         return clipped
+
+
+def chosen_columns(joints: Sequence[str] | None, known: Sequence[str]) -> IntArray:
+    """Return the index of each of ``joints`` (None: all) among ``known``.
+
+    Raises InvalidArgument for no joint, an unknown one, or one that is given twice.
+    """
+    chosen = known if joints is None else joints
+    if not chosen:
+        raise InvalidArgument("no joint given")
+    for name in chosen:
+        if name not in known:
+            raise InvalidArgument(f"joint {name} is unknown (available: {', '.join(known)})")
+    if len(set(chosen)) < len(chosen):
+        raise InvalidArgument(f"a joint is given twice: {', '.join(chosen)}")
+    return np.array([known.index(name) for name in chosen], np.int64)
+
+
+def chosen_timeout(timeout_s: float | None, default_s: float) -> float:
+    """Return ``timeout_s``, or ``default_s`` for None. Raises InvalidArgument."""
+    seconds = default_s if timeout_s is None else timeout_s
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise InvalidArgument(f"timeout_s is {seconds}, must be a positive number")
+    return seconds

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,8 +9,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import Clock
 from robotd.control.joint_motion import JointMotion
-from robotd.control.joint_stream import chosen_columns
-from robotd.control.open_stream import OpenStream
+from robotd.control.open_stream import OpenStream, chosen_columns, chosen_timeout
 from robotd.control.torque_motion import TorqueMotion
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
@@ -120,13 +118,9 @@ class TorqueStreams:
             NotReady: a joint moves, cannot be commanded now, or has another owner.
             Unsupported: the backend takes no torques.
         """
-        names = self._limits.names
-        wanted = names if joints is None else tuple(joints)
-        chosen = chosen_columns(wanted, names)
+        chosen = chosen_columns(joints, self._limits.names)
         limit = self._torque_limits(chosen)
-        seconds = self._timeout_s if timeout_s is None else timeout_s
-        if not (math.isfinite(seconds) and seconds > 0.0):
-            raise InvalidArgument(f"timeout_s is {seconds}, must be a positive number")
+        seconds = chosen_timeout(timeout_s, self._timeout_s)
         self._axes.speed.at_start()
         limits = self._limits.of(chosen)
         axes = np.array([self._joints[column].axis for column in chosen], np.int64)
@@ -145,7 +139,7 @@ class TorqueStreams:
 
         motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, make, owner)
         units = [_UNITS[unit] for unit in limits.units]
-        return TorqueStream(wanted, units, limit, motion, self._motion.release, self._clock)
+        return TorqueStream(limits.names, units, limit, motion, self._motion.release, self._clock)
 
     def _torque_limits(self, chosen: IntArray) -> FloatArray:
         limits = []

@@ -19,13 +19,10 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation, Underrun
 from robotd.device.stop_latch import StopLatch
-from robotd.errors import DeviceTimeout, NotReady, RobotdError, Unsupported
+from robotd.errors import DeviceTimeout, NotReady, Unsupported
 from robotd.events import EventLog, noted
-from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
 from robotd.motion.profile import Profile
-
-log = get_logger("axes")
 
 
 @dataclass(frozen=True)
@@ -317,27 +314,6 @@ class Axes:
         finally:
             with self._lock:
                 self._claims.give_back(axes, streams=streams)
-
-    @contextmanager
-    def in_command_mode(self, axes: Sequence[int], mode: CommandMode) -> Iterator[None]:
-        """Put idle ``axes`` into ``mode`` for the block; afterwards they are in position mode.
-
-        Raises as ``set_command_mode``; an axis that does not return is logged, not an error.
-        """
-        changed: list[int] = []
-        try:
-            for axis in axes:
-                self.set_command_mode(axis, mode)
-                changed.append(axis)
-            yield
-        finally:
-            for axis in changed:
-                try:
-                    self.set_command_mode(axis, CommandMode.POSITION)
-                except RobotdError as error:
-                    log.warning(
-                        "an axis stays in its mode", mode=mode.name.lower(), reason=str(error)
-                    )
 
     def hand_over(self, axes: Sequence[int], owner: str) -> None:
         """Name a new owner of ``axes``, which are claimed and stay so."""

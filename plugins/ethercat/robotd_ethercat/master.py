@@ -176,21 +176,15 @@ class Master:
         for axis in self.axes:
             if axis.streaming:
                 axis.follow(position[axis.number], velocity[axis.number])
-        with self._live:
-            live = self._state is ConnectionState.COMMUNICATING
-            if live and not self.exchange.in_flight:
-                self._transmit()
+        self._transmit_once()
 
     def stream_torque(self, torque: Sequence[float]) -> None:
         """Control loop: torques; another group's ``stream`` sends them where it runs."""
         self._stream.restart()
         for axis in self.axes:
             axis.follow_torque(torque[axis.number])
-        with self._live:
-            live = self._state is ConnectionState.COMMUNICATING
-            alone = all(axis.mode.is_torque or not axis.streaming for axis in self.axes)
-            if live and alone and not self.exchange.in_flight:
-                self._transmit()
+        if all(axis.mode.is_torque or not axis.streaming for axis in self.axes):
+            self._transmit_once()
 
     def begin_stream(self) -> None:
         """Start the time-out of the stream."""
@@ -216,6 +210,13 @@ class Master:
         if complete and self.bring_up.clocks:
             self.observer.observe(self.bus.bus_time_ns, self.exchange.sent_ns)
         return complete
+
+    def _transmit_once(self) -> None:
+        """Send the frame of this period, unless it is under way or communication has ended."""
+        with self._live:
+            live = self._state is ConnectionState.COMMUNICATING
+            if live and not self.exchange.in_flight:
+                self._transmit()
 
     def _transmit(self) -> None:
         """Compute the outputs of all axes and send the frame of this period.

@@ -14,10 +14,7 @@ from robotd.control.joint_group import JointGroup
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd.motion import (
-    Tolerances,
-    TrajectoryRejected,
-)
+from robotd.motion import Tolerances, TrajectoryRejected
 from robotd.robot import Robot
 from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost

@@ -11,6 +11,7 @@ from trajectory_msgs.msg import JointTrajectory
 from robotd.clock import Clock
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
+from robotd.control.open_stream import chosen_columns
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.log import get_logger
@@ -78,7 +79,7 @@ class TrajectoryTopic:
     def _send(self, message: Any, stream: JointStream) -> None:
         """Send the only point of ``message``; joints that it does not name hold."""
         point = message.points[0]
-        columns = _columns(message.joint_names, stream.joints)
+        columns = chosen_columns(message.joint_names or None, stream.joints).tolist()
         if len(point.positions) != len(columns):
             raise InvalidArgument(
                 f"{len(point.positions)} positions for {len(columns)} joints; a streamed point"
@@ -110,15 +111,3 @@ class TrajectoryTopic:
             self._rejections.rejected(self._topic, (), str(error))
         else:
             self._rejections.accepted(self._topic, ())
-
-
-def _columns(names: list[str], known: tuple[str, ...]) -> list[int]:
-    """Return the index of each named joint; no names: all joints in the robot's order."""
-    if not names:
-        return list(range(len(known)))
-    for name in names:
-        if name not in known:
-            raise InvalidArgument(f"joint {name} is unknown (available: {', '.join(known)})")
-    if len(set(names)) < len(names):
-        raise InvalidArgument(f"a joint is given twice: {', '.join(names)}")
-    return [known.index(name) for name in names]
