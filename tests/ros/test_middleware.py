@@ -21,11 +21,11 @@ from tests.ros.robot_process import names_of, wait_until
 
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import (
-    announce_often,
     destroy_node,
     overrides_of,
     remapped_action,
     shared_memory,
+    use_profiles,
 )
 from robotd.testing.domain import own_domain
 
@@ -45,7 +45,7 @@ input()
 def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Node]:
     """A node under ``RULE``, on a domain of its own, not served by an executor."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    announce_often()
+    use_profiles()
     with own_domain() as domain, RosHost(RULE, domain_id=domain) as host:
         node = Node("any", context=host.context)
         yield node

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
@@ -30,8 +31,8 @@ from robotd.ros.middleware import (
     HotPublisher,
     StampClock,
     TypeMismatchCheck,
-    announce_often,
     remove_leftovers,
+    use_profiles,
 )
 from robotd.testing.domain import own_domain
 
@@ -85,20 +86,20 @@ def greet(_: Any, response: Any) -> Any:
 
 
 @contextmanager
-def server(*options: str) -> Iterator[None]:
-    """Run this module as a server of ``SERVICES`` services, in a process of its own."""
+def server(*options: str) -> Iterator[int]:
+    """Run this module as a server of ``SERVICES`` services in a process; the value is its pid."""
     with subprocess.Popen(
         [sys.executable, "-m", "tools.bench.middleware", "serve", *options],
         stdin=subprocess.PIPE,
     ) as process:
-        yield
+        yield process.pid
         process.kill()
 
 
 def serve(options: list[str]) -> None:
-    """Serve until killed; options: ``single`` executor, ``announce``, ``unlimited`` messages."""
-    if "announce" in options:
-        announce_often()
+    """Serve until killed; options: ``single`` executor, ``profiles``, ``unlimited`` messages."""
+    if "profiles" in options:
+        use_profiles()
     if "unlimited" in options:
         services.HANDLER_SHARE = 1e9
     executor = SingleThreadedExecutor if "single" in options else EventsExecutor
@@ -126,7 +127,7 @@ def executors() -> tuple[float, float]:
 
 
 def _median_ms(*options: str) -> float:
-    with server("announce", *options), RosHost() as host:
+    with server("profiles", *options), RosHost() as host:
         node = Node("client", context=host.context)
         host.add_node(node)
         client = node.create_client(Trigger, "s0")
@@ -137,7 +138,7 @@ def _median_ms(*options: str) -> float:
 def discovery() -> tuple[float, float]:
     """Longest time from a client's start to its first service, of ``STARTS``."""
     longest = []
-    for options in (("announce",), ()):
+    for options in (("profiles",), ()):
         with server(*options):
             time.sleep(2.0)
             longest.append(max(_found_ms() for _ in range(STARTS)))
@@ -153,13 +154,27 @@ def _found_ms() -> float:
         return (time.perf_counter() - begin) * 1e3
 
 
+def memory() -> tuple[float, float]:
+    """Resident memory of the server, MiB."""
+    return _resident_mib("profiles"), _resident_mib()
+
+
+def _resident_mib(*options: str) -> float:
+    with server(*options) as pid, RosHost() as host:
+        node = Node("client", context=host.context)
+        host.add_node(node)
+        node.create_client(Trigger, f"s{SERVICES - 1}").wait_for_service(20.0)
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
 def flood() -> tuple[float, float]:
     """Longest round trip of a service while a topic with a handler of 0.3 ms is flooded."""
     return _flooded_ms(), _flooded_ms("unlimited")
 
 
 def _flooded_ms(*options: str) -> float:
-    with server("announce", *options), RosHost() as host:
+    with server("profiles", *options), RosHost() as host:
         node = Node("client", context=host.context)
         host.add_node(node)
         client = node.create_client(Trigger, "s0")
@@ -198,7 +213,8 @@ def main() -> None:
             rows.append(("shared_memory.py: search", "us", per_call_us(remove_leftovers, 50), 0.0))
             node.destroy_node()
         rows.append(("executor.py: round trip, median", "ms", *executors()))
-        rows.append(("discovery.py: first service, worst", "ms", *discovery()))
+        rows.append(("fastdds_profiles.py: first service", "ms", *discovery()))
+        rows.append(("fastdds_profiles.py: memory", "MiB", *memory()))
         rows.append(("rate_limit.py: round trip, worst", "ms", *flood()))
     print(f"{'':36} {'with':>10} {'without':>10}   load {os.getloadavg()[0]:.1f}")
     for name, unit, with_it, without in rows:

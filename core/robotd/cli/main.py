@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
+
 import click
 
 from robotd.cli.group import RobotdGroup
+
+# Before NumPy: no command multiplies large matrices, and the threads of OpenBLAS spin at the start.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
     "run": "Serve the robot until Ctrl-C.",

@@ -12,7 +12,7 @@ from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd.ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import announce_often, check_overrides
+from robotd.ros.middleware import check_overrides, use_profiles
 from robotd.ros.node_registry import (
     BUILT_IN,
     OPERATOR_NODE,
@@ -93,7 +93,7 @@ def served_robot(
         RobotdError: the robot did not start.
     """
     chosen = select_nodes(names)
-    announce_often()
+    use_profiles()
     with RosHost(domain_id=domain_id) as host, run_nodes(robot, names, host, faults=faults):
         try:
             robot.start(enable=any(info.enables_servos for info in chosen.values()))

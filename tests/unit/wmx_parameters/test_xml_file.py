@@ -172,6 +172,23 @@ def test_refusals_name_line_element_and_value(tmp_path: Path, body: str, message
     assert caught.value.line is not None
 
 
+def test_blocks_of_equal_content_keep_their_own_lines(tmp_path: Path) -> None:
+    body = "\n<AxisParam>\n<AxisGearRatioNumerator>{}</AxisGearRatioNumerator>\n</AxisParam>\n"
+    blocks = [f'<AxisParameters Axis="{axis}">{body}</AxisParameters>' for axis in (3, 5)]
+    text = f'<Parameters ver="1.00">\n{chr(10).join(blocks)}\n</Parameters>'
+    column = read(tmp_path, text.format(7, 7))["AxisGearRatioNumerator"]
+    assert column[3] == column[5] == 7.0 != column[4]
+    with pytest.raises(DescriptorError) as caught:
+        read(tmp_path, text.format("1e11", "1e11"))
+    assert re.findall(r"xml:(\d+): (axis\d)", str(caught.value)) == [("4", "axis3"), ("9", "axis5")]
+
+
+def test_an_axis_with_two_equal_blocks(tmp_path: Path, full_text: str) -> None:
+    twice = full_text.replace('Axis="1"', 'Axis="0"')
+    with pytest.raises(DescriptorError, match=r"axis0\..*: given before, on line \d+"):
+        read(tmp_path, twice)
+
+
 def test_all_refusals_come_at_once(tmp_path: Path) -> None:
     body = "<AxisParam><MaxTrqLimit>-1</MaxTrqLimit><Nonsense/><AxisPolarity>0</AxisPolarity>"
     with pytest.raises(DescriptorError) as caught:

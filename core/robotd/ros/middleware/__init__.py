@@ -8,9 +8,10 @@ import robotd.ros.middleware.type_support  # noqa: F401 - before the first messa
 from robotd.ros.middleware.action_names import remapped_action
 from robotd.ros.middleware.action_server import RealTimeResultServer
 from robotd.ros.middleware.cdr import HotPublisher, Link
-from robotd.ros.middleware.discovery import announce_often, discovery_server, see_whole_graph
+from robotd.ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd.ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
 from robotd.ros.middleware.exit_timer import exit_after
+from robotd.ros.middleware.fastdds_profiles import use_profiles
 from robotd.ros.middleware.parameter_overrides import check_overrides, overrides_of
 from robotd.ros.middleware.participants import Participant
 from robotd.ros.middleware.rate_limit import RateLimit
@@ -30,7 +31,6 @@ __all__ = [
     "ServiceResponses",
     "StampClock",
     "TypeMismatchCheck",
-    "announce_often",
     "check_overrides",
     "destroy_node",
     "discovery_server",
@@ -41,5 +41,6 @@ __all__ = [
     "request_id_of",
     "see_whole_graph",
     "spin_once",
+    "use_profiles",
     "wake",
 ]
