@@ -102,12 +102,17 @@ class Harness:
 
         Repeated, at most twice, when the computer stalled the control loop for too long.
         """
-        for _ in range(3):
-            with self.robot.follower.follow(self.request(seconds, target)) as execution:
-                assert execution.wait(seconds + 15)
+        execution = self._follow_once(seconds, target)
+        for _ in range(2):
             if "control-loop stall" not in execution.message:
                 break
             self.robot.servos.enable()
+            execution = self._follow_once(seconds, target)
+        return execution
+
+    def _follow_once(self, seconds: float, target: float) -> TrajectoryExecution:
+        with self.robot.follower.follow(self.request(seconds, target)) as execution:
+            assert execution.wait(seconds + 15)
         return execution
 
     def positions(self) -> FloatArray:

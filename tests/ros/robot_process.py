@@ -29,7 +29,7 @@ ENGINES = itertools.count()
 WAIT_S = 60.0  # far longer than on an idle computer
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
 # Time-outs that outlast the stalls of a busy computer, for tests that are not about them.
-PATIENCE = {
+PATIENCE: dict[str, dict[str, object]] = {
     "sim": {"backends.sim.stream_timeout_s": 2},
     "wmx": {"backends.wmx.watchdog_s": 5},
     "ethercat": {

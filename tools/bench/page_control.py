@@ -64,8 +64,9 @@ async def jog(url: str, token: str, joint: str, velocity: float, end: str) -> in
         await socket.send_str(json.dumps({"token": token}))
         await socket.receive()
         message = {"type": "jog", "hold": 1, "joint": joint, "velocity": velocity, "step": None}
-        until_s = time.monotonic() + HELD_S
-        while time.monotonic() < until_s:
+        until_ns = time.monotonic_ns() + round(HELD_S * 1e9)
+        last_ns = 0
+        while last_ns < until_ns:
             await socket.send_str(json.dumps(message))
             last_ns = time.monotonic_ns()
             await asyncio.sleep(HEARTBEAT_S)

@@ -107,7 +107,9 @@ def tight_loop_us(robot: Robot) -> float:
 
 def time_observer(robot: Robot) -> tuple[list[int], list[int]]:
     """Time calls of the control loop's observer, and of an empty one in between; ns."""
-    observer, costs, empty = robot.control_loop._observer, [], []
+    observer = robot.control_loop._observer
+    costs: list[int] = []
+    empty: list[int] = []
     assert observer is not None
     clock = time.perf_counter_ns
 

@@ -137,9 +137,9 @@ def _goals(subject: Subject, folder: Path) -> Figures:
         domain = stack.enter_context(own_domain())
         stack.enter_context(subscriber(domain, folder / "goals.npz"))
         stack.enter_context(subject.program(domain)).wait_output(subject.ready)
-        return _json(
-            [sys.executable, "-m", "tools.bench.goal_client", ACTION, str(GOALS)], domain, Path()
-        )
+        command = [sys.executable, "-m", "tools.bench.goal_client", ACTION, str(GOALS)]
+        figures: Figures = _json(command, domain, Path())
+        return figures
 
 
 @contextmanager
@@ -162,7 +162,8 @@ def _simulation_percent(python: str, seconds: float, folder: Path) -> tuple[floa
 
     def percent(phase: str) -> float:
         parts = (costs[phase].get(name) for name in ("read", "stream"))
-        return sum(part["mean_us_per_period"] for part in parts if part) * RATE_HZ / 1e4
+        mean_us: float = sum(part["mean_us_per_period"] for part in parts if part)
+        return mean_us * RATE_HZ / 1e4
 
     return percent("at rest"), percent("moving")
 

@@ -107,14 +107,17 @@ class Lives:
             *self._arguments, domain=self._domain, robot=self._robot, backend=self._backend
         )
 
+    def _last(self) -> JointState:
+        assert self._newest is not None, "no joint states"
+        return self._newest
+
     def swing(self) -> None:
         """Send the arm away from where it is, and wait until it moves."""
         client = Client(self._domain)
         try:
-            assert self._newest is not None
-            target = -SWING_RAD if self._newest.position[0] > 0.0 else SWING_RAD
+            target = -SWING_RAD if self._last().position[0] > 0.0 else SWING_RAD
             client.send_goal(goal_of(JOINTS, [(SWING_S, [target] * len(JOINTS))]))
-            wait_until(lambda: abs(self._newest.velocity[0]) > MOVING_RAD_S, "motion")
+            wait_until(lambda: abs(self._last().velocity[0]) > MOVING_RAD_S, "motion")
         finally:
             client.close()
 

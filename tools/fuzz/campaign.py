@@ -77,6 +77,7 @@ def run(seed: int, seconds: float, names: list[str]) -> Iterator[Finding | dict[
         )
         process.start()
         theirs.close()
+        name = ""  # of the reader that reads now; empty before the first input
         try:
             while time.monotonic() < end_s:
                 message = _receive(ours)
@@ -88,8 +89,10 @@ def run(seed: int, seconds: float, names: list[str]) -> Iterator[Finding | dict[
                 if first % 1000 == 0:
                     yield dict(counts)
         except EOFError as error:
-            reader = next(each for each in READERS if each.name == name)
             text = str(error) or f"the process died: {process.exitcode}"
+            if not name:
+                raise RuntimeError(f"no reader of {names} got an input: {text}") from error
+            reader = next(each for each in READERS if each.name == name)
             yield Finding(name, first, text, make_input(reader, seed, first))
             first += 1
         finally:
