@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import platform
+import struct
+
+_SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call
+_ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # struct sched_attr of linux/sched/types.h
 
 
 def request_realtime(priority: int) -> bool:
@@ -35,3 +41,23 @@ def request_niceness(niceness: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def request_time_slice(slice_s: float) -> bool:
+    """Request a time slice for the calling thread and threads it starts; True if granted.
+
+    Needs no privilege. Of two threads that are due the scheduler takes the one whose slice ends
+    first, so that a short slice means a short wait, not less of the processor (from Linux 6.12 on).
+    A thread of another scheduling policy keeps it.
+
+    Args:
+        slice_s: 0.0001 to 0.1.
+    """
+    number = _SCHED_SETATTR.get(platform.machine())
+    if number is None or os.sched_getscheduler(0) != os.SCHED_OTHER:
+        return False
+    niceness = os.getpriority(os.PRIO_PROCESS, 0)
+    slice_ns = round(slice_s * 1e9)
+    attributes = _ATTRIBUTES.pack(_ATTRIBUTES.size, os.SCHED_OTHER, 0, niceness, 0, slice_ns, 0, 0)
+    status: int = ctypes.CDLL(None).syscall(number, 0, attributes, 0)
+    return status == 0

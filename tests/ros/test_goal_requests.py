@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,10 +15,11 @@ from rclpy.action import CancelResponse, GoalResponse
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import WAIT_S, wait_for, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
+from unique_identifier_msgs.msg import UUID
 
+from robotd.clock import NANOSECONDS
 from robotd.ros.actions import WorkerActionServer
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import request_id_of
 from robotd.testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
@@ -85,6 +88,7 @@ def goal_of(points: int) -> Any:
 def test_a_goal_is_accepted_before_it_is_converted(ends: tuple[Server, GoalClient]) -> None:
     server, client = ends
     sent = goal_of(20)
+    sent_ns = time.time_ns()
     handle = wait_for(client.send_goal_async(sent))
     assert handle.accepted
     wait_until(lambda: server.goals, "the accepted goal")
@@ -93,9 +97,9 @@ def test_a_goal_is_accepted_before_it_is_converted(ends: tuple[Server, GoalClien
     assert bytes(goal.goal_id.uuid) == bytes(handle.goal_id.uuid)
     assert goal.request == sent
     assert goal.request is goal.request
-    identity = request_id_of(server.action.requester)
-    assert identity is not None
-    assert identity.sequence_number == 1
+    assert goal.requester.sequence_number == 1
+    stamp_ns = handle.stamp.sec * NANOSECONDS + handle.stamp.nanosec
+    assert sent_ns < stamp_ns < time.time_ns()
 
 
 def test_a_rejected_goal_is_answered_and_freed(ends: tuple[Server, GoalClient]) -> None:
@@ -103,11 +107,19 @@ def test_a_rejected_goal_is_answered_and_freed(ends: tuple[Server, GoalClient]) 
     server.answer = GoalResponse.REJECT
     assert not wait_for(client.send_goal_async(goal_of(1))).accepted
     assert not server.goals
-    free = server.requests[0]._free
-    assert free.alive
+    freed: list[int] = []
+    server.requests[0]._functions = SimpleNamespace(destroy=freed.append)
     server.requests.clear()
     gc.collect()
-    assert not free.alive
+    assert len(freed) == 1
+
+
+def test_a_goal_id_that_is_known_is_rejected(ends: tuple[Server, GoalClient]) -> None:
+    server, client = ends
+    identity = UUID(uuid=range(16))
+    assert wait_for(client.send_goal_async(goal_of(1), goal_uuid=identity)).accepted
+    assert not wait_for(client.send_goal_async(goal_of(1), goal_uuid=identity)).accepted
+    assert len(server.goals) == 1
 
 
 def test_the_message_is_freed_once_it_is_converted(ends: tuple[Server, GoalClient]) -> None:
@@ -115,7 +127,7 @@ def test_the_message_is_freed_once_it_is_converted(ends: tuple[Server, GoalClien
     wait_for(client.send_goal_async(goal_of(2)))
     wait_until(lambda: server.goals, "the accepted goal")
     assert len(server.goals[0].request.trajectory.points) == 2
-    assert not server.requests[0]._free.alive
+    assert server.requests[0]._message is None
 
 
 def test_goals_of_a_burst_are_all_answered(ends: tuple[Server, GoalClient]) -> None:

@@ -19,8 +19,6 @@ from robotd.ros.nodes import trajectory_action
 class Goals:
     """In place of the action server: keeps what ends a goal."""
 
-    requester = None
-
     def __init__(self, *_: object, accepted: Callable[[Any], None], **__: object) -> None:
         self.accepted = accepted
         self.ends: list[Any] = []
@@ -83,6 +81,7 @@ def test_a_goal_has_one_result_when_its_release_fails(
     request.trajectory.points = [JointTrajectoryPoint(positions=[0.1])]
     goal = SimpleNamespace(
         request=request,
+        requester=None,
         goal_id=SimpleNamespace(uuid=bytes(16)),
         is_cancel_requested=False,
         succeed=lambda: None,

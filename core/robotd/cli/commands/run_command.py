@@ -40,7 +40,7 @@ from robotd.errors import InvalidArgument, OperationError, unknown_name
 from robotd.log import lossy
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
-from robotd.realtime import request_niceness
+from robotd.realtime import request_niceness, request_time_slice
 from robotd.robot import Robot
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from robotd.scenario import FaultSchedule
 
 
+TIME_SLICE_S = 1e-4  # the shortest: goals and services are answered sooner
 RATE_HZ = click.FloatRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
 
 
@@ -174,14 +175,17 @@ def run_robot(options: RunOptions) -> int:
 
 
 def prioritize(robot: Robot) -> None:
-    """Request ``cycle.niceness`` for all threads of this process, before they are started.
+    """Request a short time slice and ``cycle.niceness`` for all threads of this process.
 
-    A thread that holds the interpreter while other programs have its core delays the control
-    loop, whatever priority that has. Not in simulated time, which would take all of a core.
+    Before they are started. A thread that holds the interpreter while other programs have its core
+    delays the control loop, whatever priority that has. Not in simulated time, which would take
+    all of a core.
     """
-    niceness = robot.descriptor.cycle.niceness
-    if niceness and isinstance(robot.clock, MonotonicClock):
+    if not isinstance(robot.clock, MonotonicClock):
+        return
+    if niceness := robot.descriptor.cycle.niceness:
         request_niceness(niceness)
+    request_time_slice(TIME_SLICE_S)
 
 
 @dataclass(frozen=True)

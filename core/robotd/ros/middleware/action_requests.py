@@ -11,17 +11,21 @@ Shown by: tests/ros/test_trajectory.py, tools/bench/goal_client.py.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 from action_msgs.msg import GoalInfo
 from rclpy._rclpy_pybind11 import GoalEvent, RCLError
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
+from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
 from robotd.ros.middleware.goal_requests import GoalRequest, GoalRequests
 from robotd.ros.middleware.release_gil import RequestId
+from robotd.ros.middleware.stamp_clock import StampClock
 
 log = get_logger("ros")
 
@@ -31,12 +35,8 @@ class PromptActionServer(ActionServer):
 
     The goal callback gets a ``GoalRequest``. The goal becomes an object when that, or the goal
     handle, is first asked for it.
-
-    Attributes:
-        requester: identity of the request whose goal is being admitted and accepted.
     """
 
-    requester: RequestId | None = None
     _is_goal_request_ready: bool  # of rclpy
 
     def __init__(self, node: Any, action_type: Any, *arguments: Any, **options: Any) -> None:
@@ -44,48 +44,58 @@ class PromptActionServer(ActionServer):
         super().__init__(node, action_type, *arguments, **options)
 
     def take_data(self) -> Any:
-        """Take what is ready; a goal request without its conversion."""
-        request = None
+        """Take what is ready; a goal request is answered and its goal taken."""
+        accepted = None
         if self._is_goal_request_ready:
             self._is_goal_request_ready = False
             with self._lock:
                 request = self._requests.take(self._handle)
+            accepted = request and self._answered(request)
         data = super().take_data() or {}
-        if request is not None:
-            data["goal"] = request
+        if accepted is not None:
+            data["goal"] = accepted
         return data
 
-    async def _execute_goal_request(self, request: GoalRequest) -> None:
-        """Answer a goal; then publish its status and hand it on."""
-        self.requester = request.requester
-        info = GoalInfo(goal_id=request.goal_id)
-        goal = self._admitted(info, request)
+    async def _execute_goal_request(self, goal: ServerGoalHandle) -> None:
+        """Publish the status of an accepted goal and hand it on."""
+        self._handle.publish_status()
+        self._handle_accepted_callback(goal)
+
+    def _answered(self, request: GoalRequest) -> ServerGoalHandle | None:
+        """Answer a goal; return its handle, None where it is not carried out.
+
+        It is rejected, or its client has gone.
+        """
+        now_ns = self._clock.now_ns()
+        goal = self._accepted(request, now_ns)
         try:
-            self._requests.answer(self._handle, request, info.stamp, accepted=goal is not None)
+            self._requests.answer(self._handle, request, None if goal is None else now_ns)
         except RCLError as error:
             log.warning("goal not answered: its client has gone", reason=str(error))
-            return
-        if goal is not None:
-            self._handle.publish_status()
-            self._handle_accepted_callback(goal)
-
-    def _admitted(self, info: Any, request: GoalRequest) -> ServerGoalHandle | None:
-        """Return the handle of a goal that is accepted, else None."""
-        with self._lock:
-            is_known = self._handle.goal_exists(info)
-        if is_known or self._goal_callback(request) is not GoalResponse.ACCEPT:
             return None
-        info.stamp = self._node.get_clock().now().to_msg()
+        return goal
+
+    def _accepted(self, request: GoalRequest, now_ns: int) -> ServerGoalHandle | None:
+        """Return the handle of a goal that is accepted, else None."""
+        if self._goal_callback(request) is not GoalResponse.ACCEPT:
+            return None
+        info = GoalInfo()
+        info.goal_id.uuid[:] = np.frombuffer(request.goal_id, np.uint8)
+        info.stamp.sec, info.stamp.nanosec = divmod(now_ns, NANOSECONDS)
         try:
             with self._lock:
                 goal = _GoalHandle(self, info, request)
-        except RuntimeError as error:
+        except RuntimeError as error:  # a goal of this id is known, or there is no memory
             log.error("goal not accepted", reason=str(error))
             return None
-        identity, result = bytes(info.goal_id.uuid), Future()
-        self._goal_handles[identity], self._result_futures[identity] = goal, result
+        result = Future()
+        self._goal_handles[request.goal_id], self._result_futures[request.goal_id] = goal, result
         self.add_future(result)
         return goal
+
+    @cached_property
+    def _clock(self) -> StampClock:
+        return StampClock(self._node.get_clock())
 
     async def _execute_cancel_request(self, request_header_and_message: Any) -> None:
         """Begin to cancel goals and answer; then publish their status."""
@@ -131,6 +141,11 @@ class _GoalHandle(ServerGoalHandle):
     def request(self) -> Any:
         """Goal of the action's type."""
         return self._goal_request.goal
+
+    @property
+    def requester(self) -> RequestId:
+        """Identity of the request, which names the client."""
+        return self._goal_request.requester
 
     def publish_feedback(self, feedback: Any) -> None:
         """Publish ``feedback``, of the action's type; no effect after the goal has expired."""

@@ -11,14 +11,12 @@ Shown by: tests/ros/test_goal_requests.py, tools/bench/goal_client.py.
 from __future__ import annotations
 
 import ctypes
-import weakref
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 from rclpy._rclpy_pybind11 import RCLError
-from unique_identifier_msgs.msg import UUID
 
+from robotd.clock import NANOSECONDS
 from robotd.ros.middleware.release_gil import MessageFunctions, RequestId, last_error
 
 _OK, _TAKE_FAILED = 0, 2201  # rcl_action/types.h
@@ -32,7 +30,7 @@ class GoalRequest:
 
     Attributes:
         requester: identity of the request.
-        goal_id: of the goal.
+        goal_id: of the goal, 16 bytes.
 
     Args:
         message: address of the C message, which is freed with this object.
@@ -43,10 +41,12 @@ class GoalRequest:
     def __init__(self, message: int, functions: MessageFunctions, requester: RequestId) -> None:
         self.requester = requester
         # The first field of ``SendGoal_Request`` in every action.
-        self.goal_id = UUID(uuid=np.frombuffer(ctypes.string_at(message, _UUID_BYTES), np.uint8))
-        self._message, self._functions = message, functions
-        self._free = weakref.finalize(self, functions.destroy, message)
-        self._free.atexit = False
+        self.goal_id = ctypes.string_at(message, _UUID_BYTES)
+        self._message: int | None = message
+        self._functions = functions
+
+    def __del__(self) -> None:
+        self._free()
 
     @cached_property
     def goal(self) -> Any:
@@ -54,6 +54,11 @@ class GoalRequest:
         request = self._functions.to_python(self._message)
         self._free()
         return request.goal
+
+    def _free(self) -> None:
+        message, self._message = self._message, None
+        if message is not None:
+            self._functions.destroy(message)
 
 
 class GoalRequests:
@@ -64,10 +69,7 @@ class GoalRequests:
     """
 
     def __init__(self, action_type: Any) -> None:
-        service = action_type.Impl.SendGoalService
-        self._requests = MessageFunctions(service.Request)
-        self._responses = MessageFunctions(service.Response)
-        self._make_response = service.Response
+        self._requests = MessageFunctions(action_type.Impl.SendGoalService.Request)
 
     def take(self, handle: Any) -> GoalRequest | None:
         """Return the next request; None where none waits.
@@ -94,15 +96,30 @@ class GoalRequests:
             return None
         raise RCLError(f"goal request not taken: {reason}")
 
-    def answer(self, handle: Any, request: GoalRequest, stamp: Any, *, accepted: bool) -> None:
-        """Send the answer to ``request``. Raises RCLError: it was not sent."""
-        response = self._make_response(accepted=accepted, stamp=stamp)
-        with self._responses.converted(response) as message, handle:
+    def answer(self, handle: Any, request: GoalRequest, accepted_ns: int | None) -> None:
+        """Send the answer to ``request``. Raises RCLError: it was not sent.
+
+        Args:
+            handle: as above.
+            request: from ``take``.
+            accepted_ns: ROS time at which the goal was accepted; None: it is rejected.
+        """
+        response = _Response()
+        if accepted_ns is not None:
+            response.accepted = True
+            response.sec, response.nanosec = divmod(accepted_ns, NANOSECONDS)
+        with handle:
             status = _rcl.rcl_action_send_goal_response(
-                handle.pointer, ctypes.byref(request.requester), message
+                handle.pointer, ctypes.byref(request.requester), ctypes.byref(response)
             )
             if status != _OK:
                 raise RCLError(last_error())
+
+
+class _Response(ctypes.Structure):
+    """``SendGoal_Response`` of every action."""
+
+    _fields_ = (("accepted", ctypes.c_bool), ("sec", ctypes.c_int32), ("nanosec", ctypes.c_uint32))
 
 
 _rcl = ctypes.CDLL("librcl_action.so")  # rclpy has loaded it

@@ -92,7 +92,6 @@ class TrajectoryAction:
             reason = f"{MAX_ACTIVE_GOALS} goals have not ended yet"
             self._log.warning("goal rejected", reason=reason)
             return GoalResponse.REJECT
-        self._live += 1
         return GoalResponse.ACCEPT
 
     def _cancel(self, goal: Any) -> CancelResponse:
@@ -102,17 +101,18 @@ class TrajectoryAction:
 
     def _accepted(self, goal: Any) -> None:
         """Executor thread: hand the goal to a worker. The client has its answer already."""
+        self._live += 1
         with self._host.callback_guard():
             begin(goal)
             try:
                 ticket = self._group.motion.ticket()
-                self._host.submit(self._run, goal, self._server.requester, ticket)
+                self._host.submit(self._run, goal, ticket)
             except RobotdError as error:
                 self._end(goal, self._failure(error))
 
-    def _run(self, goal: Any, requester: Any, ticket: int) -> None:
+    def _run(self, goal: Any, ticket: int) -> None:
         """Worker thread: execute the goal, then let the executor thread end it."""
-        with self._host.sent_by_request(requester), ExitStack() as motion:
+        with self._host.sent_by_request(goal.requester), ExitStack() as motion:
             try:
                 ending = self._follow(goal, ticket, motion)
             except Exception as error:  # noqa: BLE001 - the goal ends with it
