@@ -114,6 +114,18 @@ def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
 
 
 @pytest.fixture
+def start_harness(make_harness: MakeHarness) -> MakeHarness:
+    """Function that builds and starts a harness; ``enable=False`` leaves its servos off."""
+
+    def start(*, enable: bool = True, **options: Any) -> Harness:
+        harness = make_harness(**options)
+        harness.start(enable=enable)
+        return harness
+
+    return start
+
+
+@pytest.fixture
 def injector(harness: Harness) -> FaultInjector:
     """Fault injector of the shared harness; unsupported calls skip the check."""
     return FaultInjectorOrSkip.of(harness)

@@ -319,4 +319,4 @@ class Harness:
 
 
 MakeHarness = Callable[..., Harness]
-"""The fixture ``make_harness``: its keywords are those of ``KitTarget.build``."""
+"""Fixtures ``make_harness`` and ``start_harness``; keywords as of ``KitTarget.build``."""

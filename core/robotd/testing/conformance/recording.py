@@ -8,10 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from robotd.arrays import FloatArray, IntArray
+from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
 
 LATE_PERIODS = 1.4  # from one sample to the next
+RECORDED = ("position", "velocity", "position_command", "velocity_command", "servo_on")
+
+
+def _column(name: str) -> cached_property[FloatArray]:
+    """Attribute of a ``Recording`` with the samples of one array of the process image."""
+    return cached_property(lambda recording: np.array(recording._rows[name], np.float64))  # noqa: SLF001
 
 
 class Recording:
@@ -23,28 +29,16 @@ class Recording:
 
     def __init__(self) -> None:
         self._times_ns: list[int] = []
-        self._rows: list[tuple[np.ndarray, ...]] = []
+        self._rows: dict[str, list[np.ndarray]] = {name: [] for name in RECORDED}
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._times_ns)
 
     def add(self, image: ProcessImage) -> None:
-        if self._times_ns and image.fresh_ns <= self._times_ns[-1]:
-            return
-        self._times_ns.append(image.fresh_ns)
-        self._rows.append(
-            tuple(
-                array.copy()
-                for array in (
-                    image.position,
-                    image.velocity,
-                    image.position_command,
-                    image.velocity_command,
-                    image.operation,
-                    image.servo_on,
-                )
-            )
-        )
+        if not self._times_ns or image.fresh_ns > self._times_ns[-1]:
+            self._times_ns.append(image.fresh_ns)
+            for name, rows in self._rows.items():
+                rows.append(getattr(image, name).copy())
 
     @cached_property
     def time_s(self) -> FloatArray:
@@ -52,29 +46,11 @@ class Recording:
         times_ns = np.array(self._times_ns, np.int64)
         return np.asarray((times_ns - times_ns[:1].sum()) * 1e-9, np.float64)
 
-    @cached_property
-    def position(self) -> FloatArray:
-        return self._column(0)
-
-    @cached_property
-    def velocity(self) -> FloatArray:
-        return self._column(1)
-
-    @cached_property
-    def position_command(self) -> FloatArray:
-        return self._column(2)
-
-    @cached_property
-    def velocity_command(self) -> FloatArray:
-        return self._column(3)
-
-    @cached_property
-    def operation(self) -> IntArray:
-        return np.asarray(self._column(4), np.int64)
-
-    @cached_property
-    def servo_on(self) -> IntArray:
-        return np.asarray(self._column(5), np.int64)
+    position = _column("position")
+    velocity = _column("velocity")
+    position_command = _column("position_command")
+    velocity_command = _column("velocity_command")
+    servo_on = _column("servo_on")
 
     def was_late(self, period_s: float) -> bool:
         """Some values came late, so that those of a period are missing."""
@@ -88,9 +64,6 @@ class Recording:
         spans = self.time_s[last] - self.time_s[first]
         middles = (self.time_s[last] + self.time_s[first]) / 2
         return middles, (values[last] - values[first]) / spans[:, None]
-
-    def _column(self, index: int) -> FloatArray:
-        return np.array([row[index] for row in self._rows], np.float64)
 
 
 class Recorder:

@@ -51,9 +51,8 @@ def test_values_follow_the_motion(harness: Harness) -> None:
         assert len(changed) > 3, "the position stands still while the axis moves"
 
 
-def test_a_dead_bus_does_not_look_alive(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_dead_bus_does_not_look_alive(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     injector, connection = FaultInjectorOrSkip.of(harness), harness.robot.connection
     injector.freeze(True)
     stale_s = connection.settings.stale_after_s
@@ -102,9 +101,8 @@ def test_a_dead_bus_ends_a_trajectory(jointed: Harness, injector: FaultInjector)
     harness.rest()
 
 
-def test_nothing_is_fresh_after_communication_stopped(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_nothing_is_fresh_after_communication_stopped(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     harness.robot.connection.stop_communication()
     harness.pass_time(0.05)
     image = ProcessImage(harness.count)

@@ -97,9 +97,8 @@ def test_it_works_again_after_it_was_closed(make_harness: MakeHarness) -> None:
         )
 
 
-def test_starting_enables_and_moves_nothing(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start(enable=False)
+def test_starting_enables_and_moves_nothing(start_harness: MakeHarness) -> None:
+    harness = start_harness(enable=False)
     start = harness.image.position.copy()
     harness.pass_time(0.3)
     assert not harness.image.servo_on.any()
@@ -124,9 +123,8 @@ def test_a_start_that_times_out_is_undone(make_harness: MakeHarness) -> None:
     harness.until(lambda: connection.ready, "the engine is ready")
 
 
-def test_servos_are_off_after_communication_stopped(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_servos_are_off_after_communication_stopped(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     harness.drivers.device.stop_communication(10.0)
     harness.periods(3)
     harness.robot.connection.start_communication()
@@ -135,9 +133,8 @@ def test_servos_are_off_after_communication_stopped(make_harness: MakeHarness) -
     assert not harness.image.servo_on.any(), "nothing may enable a servo by itself"
 
 
-def test_closing_while_axes_move_is_orderly(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_closing_while_axes_move_is_orderly(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     harness.move(harness.all, harness.image.position_command + harness.travel())
     harness.pass_time(0.15)
     harness.robot.shutdown()
@@ -186,10 +183,9 @@ def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path
 
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_a_parameter_file_without_axes_of_the_robot_is_rejected(
-    make_harness: MakeHarness, tmp_path: Path
+    start_harness: MakeHarness, tmp_path: Path
 ) -> None:
-    harness = make_harness()
-    harness.start(enable=False)
+    harness = start_harness(enable=False)
     path = tmp_path / "parameters.xml"
     write_wmx_parameters(_parameters(harness), path)
     text, last = path.read_text(encoding="utf-8"), harness.count - 1
@@ -209,10 +205,9 @@ def _parameters(harness: Harness) -> WmxParameters:
 
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_a_good_parameter_file_is_in_force_axis_by_axis(
-    make_harness: MakeHarness, tmp_path: Path
+    start_harness: MakeHarness, tmp_path: Path
 ) -> None:
-    harness = make_harness()
-    harness.start(enable=False)
+    harness = start_harness(enable=False)
     if not harness.may_rescale() or harness.count < 2:
         pytest.skip("would change the drives' scale for good, or there is one axis")
     ramps = {axis: 1.5 + axis for axis in harness.all}

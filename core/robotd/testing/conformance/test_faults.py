@@ -158,9 +158,8 @@ def test_clearing_without_an_alarm_has_no_effect(harness: Harness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
-def test_a_drive_that_is_lost_is_offline(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_drive_that_is_lost_is_offline(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     FaultInjectorOrSkip.of(harness).disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
     assert not harness.image.offline[1:].any()
@@ -170,9 +169,8 @@ def test_a_drive_that_is_lost_is_offline(make_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.HOT_CONNECT)
-def test_a_drive_that_is_back_stays_off(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_drive_that_is_back_stays_off(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     injector = FaultInjectorOrSkip.of(harness)
     injector.disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)

@@ -50,9 +50,8 @@ def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
     assert held <= HELD, f"{held:.0%} of the time stamps are newer than their values"
 
 
-def test_a_blocked_axis_is_measured_where_it_is(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_blocked_axis_is_measured_where_it_is(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     injector = FaultInjectorOrSkip.of(harness)
     start = harness.image.position.copy()
     shaft = injector.position(0)
@@ -73,9 +72,8 @@ def test_a_blocked_axis_is_measured_where_it_is(make_harness: MakeHarness) -> No
     assert np.abs(real - shaft).max() <= SETTLED_RAD, "the fault injector shows the command"
 
 
-def test_a_jump_of_the_encoder_is_seen(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start(enable=False)
+def test_a_jump_of_the_encoder_is_seen(start_harness: MakeHarness) -> None:
+    harness = start_harness(enable=False)
     injector = FaultInjectorOrSkip.of(harness)
     before = harness.image.position.copy()
     injector.jump_encoder(0, 0.02)

@@ -77,9 +77,8 @@ def test_what_is_told_of_it_is_text(harness: Harness) -> None:
         assert not any("\n" in text for text in texts)
 
 
-def test_a_lost_slave_is_shown(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_lost_slave_is_shown(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     driver = fieldbus_of(harness)
     FaultInjectorOrSkip.of(harness).disconnect(0)
 
@@ -136,11 +135,10 @@ def test_the_nodes_have_as_many_axes_as_the_bus(harness: Harness) -> None:
         assert len(set(places)) in (1, len(places)), "two nodes are at one place"
 
 
-def test_the_lost_node_is_the_one_that_was_lost(make_harness: MakeHarness) -> None:
+def test_the_lost_node_is_the_one_that_was_lost(start_harness: MakeHarness) -> None:
     lost = []
     for axis in (0, 1):
-        harness = make_harness()
-        harness.start()
+        harness = start_harness()
         if harness.count < 2:
             pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
         driver = fieldbus_of(harness)

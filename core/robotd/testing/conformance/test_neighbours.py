@@ -19,9 +19,8 @@ def several(harness: Harness) -> Harness:
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_the_mode_of_one_axis(make_harness: MakeHarness) -> None:
-    harness = several(make_harness())
-    harness.start()
+def test_the_mode_of_one_axis(start_harness: MakeHarness) -> None:
+    harness = several(start_harness())
     for axis in harness.all[:2]:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
         harness.periods(5)
@@ -32,8 +31,8 @@ def test_the_mode_of_one_axis(make_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_the_polarity_of_one_axis(make_harness: MakeHarness) -> None:
-    harness = several(rescalable(make_harness))
+def test_the_polarity_of_one_axis(start_harness: MakeHarness) -> None:
+    harness = several(rescalable(start_harness))
     for axis in harness.all:
         harness.robot.axes.set_polarity(axis, 1)
     harness.periods(5)
@@ -45,8 +44,8 @@ def test_the_polarity_of_one_axis(make_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_the_gear_ratio_of_one_axis(make_harness: MakeHarness) -> None:
-    harness = several(rescalable(make_harness))
+def test_the_gear_ratio_of_one_axis(start_harness: MakeHarness) -> None:
+    harness = several(rescalable(start_harness))
     for axis in harness.all:
         harness.robot.axes.set_gear_ratio(axis, 2.0**18, 2.0 * np.pi)
     harness.periods(5)
@@ -58,9 +57,8 @@ def test_the_gear_ratio_of_one_axis(make_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.HOMING)
-def test_the_home_position_of_one_axis(make_harness: MakeHarness) -> None:
-    harness = several(make_harness())
-    harness.start()
+def test_the_home_position_of_one_axis(start_harness: MakeHarness) -> None:
+    harness = several(start_harness())
     if not harness.may_rescale():
         pytest.skip("would change the home position for good")
     harness.move(harness.all, harness.image.position_command + harness.travel())

@@ -32,13 +32,12 @@ def hooks() -> dict[str, object]:
 
 
 def test_it_is_left_as_it_is(
-    make_harness: MakeHarness,
+    start_harness: MakeHarness,
     at_start: dict[str, object],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     before = at_start | hooks()
-    harness = make_harness()
-    harness.start()
+    harness = start_harness()
     harness.move(harness.all, harness.image.position_command + harness.travel(0.2))
     harness.rest()
     during = surroundings() | hooks()
@@ -50,9 +49,8 @@ def test_it_is_left_as_it_is(
     assert foreign == [], "standard output belongs to the program"
 
 
-def test_closing_takes_no_time(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_closing_takes_no_time(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     device = harness.drivers.device
     device.stop_communication(5.0)
     began_ns = harness.clock.now_ns()
@@ -62,9 +60,8 @@ def test_closing_takes_no_time(make_harness: MakeHarness) -> None:
     assert (harness.clock.now_ns() - began_ns) * 1e-9 < 3.0
 
 
-def test_reading_needs_no_memory(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_reading_needs_no_memory(start_harness: MakeHarness) -> None:
+    harness = start_harness()
 
     def growth() -> float:
         """Return the objects that the process gains per read of the control loop."""
@@ -85,9 +82,8 @@ def living_objects() -> int:
     return sys.getallocatedblocks()
 
 
-def test_a_forked_process_does_not_disturb_the_device(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_forked_process_does_not_disturb_the_device(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     start = harness.image.position_command.copy()
     assert in_a_fork(lambda: None) == ""
     harness.pass_time(0.2)
@@ -112,10 +108,9 @@ def test_a_device_can_be_opened_after_a_fork(make_harness: MakeHarness) -> None:
     )
 
 
-def test_programs_inherit_no_handle(make_harness: MakeHarness) -> None:
+def test_programs_inherit_no_handle(start_harness: MakeHarness) -> None:
     before = inherited_handles()
-    harness = make_harness()
-    harness.start(enable=False)
+    start_harness(enable=False)
     left = inherited_handles() - before
     assert not left, "a program that robotd starts would hold the device open"
 

@@ -96,10 +96,9 @@ def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
 def test_a_velocity_command_has_the_ramps_of_its_profile(
-    make_harness: MakeHarness, gentle: str
+    start_harness: MakeHarness, gentle: str
 ) -> None:
-    harness = make_harness()
-    harness.start()
+    harness = start_harness()
     for axis in harness.all:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     profiles = [

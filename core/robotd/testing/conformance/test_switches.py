@@ -56,9 +56,8 @@ def test_a_switch_moves_no_axis_and_defines_no_home(
     harness.pass_time(0.1)
 
 
-def test_a_switch_that_is_closed_at_the_start_is_shown(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start(enable=False)
+def test_a_switch_that_is_closed_at_the_start_is_shown(start_harness: MakeHarness) -> None:
+    harness = start_harness(enable=False)
     harness.robot.connection.stop_communication()
     FaultInjectorOrSkip.of(harness).press_switch(0, "negative_limit", True)
     harness.robot.connection.start_communication()

@@ -15,9 +15,8 @@ TIMEOUT_S = 0.2
 
 
 @pytest.mark.needs(Capability.TORQUE_MODE)
-def test_a_torque_moves_a_joint_until_its_source_is_lost(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start(enable=False)
+def test_a_torque_moves_a_joint_until_its_source_is_lost(start_harness: MakeHarness) -> None:
+    harness = start_harness(enable=False)
     for mode in (CommandMode.TORQUE, CommandMode.POSITION):  # also while the servo is off
         harness.robot.axes.set_command_mode(0, mode)
         harness.periods(5)

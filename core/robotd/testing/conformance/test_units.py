@@ -116,9 +116,8 @@ def test_torque_is_finite_or_not_known(harness: Harness) -> None:
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_a_positive_velocity_raises_the_position(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_positive_velocity_raises_the_position(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     for axis in harness.all:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     harness.until(
@@ -137,9 +136,8 @@ def test_a_positive_velocity_raises_the_position(make_harness: MakeHarness) -> N
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_a_streamed_velocity_is_a_measured_velocity(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     for axis in harness.all:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     speeds = np.sign(harness.travel()) * [
@@ -159,8 +157,8 @@ def test_a_streamed_velocity_is_a_measured_velocity(make_harness: MakeHarness) -
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_polarity_turns_the_sign(make_harness: MakeHarness) -> None:
-    harness = rescalable(make_harness)
+def test_polarity_turns_the_sign(start_harness: MakeHarness) -> None:
+    harness = rescalable(start_harness)
     for axis in harness.all:
         harness.robot.axes.set_polarity(axis, 1)
     harness.periods(5)
@@ -172,8 +170,8 @@ def test_polarity_turns_the_sign(make_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_the_gear_ratio_counts_units(make_harness: MakeHarness) -> None:
-    harness = rescalable(make_harness)
+def test_the_gear_ratio_counts_units(start_harness: MakeHarness) -> None:
+    harness = rescalable(start_harness)
     moved = []
     for numerator in (2.0**18, 2.0**19):
         for axis in harness.all:
@@ -184,9 +182,8 @@ def test_the_gear_ratio_counts_units(make_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.HOMING)
-def test_homing_makes_the_position_zero_and_moves_nothing(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_homing_makes_the_position_zero_and_moves_nothing(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
     harness.move(harness.all, harness.image.position_command + harness.travel())
@@ -204,10 +201,9 @@ def test_homing_makes_the_position_zero_and_moves_nothing(make_harness: MakeHarn
 NO_WAY_BACK = "would change the drives' scale for good: the robot has no parameter file"
 
 
-def rescalable(make_harness: MakeHarness) -> Harness:
+def rescalable(start_harness: MakeHarness) -> Harness:
     """A harness of its own, away from zero, with the servos off."""
-    harness = make_harness()
-    harness.start()
+    harness = start_harness()
     if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
     harness.move(harness.all, harness.image.position_command + harness.travel())

@@ -22,9 +22,8 @@ MOVES_S = 0.5
 WATCHDOG_S, GONE_S = 1.0, 2.5  # longest reaction of a device, and time until it is looked at
 
 
-def test_an_axis_stops_when_setpoints_stay_away(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.start()
+def test_an_axis_stops_when_setpoints_stay_away(start_harness: MakeHarness) -> None:
+    harness = start_harness()
     if harness.robot.axes.trajectories_on_device:
         pytest.skip(f"the {harness.robot.backend.name} backend streams no positions")
     start = harness.image.position_command.copy()
