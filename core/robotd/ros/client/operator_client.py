@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
@@ -36,13 +34,7 @@ def reset(client: RosClient) -> str:
 
 def set_speed(client: RosClient, speed: float) -> str:
     """Set the speed, 0 to 1; return it in words. Raises as ``stop`` does."""
-    parameters = [Parameter("speed", value=speed).to_parameter_msg()]
-    answer = client.call(
-        SetParametersAtomically, f"{OPERATOR_NODE}/set_speed", parameters=parameters
-    ).result
-    if not answer.successful:
-        raise OperationError(answer.reason)
-    return str(answer.reason)
+    return client.call_named(f"{OPERATOR_NODE}/set_speed", {"speed": speed})
 
 
 def pause(client: RosClient) -> str:
@@ -73,11 +65,7 @@ def require_motion(client: RosClient) -> None:
 
 
 def motion_hindrance(stopped: str, speed: float) -> str:
-    """Return why motion is not allowed, and the remedy; "" if it is.
-
-    Args:
-        stopped, speed: newest values of the topics.
-    """
+    """Return why motion is not allowed, and the remedy; "" if it is."""
     if stopped:
         return f"motion is stopped: {stopped}; robotd reset allows it again"
     if speed == 0.0:

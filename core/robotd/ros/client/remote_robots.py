@@ -63,7 +63,7 @@ class RemoteRobots:
 
     @property
     def yield_to_control_loop(self) -> Callable[[], None]:
-        return _nothing
+        return lambda: None  # no control loop runs in this process
 
     def update(self) -> None:
         """Look for robots, and subscribe those that are watched."""
@@ -126,7 +126,3 @@ def _read(text: str) -> dict[str, Any]:
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _nothing() -> None:
-    """Wait for no control loop: there is none in this process."""

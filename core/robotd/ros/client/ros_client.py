@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 import rclpy
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
@@ -118,6 +120,19 @@ class RosClient:
         if not getattr(response, "success", True):
             raise OperationError(response.message)
         return response
+
+    def call_named(self, name: str, values: Mapping[str, Any]) -> str:
+        """Call service ``name`` with values by name; return its answer as text.
+
+        Raises as ``call``, OperationError with the reason of a rejection.
+        """
+        parameters = [
+            Parameter(key, value=value).to_parameter_msg() for key, value in values.items()
+        ]
+        result = self.call(SetParametersAtomically, name, parameters=parameters).result
+        if not result.successful:
+            raise OperationError(result.reason)
+        return str(result.reason)
 
     def listen(self, message_type: Any, topic: str, qos: Any = 1) -> Listener:
         """Subscribe ``topic`` until the listener is closed."""

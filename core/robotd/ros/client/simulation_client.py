@@ -6,11 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from robotd.errors import OperationError
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import SIMULATION_NODE
 from robotd.ros.nodes.simulation_node import STEP_TIMEOUT_S
@@ -42,14 +39,8 @@ def pause(ros_args: Sequence[str], timeout_s: float, *, paused: bool) -> str:
 
 
 def _ask(ros_args: Sequence[str], timeout_s: float, service: str, fields: Mapping[str, Any]) -> str:
-    parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in fields.items()]
     with _client(ros_args, timeout_s) as client:
-        answer = client.call(
-            SetParametersAtomically, f"{SIMULATION_NODE}/{service}", parameters=parameters
-        ).result
-    if not answer.successful:
-        raise OperationError(answer.reason)
-    return str(answer.reason)
+        return client.call_named(f"{SIMULATION_NODE}/{service}", fields)
 
 
 @contextmanager
