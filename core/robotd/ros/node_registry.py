@@ -51,17 +51,17 @@ BUILT_IN = {
         "transforms of the whole robot from its URDF; replaces the program of this name",
     ),
     "diff_drive_controller": NodeInfo(
-        "robotd.ros.nodes.diff_drive_controller:DiffDriveController",
+        "robotd.ros.nodes.base_controller:DiffDriveController",
         "twists and odometry of a mobile base; the wheels are switched on at start",
         enables_servos=True,
     ),
     "mecanum_drive_controller": NodeInfo(
-        "robotd.ros.nodes.mecanum_drive_controller:MecanumDriveController",
+        "robotd.ros.nodes.base_controller:MecanumDriveController",
         "twists and odometry of a mecanum base; the wheels are switched on at start",
         enables_servos=True,
     ),
     "tricycle_controller": NodeInfo(
-        "robotd.ros.nodes.tricycle_controller:TricycleController",
+        "robotd.ros.nodes.base_controller:TricycleController",
         "twists and odometry of a base with a steered wheel; both axes are switched on at start",
         enables_servos=True,
     ),

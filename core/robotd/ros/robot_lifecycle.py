@@ -32,8 +32,8 @@ class RobotLifecycle:
 
     def __init__(self, robot: Robot, changed: Callable[[Transition], None]) -> None:
         self.enables_servos = True
-        self.on_active: Callable[[], None] = _nothing
-        self.on_finalized: Callable[[], None] = _nothing
+        self.on_active: Callable[[], None] = lambda: None
+        self.on_finalized: Callable[[], None] = lambda: None
         self._robot, self._changed = robot, changed
         self._state = State.UNCONFIGURED
         self._lock = threading.Lock()
@@ -158,7 +158,3 @@ class RobotLifecycle:
 
 class _Failure(Exception):
     """A step has failed and was undone."""
-
-
-def _nothing() -> None:
-    """Do nothing."""

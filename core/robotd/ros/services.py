@@ -71,6 +71,16 @@ def add_service(
     return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
 
 
+def text_answer(handle: Callable[[Any], str]) -> ServiceHandler:
+    """Return a handler that answers success with the text of ``handle(request)``."""
+
+    def answer(request: Any, response: Any) -> Any:
+        response.success, response.message = True, handle(request)
+        return response
+
+    return answer
+
+
 def named_values(handle: Callable[[dict[str, Any]], str]) -> ServiceHandler:
     """Return a handler of SetParametersAtomically that calls ``handle`` with values by name.
 

@@ -1,4 +1,4 @@
-"""Base class of the nodes of mobile bases: twists to wheels, and wheels to odometry."""
+"""Nodes of mobile bases: twists to wheels, and wheels to odometry."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from robotd.clock import NANOSECONDS
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError, InvalidArgument, RobotdError
 from robotd.motion.planar import Pose
-from robotd.node_settings.base_settings import BaseSettings
+from robotd.node_settings.base_settings import BaseSettings, read_diff_drive
+from robotd.node_settings.mecanum_settings import read_mecanum_drive
 from robotd.node_settings.parameter_reader import ParameterReader
+from robotd.node_settings.tricycle_settings import read_tricycle
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import TypeMismatchCheck
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import OdometryTopics
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.robot_description import publish_description
 from robotd.ros.nodes.trajectory_conversions import stamp_ns
-from robotd.ros.services import add_service, add_subscription
+from robotd.ros.services import add_service, add_subscription, text_answer
 
 COMMAND_DEPTH = 1  # only the newest twist means anything
 ECHO_DEPTH = 10
@@ -52,9 +54,7 @@ class BaseController(Node):
     def __init__(self, name: str, robot: Robot, host: RosHost, read: ReadSettings) -> None:
         super().__init__(name, context=host.context)
         self._rejections = RejectionLog()
-        parameters = Parameters(self, robot.descriptor)
-        settings = read(parameters, robot.descriptor)
-        parameters.done()
+        settings = read_settings(self, robot.descriptor, read)
         if robot.base is None:
             raise DescriptorError(f"{name} needs a drive, which {robot.descriptor.name} has not")
         self._base = robot.base
@@ -64,7 +64,8 @@ class BaseController(Node):
         self._take_commands(host, settings)
         self._publish_state(settings, robot)
         publish_description(self, settings.description)
-        add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
+        reset = text_answer(self._reset_odometry)
+        add_service(self, host, Trigger, "~/reset_odometry", reset, blocking=False)
         self._odom_frame = settings.odom_frame
         add_subscription(self, host, PoseWithCovarianceStamped, "~/set_pose", self._set_pose, 1)
 
@@ -124,8 +125,27 @@ class BaseController(Node):
         heading = math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
         self._base.reset_odometry(Pose(pose.position.x, pose.position.y, heading))
 
-    def _reset_odometry(self, request: Any, response: Any) -> Any:
+    def _reset_odometry(self, request: Any) -> str:
         self._base.reset_odometry()
-        response.success = True
-        response.message = "odometry set to zero"
-        return response
+        return "odometry set to zero"
+
+
+class DiffDriveController(BaseController):
+    """diff_drive_controller: a mobile base with two driven wheels."""
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__("diff_drive_controller", robot, host, read_diff_drive)
+
+
+class MecanumDriveController(BaseController):
+    """mecanum_drive_controller: a mobile base with four mecanum wheels."""
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__("mecanum_drive_controller", robot, host, read_mecanum_drive)
+
+
+class TricycleController(BaseController):
+    """tricycle_controller: a mobile base with a steered wheel."""
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__("tricycle_controller", robot, host, read_tricycle)

@@ -11,9 +11,9 @@ from robotd.node_settings.arm_settings import read_trajectory_server
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.constraint_parameters import ConstraintParameters
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.trajectory_action import TrajectoryAction
-from robotd.ros.services import add_service
+from robotd.ros.services import add_service, text_answer
 
 NAME = "follow_joint_trajectory_server"
 
@@ -28,20 +28,16 @@ class FollowJointTrajectoryServer(Node):
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
         self._robot = robot
-        parameters = Parameters(self, robot.descriptor)
-        settings = read_trajectory_server(parameters, robot.descriptor)
-        parameters.done()
+        settings = read_settings(self, robot.descriptor, read_trajectory_server)
         if settings.gripper:
-            add_service(self, host, SetBool, settings.gripper, self._set_gripper)
+            add_service(self, host, SetBool, settings.gripper, text_answer(self._set_gripper))
         self._constraints = ConstraintParameters(self, robot.groups, settings.constraints)
         self._actions = [
             TrajectoryAction(self, robot, host, robot.groups[group], action)
             for group, action in settings.actions.items()
         ]
 
-    def _set_gripper(self, request: Any, response: Any) -> Any:
+    def _set_gripper(self, request: Any) -> str:
         if self._robot.gripper is not None:
             self._robot.gripper.command(request.data)
-        response.success = True
-        response.message = "gripper closes" if request.data else "gripper opens"
-        return response
+        return "gripper closes" if request.data else "gripper opens"

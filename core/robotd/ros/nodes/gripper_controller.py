@@ -16,7 +16,7 @@ from robotd.node_settings.command_settings import read_gripper_controller
 from robotd.robot import Robot
 from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 
 log = get_logger("gripper")
 
@@ -35,9 +35,7 @@ class GripperController(Node):
         super().__init__(NAME, context=host.context)
         if robot.gripper is None:
             raise DescriptorError(f"{NAME} needs a gripper, which {robot.descriptor.name} has not")
-        parameters = Parameters(self, robot.descriptor)
-        single, parallel = read_gripper_controller(parameters, robot.descriptor)
-        parameters.done()
+        single, parallel = read_settings(self, robot.descriptor, read_gripper_controller)
         self._actions = []
         if single:
             self._actions.append(

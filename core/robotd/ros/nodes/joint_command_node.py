@@ -20,7 +20,7 @@ from robotd.node_settings.command_settings import JointTopics, read_joint_comman
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.controller_state_topic import ControllerStateTopic, TrajectoryQuery
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.topic_stream import TopicStream
 from robotd.ros.nodes.trajectory_topic import TrajectoryTopic
 from robotd.ros.services import add_service, add_subscription
@@ -43,10 +43,8 @@ class JointCommandNode(Node):
         if not robot.joint_names:
             raise DescriptorError(f"{NAME} needs joints, which {robot.descriptor.name} has not")
         self._robot, self._host = robot, host
-        parameters = Parameters(self, robot.descriptor)
-        settings = read_joint_command(parameters, robot.descriptor)
+        settings = read_settings(self, robot.descriptor, read_joint_command)
         self._timeout_s, self._state_rate_hz = settings.timeout_s, settings.state_rate_hz
-        parameters.done()
         self.rates_hz: dict[str, float] = {}
         for name, topics in settings.topics.items():
             self._serve(robot.groups[name], topics)

@@ -9,7 +9,7 @@ from robotd.node_settings.arm_settings import ManipulatorStateSettings, read_man
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.joint_state_topics import Fingers, JointStateTopics
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.robot_description import publish_description
 
 NAME = "manipulator_state"
@@ -26,9 +26,7 @@ class ManipulatorState(Node):
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
-        parameters = Parameters(self, robot.descriptor)
-        settings = read_manipulator_state(parameters, robot.descriptor)
-        parameters.done()
+        settings = read_settings(self, robot.descriptor, read_manipulator_state)
         fingers = _fingers(robot, settings)
         topics = JointStateTopics(self, robot, settings.names, fingers)
         topics.add_joint_states(settings.joint_states)

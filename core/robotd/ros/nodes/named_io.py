@@ -13,7 +13,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
-from robotd.ros.services import add_service
+from robotd.ros.services import add_service, text_answer
 
 TOPIC = "~/io"
 RATE_HZ = 50.0
@@ -41,7 +41,8 @@ class NamedIo:
         }
         self._levels: dict[tuple[str, str], bool | None] | None = None  # not published yet
         for name in io.outputs:
-            add_service(node, host, SetBool, f"~/outputs/{name}", partial(self._set, name))
+            handler = text_answer(partial(self._set, name))
+            add_service(node, host, SetBool, f"~/outputs/{name}", handler)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "named I/O", self.publish, first=True)
 
@@ -58,8 +59,6 @@ class NamedIo:
         lines = (f"{kind} {name}: {WORDS[level]}" for (kind, name), level in levels.items())
         publish_if_alive(self._overview, String(data="\n".join(lines)))
 
-    def _set(self, name: str, request: Any, response: Any) -> Any:
+    def _set(self, name: str, request: Any) -> str:
         self._io.set_output(name, request.data)
-        response.success = True
-        response.message = f"{name}: {WORDS[bool(request.data)]}"
-        return response
+        return f"{name}: {WORDS[bool(request.data)]}"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.exceptions import ParameterException
@@ -15,6 +16,20 @@ from robotd.export.export_input import ExportInput
 from robotd.export.urdf_export import urdf
 from robotd.node_settings.parameter_reader import ParameterReader, WrongType
 from robotd.ros.middleware import overrides_of, remapped_action
+
+Settings = TypeVar("Settings")
+
+
+def read_settings(
+    node: Node,
+    descriptor: RobotDescriptor,
+    read: Callable[[ParameterReader, RobotDescriptor], Settings],
+) -> Settings:
+    """Declare the parameters of ``node`` by ``read``. Raises DescriptorError for wrong ones."""
+    parameters = Parameters(node, descriptor)
+    settings = read(parameters, descriptor)
+    parameters.done()
+    return settings
 
 
 class Parameters(ParameterReader):

@@ -20,7 +20,7 @@ from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.owner_topic import OwnerTopic
 from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
 from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
-from robotd.ros.services import add_service, add_subscription, named_values
+from robotd.ros.services import add_service, add_subscription, named_values, text_answer
 
 
 class OperatorNode(Node):
@@ -45,8 +45,8 @@ class _SpeedServices:
         self._robot = robot
         self._publisher = node.create_publisher(Float64, "~/speed", LATCHED)
         add_service(node, host, SetParametersAtomically, "~/set_speed", named_values(self._set))
-        add_service(node, host, Trigger, "~/pause", self._pause, urgent=True)
-        add_service(node, host, Trigger, "~/resume", self._resume)
+        add_service(node, host, Trigger, "~/pause", text_answer(self._pause), urgent=True)
+        add_service(node, host, Trigger, "~/resume", text_answer(self._resume))
         add_subscription(node, host, Float64, "~/set_speed", self._set_by_message, 1)
         robot.axes.speed.on_change(self._publish)
 
@@ -64,17 +64,13 @@ class _SpeedServices:
     def _set_by_message(self, message: Any) -> None:
         self._robot.set_speed(message.data)
 
-    def _pause(self, request: Any, response: Any) -> Any:
+    def _pause(self, request: Any) -> str:
         self._robot.pause()
-        return self._done(response)
+        return self._robot.axes.speed.text
 
-    def _resume(self, request: Any, response: Any) -> Any:
+    def _resume(self, request: Any) -> str:
         self._robot.resume()
-        return self._done(response)
-
-    def _done(self, response: Any) -> Any:
-        response.success, response.message = True, self._robot.axes.speed.text
-        return response
+        return self._robot.axes.speed.text
 
     def _publish(self, scale: float) -> None:
         publish_if_alive(self._publisher, Float64(data=scale))
@@ -86,23 +82,21 @@ class _StopServices:
     def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
         self._robot = robot
         self._publisher = node.create_publisher(String, "~/stopped", LATCHED)
-        add_service(node, host, Trigger, "~/stop", self._stop, urgent=True)
-        add_service(node, host, Trigger, "~/reset", self._reset)
+        add_service(node, host, Trigger, "~/stop", text_answer(self._stop), urgent=True)
+        add_service(node, host, Trigger, "~/reset", text_answer(self._reset))
         add_subscription(node, host, Empty, "~/stop", self._engage, 1)
         robot.axes.stop_latch.on_change(self._publish)
 
-    def _stop(self, request: Any, response: Any) -> Any:
+    def _stop(self, request: Any) -> str:
         self._robot.stop("by a client of the stop service")
-        response.success, response.message = True, "stopped, at rest"
-        return response
+        return "stopped, at rest"
 
     def _engage(self, message: Any) -> None:
         """Executor thread: the control loop brings everything to rest."""
         self._robot.axes.stop_latch.engage("by a message on the stop topic")
 
-    def _reset(self, request: Any, response: Any) -> Any:
-        response.success, response.message = True, self._robot.reset()
-        return response
+    def _reset(self, request: Any) -> str:
+        return self._robot.reset()
 
     def _publish(self, reason: str) -> None:
         publish_if_alive(self._publisher, String(data=reason))
@@ -117,9 +111,9 @@ class _RecoveryService:
         self._lock = threading.Lock()
         self._publisher = node.create_publisher(String, "~/recovery", LATCHED)
         self._publisher.publish(String())
-        add_service(node, host, Trigger, "~/recover", self._recover)
+        add_service(node, host, Trigger, "~/recover", text_answer(self._recover))
 
-    def _recover(self, request: Any, response: Any) -> Any:
+    def _recover(self, request: Any) -> str:
         with self._lock:
             self._lines = []
             try:
@@ -127,8 +121,7 @@ class _RecoveryService:
             except RobotdError as error:
                 self._report("; ".join(["failed", *map(str.strip, str(error).splitlines())]))
                 raise
-            response.success, response.message = True, "\n".join(self._lines)
-            return response
+            return "\n".join(self._lines)
 
     def _report(self, line: str) -> None:
         self._lines.append(line)

@@ -9,7 +9,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from robotd.observation.recorder import Recorder
 from robotd.ros.host import RosHost
-from robotd.ros.services import add_service
+from robotd.ros.services import add_service, text_answer
 
 SNAPSHOT = "~/snapshot"
 RECORD = "~/record"
@@ -18,21 +18,15 @@ RECORD = "~/record"
 def add_recorder_services(node: Node, host: RosHost, recorder: Recorder) -> None:
     """Add ``snapshot`` and ``record`` to ``node``; the answers name the file."""
 
-    def snapshot(request: Any, response: Any) -> Any:
-        response.message = str(recorder.flight.snapshot("requested by a client"))
-        response.success = True
-        return response
+    def snapshot(request: Any) -> str:
+        return str(recorder.flight.snapshot("requested by a client"))
 
-    def record(request: Any, response: Any) -> Any:
+    def record(request: Any) -> str:
         if request.data:
             recorder.continuous.start()
-            response.message = "recording"
-        else:
-            report = recorder.continuous.stop()
-            size_mib = report.size_bytes / 2**20
-            response.message = f"{report.path} ({size_mib:.1f} MiB)"
-        response.success = True
-        return response
+            return "recording"
+        report = recorder.continuous.stop()
+        return f"{report.path} ({report.size_bytes / 2**20:.1f} MiB)"
 
-    add_service(node, host, Trigger, SNAPSHOT, snapshot)
-    add_service(node, host, SetBool, RECORD, record)
+    add_service(node, host, Trigger, SNAPSHOT, text_answer(snapshot))
+    add_service(node, host, SetBool, RECORD, text_answer(record))

@@ -20,7 +20,7 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes.joint_state_topics import Fingers
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import TF_DEPTH
 from robotd.ros.nodes.ready_topic import LATCHED
 from robotd.ros.nodes.robot_description import publish_description
@@ -43,9 +43,7 @@ class RobotStatePublisher(Node):
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
-        parameters = Parameters(self, robot.descriptor)
-        settings = read_state_publisher(parameters, robot.descriptor)
-        parameters.done()
+        settings = read_settings(self, robot.descriptor, read_state_publisher)
         path = robot.descriptor.urdf or Path("robot_description")
         urdf = parse_urdf(settings.description.encode(), path)
         known = _KnownJoints(robot)

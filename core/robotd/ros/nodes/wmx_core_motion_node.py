@@ -18,10 +18,10 @@ from robotd.ros.host import RosHost
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.axis_jog import AxisJog
 from robotd.ros.nodes.axis_state_topic import RATE_HZ, AxisStateTopic
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.rejection_log import RejectionLog
-from robotd.ros.services import add_service, add_subscription
+from robotd.ros.services import add_service, add_subscription, text_answer
 
 COMMAND_DEPTH = 10
 MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log
@@ -39,14 +39,14 @@ class WmxCoreMotionNode(Node):
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_core_motion_node", context=host.context)
-        parameters = Parameters(self, robot.descriptor)
-        prefix = read_core_motion(parameters, robot.descriptor)
-        parameters.done()
+        prefix = read_settings(self, robot.descriptor, read_core_motion)
         self._axes = robot.axes
         self._connection = robot.connection
         self._rejections = RejectionLog()
         self._add_axis_services(host)
-        add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
+        add_service(
+            self, host, LoadWmxParams, "wmx/params/load", text_answer(self._load_parameters)
+        )
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)
         for message_type, topic, command in (
             (AxisVelocity, "wmx/axis/velocity", self._jog),
@@ -122,14 +122,12 @@ class WmxCoreMotionNode(Node):
     def _set_on(self, axis: int, data: int) -> None:
         self._axes.servo(axis, bool(data))
 
-    def _load_parameters(self, request: Any, response: Any) -> Any:
+    def _load_parameters(self, request: Any) -> str:
         length = len(request.file_path)
         if not 1 <= length <= MAX_PATH:
             raise InvalidArgument(f"file_path has {length} characters, not 1 to {MAX_PATH}")
         note = self._connection.load_parameters(Path(request.file_path))
-        response.success = True
-        response.message = f"{request.file_path} loaded{f'; {note}' if note else ''}"
-        return response
+        return f"{request.file_path} loaded{f'; {note}' if note else ''}"
 
     def _get_parameters(self, request: Any, response: Any) -> Any:
         axes = list(request.index) or list(range(len(self._axes)))

@@ -13,9 +13,9 @@ from robotd.node_settings.device_settings import read_engine
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.lifecycle_services import LifecycleServices
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
-from robotd.ros.services import add_service
+from robotd.ros.services import add_service, text_answer
 
 READY = "wmx/engine/ready"
 
@@ -34,53 +34,52 @@ class WmxEngineNode(Node):
         super().__init__("wmx_engine_node", context=host.context)
         self._connection = robot.connection
         self._latch = robot.axes.stop_latch
-        parameters = Parameters(self, robot.descriptor)
-        managed = read_engine(parameters, robot.descriptor)
-        parameters.done()
+        managed = read_settings(self, robot.descriptor, read_engine)
         self.lifecycle = LifecycleServices(self, robot, host).lifecycle if managed else None
-        add_service(self, host, SetEngine, "wmx/engine/set_device", self._set_device)
-        add_service(self, host, SetBool, "wmx/engine/set_comm", self._set_communication)
-        add_service(self, host, Trigger, "wmx/engine/get_status", self._get_status, blocking=False)
-        add_service(self, host, Trigger, "wmx/engine/get_fault", self._get_fault)
-        add_service(self, host, Trigger, "wmx/engine/scan_network", self._scan_network)
+        for service_type, name, handler, blocking in (
+            (SetEngine, "set_device", self._set_device, True),
+            (SetBool, "set_comm", self._set_communication, True),
+            (Trigger, "get_status", self._get_status, False),
+            (Trigger, "get_fault", self._get_fault, True),
+            (Trigger, "scan_network", self._scan_network, True),
+        ):
+            answer = text_answer(handler)
+            add_service(self, host, service_type, f"wmx/engine/{name}", answer, blocking=blocking)
         self._ready = ReadyTopic(self, robot.connection, READY)
         self.rates_hz = {self.resolve_topic_name(READY): 1 / PERIOD_S}
 
-    def _set_device(self, request: Any, response: Any) -> Any:
+    def _set_device(self, request: Any) -> str:
         self._check_unmanaged()
         if request.data:
             self._connection.open(request.path, request.name)
         else:
             self._connection.close()
-        return self._done(response)
+        return self._connection.state.value
 
-    def _set_communication(self, request: Any, response: Any) -> Any:
+    def _set_communication(self, request: Any) -> str:
         self._check_unmanaged()
         if request.data:
             self._connection.start_communication()
         else:
             self._connection.stop_communication()
-        return self._done(response)
+        return self._connection.state.value
 
     def _check_unmanaged(self) -> None:
         if self.lifecycle is not None:
             what = "a lifecycle manager starts and stops this robot"
             raise NotReady(f"{what}: use {self.get_fully_qualified_name()}/change_state")
 
-    def _get_status(self, request: Any, response: Any) -> Any:
-        return self._done(response)
+    def _get_status(self, request: Any) -> str:
+        return self._connection.state.value
 
-    def _get_fault(self, request: Any, response: Any) -> Any:
+    def _get_fault(self, request: Any) -> str:
         """Answer why axes cannot be commanded and what helps, a line each; empty when ready."""
         connection = self._connection
-        response.success = True
         if self._latch.inactive:
-            response.message = self._latch.rejection
-            return response
+            return self._latch.rejection
         reason = "; ".join(line.strip() for line in connection.rejection.splitlines())
         lines = [] if connection.commandable else [reason, self._remedy()]
-        response.message = "\n".join(filter(None, lines))
-        return response
+        return "\n".join(filter(None, lines))
 
     def _remedy(self) -> str:
         """The command that brings the device back; "" where waiting or nothing helps."""
@@ -90,13 +89,5 @@ class WmxEngineNode(Node):
         namespace = self.get_namespace()
         return f"robotd recover{f' --ros-args -r __ns:={namespace}' if namespace != '/' else ''}"
 
-    def _scan_network(self, request: Any, response: Any) -> Any:
-        response.success = True
-        response.message = self._connection.scan_network()
-        return response
-
-    def _done(self, response: Any) -> Any:
-        """Fill the response with success and the present state."""
-        response.success = True
-        response.message = self._connection.state.value
-        return response
+    def _scan_network(self, request: Any) -> str:
+        return self._connection.scan_network()

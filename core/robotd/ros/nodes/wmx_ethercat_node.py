@@ -17,7 +17,7 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.ethercat_conversions import fill_network_state
 from robotd.ros.nodes.object_services import ObjectServices
-from robotd.ros.services import add_service
+from robotd.ros.services import add_service, text_answer
 
 
 class WmxEthercatNode(Node):
@@ -29,8 +29,8 @@ class WmxEthercatNode(Node):
         for service_type, name, handler in (
             (EcatGetNetworkState, "get_network_state", self._get_network_state),
             (EcatRegisterRead, "register_read", self._register_read),
-            (EcatResetStatistics, "reset_statistics", self._reset_statistics),
-            (EcatStartHotconnect, "start_hotconnect", self._start_hot_connect),
+            (EcatResetStatistics, "reset_statistics", text_answer(self._reset_statistics)),
+            (EcatStartHotconnect, "start_hotconnect", text_answer(self._start_hot_connect)),
         ):
             add_service(self, host, service_type, f"wmx/ecat/{name}", handler)
         self._objects = ObjectServices(self, host, robot.fieldbus)
@@ -47,14 +47,10 @@ class WmxEthercatNode(Node):
         response.message = f"{len(data)} bytes"
         return response
 
-    def _reset_statistics(self, request: Any, response: Any) -> Any:
+    def _reset_statistics(self, request: Any) -> str:
         self._fieldbus.reset_statistics(request.master_id)
-        response.success = True
-        response.message = "statistics reset"
-        return response
+        return "statistics reset"
 
-    def _start_hot_connect(self, request: Any, response: Any) -> Any:
+    def _start_hot_connect(self, request: Any) -> str:
         self._fieldbus.start_hot_connect(request.master_id)
-        response.success = True
-        response.message = "hot connect started"
-        return response
+        return "hot connect started"
