@@ -24,7 +24,6 @@ class OpenStream(Generic[Motion]):
 
     Args:
         joints: names, in the order of the values that it takes.
-        motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
 
     Attributes:

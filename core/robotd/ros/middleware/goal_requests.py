@@ -62,11 +62,7 @@ class GoalRequest:
 
 
 class GoalRequests:
-    """Takes and answers the goal requests of an action server. Executor thread.
-
-    Args:
-        action_type: class of the action.
-    """
+    """Takes and answers the goal requests of an action server. Executor thread."""
 
     def __init__(self, action_type: Any) -> None:
         self._requests = MessageFunctions(action_type.Impl.SendGoalService.Request)

@@ -23,8 +23,6 @@ class ConstraintParameters:
 
     Args:
         node: has declared the parameters.
-        groups: of the joints.
-        constraints: values at the start.
     """
 
     def __init__(self, node: Node, groups: JointGroups, constraints: Constraints) -> None:

@@ -13,11 +13,7 @@ COUNTED = ("passed", "failed", "skipped")
 
 
 class Report:
-    """Counts checks by capability as pytest reports them, and sums up at the end.
-
-    Args:
-        target: of the checks.
-    """
+    """Counts checks by capability as pytest reports them, and sums up at the end."""
 
     def __init__(self, target: KitTarget) -> None:
         self._target = target
