@@ -220,6 +220,11 @@ class Harness:
         if errors:
             raise errors[0]
 
+    def set_velocity_mode(self) -> None:
+        """Put all axes into velocity mode."""
+        for axis in self.all:
+            self.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+
     def stream(self, position: FloatArray, velocity: FloatArray) -> None:
         """Control loop: send setpoints (n_axes,) of this period; too late, they are left out."""
         with suppress(LateSetpoint):
@@ -237,6 +242,11 @@ class Harness:
             if not limits.lower < target < limits.upper:
                 sign[axis] = -sign[axis]
         return cast(FloatArray, sign * size)
+
+    def speeds(self, share: float) -> FloatArray:
+        """(n_axes,) velocities at ``share`` of each profile, in the directions of ``travel``."""
+        fastest = [self.profile(axis, share).velocity for axis in self.all]
+        return np.sign(self.travel()) * fastest
 
     def profile(self, axis: int, share: float = 1.0) -> Profile:
         """A gentle profile within the limits of the axis, at ``share`` of its speed."""
@@ -301,6 +311,14 @@ class Harness:
             finally:
                 execution.cancel()
                 self.wait_until(lambda: execution.done)
+
+    def follow(
+        self, times_s: Sequence[float], rows: Sequence[FloatArray], *, velocities: bool = False
+    ) -> TrajectoryExecution:
+        """Follow a trajectory until it ends; arguments as of ``following``."""
+        with self.following(times_s, rows, velocities) as execution:
+            self.until(lambda: execution.done, "the trajectory ends")
+        return execution
 
     def servo_group(self, axis: int) -> list[int]:
         """Return the axes that are switched with ``axis``, itself included."""

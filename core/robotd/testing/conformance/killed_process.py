@@ -15,7 +15,6 @@ import numpy as np
 
 from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
-from robotd.device.state import CommandMode
 from robotd.motion.profile import Profile
 from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.kit_target import KitTarget
@@ -28,8 +27,7 @@ def begin(harness: Harness, speeds: np.ndarray) -> None:
     """Start velocity commands; moves where the backend has none."""
     profiles = [Profile(float(speed), RAMP_RAD_S2, RAMP_RAD_S2) for speed in speeds]
     if harness.can(Capability.VELOCITY_MODE):
-        for axis in harness.all:
-            harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+        harness.set_velocity_mode()
         harness.robot.axes.jog([Jog(*pair) for pair in enumerate(profiles)])
     else:
         harness.move(harness.all, harness.image.position + RUNNING_S * speeds)

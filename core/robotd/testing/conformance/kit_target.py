@@ -137,3 +137,9 @@ class FaultInjectorOrSkip:
             return result
 
         return call
+
+
+def trip(harness: Harness, injector: FaultInjector, code: int) -> None:
+    """Trip the drive of axis 0 with alarm ``code``; wait until it is shown."""
+    injector.trip(0, code)
+    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)

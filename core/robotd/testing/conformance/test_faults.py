@@ -14,7 +14,7 @@ from robotd.device.state import Operation
 from robotd.errors import NotReady
 from robotd.motion import JointTolerance
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
+from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, trip
 
 ALARM = 0x32
 A_WORD = re.compile(r"[^\W\d_]{3}")
@@ -23,8 +23,7 @@ FREED_RAD = 0.01  # that a joint may move when it is freed
 
 
 def test_an_alarm_is_shown_with_its_code(harness: Harness, injector: FaultInjector) -> None:
-    injector.trip(0, ALARM)
-    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    trip(harness, injector, ALARM)
     group = harness.alarm_group(0)
     assert (harness.image.alarm_code[group] == ALARM).all()
     assert not np.delete(harness.image.amp_alarm, group).any()
@@ -35,8 +34,7 @@ def test_the_reason_of_an_alarm_comes_and_goes_with_it(
     harness: Harness, injector: FaultInjector
 ) -> None:
     assert not any(harness.image.reason), "a reason without an alarm"
-    injector.trip(0, ALARM)
-    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    trip(harness, injector, ALARM)
     harness.periods(5)
     assert "\n" not in harness.image.reason[0], "a reason is part of a line"
     assert not any(harness.image.reason[1:]), "the reason is shown on another axis too"
@@ -80,8 +78,7 @@ def test_an_alarm_ends_the_motion_of_its_axis_alone(
 
 
 def test_an_axis_in_alarm_refuses_to_move(harness: Harness, injector: FaultInjector) -> None:
-    injector.trip(0, ALARM)
-    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    trip(harness, injector, ALARM)
     start = harness.image.position.copy()
     with pytest.raises(NotReady):
         harness.move([0], start + harness.travel())

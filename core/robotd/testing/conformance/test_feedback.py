@@ -10,7 +10,7 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
+from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, trip
 
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
 HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
@@ -126,8 +126,7 @@ def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -
 def test_a_code_is_shown_in_full_with_a_reason(
     harness: Harness, injector: FaultInjector, code: int
 ) -> None:
-    injector.trip(0, code)
-    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    trip(harness, injector, code)
     harness.periods(5)
     assert harness.image.alarm_code[0] == code
     reason = harness.image.reason[0]
@@ -138,8 +137,7 @@ def test_a_code_is_shown_in_full_with_a_reason(
 
 def test_the_code_is_that_of_the_present_alarm(harness: Harness, injector: FaultInjector) -> None:
     for code in CODES:
-        injector.trip(0, code)
-        harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+        trip(harness, injector, code)
         harness.periods(5)
         assert harness.image.alarm_code[0] == code
         harness.robot.axes.clear_alarm(0)
@@ -147,16 +145,14 @@ def test_the_code_is_that_of_the_present_alarm(harness: Harness, injector: Fault
 
 
 def test_an_alarm_stays_however_long_it_takes(harness: Harness, injector: FaultInjector) -> None:
-    injector.trip(0, CODES[0])
-    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    trip(harness, injector, CODES[0])
     harness.pass_time(LONG_STEPPED_S if harness.stepped else LONG_S)
     assert harness.image.amp_alarm[0], "the alarm went away by itself"
     assert harness.image.alarm_code[0] == CODES[0]
 
 
 def test_switching_on_clears_no_alarm(harness: Harness, injector: FaultInjector) -> None:
-    injector.trip(0, CODES[0])
-    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
+    trip(harness, injector, CODES[0])
     try:
         harness.drivers.axes.servo(0, True, 1.0)
     except Exception:  # noqa: BLE001 - rejected, in whatever words

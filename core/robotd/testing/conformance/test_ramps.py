@@ -13,7 +13,6 @@ from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver
-from robotd.device.state import CommandMode
 from robotd.motion.profile import Profile
 from robotd.testing.conformance.attempts import judge
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
@@ -99,8 +98,7 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(
     start_harness: MakeHarness, gentle: str
 ) -> None:
     harness = start_harness()
-    for axis in harness.all:
-        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    harness.set_velocity_mode()
     profiles = [
         replace(profile, velocity=JOG_SHARE * profile.velocity)
         for profile in (uneven(harness, axis, gentle) for axis in harness.all)

@@ -52,11 +52,8 @@ def test_a_trajectory_arrives(jointed: Harness) -> None:
 
     def motion() -> Recording:
         goal = harness.image.position_command[joints] + joint_travel(harness)
-        with (
-            harness.recording() as recording,
-            harness.following([1.2], [joint_travel(harness)]) as execution,
-        ):
-            harness.until(lambda: execution.done, "the trajectory ends")
+        with harness.recording() as recording:
+            execution = harness.follow([1.2], [joint_travel(harness)])
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
         harness.rest()
         assert harness.image.position[joints] == pytest.approx(goal, abs=SETTLED_RAD)
@@ -74,9 +71,8 @@ def test_the_joints_are_on_the_path(jointed: Harness) -> None:
     errors = np.zeros(len(way))
 
     def motion() -> Recording:
-        points = harness.following(times_s, rows, velocities=True)
-        with harness.recording() as recording, points as execution:
-            harness.until(lambda: execution.done, "the trajectory ends")
+        with harness.recording() as recording:
+            execution = harness.follow(times_s, rows, velocities=True)
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
         errors[:] = execution.max_error
         return recording
@@ -95,11 +91,8 @@ def test_bare_axes_do_not_move_with_the_joints(jointed: Harness) -> None:
     others = [axis for axis in harness.all if axis not in harness.robot.joint_axes]
     if not others:
         pytest.skip(f"the robot {harness.robot.descriptor.name} has no axis that is no joint")
-    with (
-        harness.recording() as recording,
-        harness.following([0.8], [joint_travel(harness)]) as execution,
-    ):
-        harness.until(lambda: execution.done, "the trajectory ends")
+    with harness.recording() as recording:
+        harness.follow([0.8], [joint_travel(harness)])
     start = recording.position[0, others]
     assert np.abs(recording.position[:, others] - start).max() <= SETTLED_RAD
     assert np.isfinite(recording.position_command).all()
@@ -114,8 +107,7 @@ def test_a_stream_begins_where_the_command_stands(harness: Harness) -> None:
 
 def test_the_end_of_a_trajectory_is_held(jointed: Harness) -> None:
     harness = jointed
-    with harness.following([0.8], [joint_travel(harness, 0.5)]) as execution:
-        harness.until(lambda: execution.done, "the trajectory ends")
+    harness.follow([0.8], [joint_travel(harness, 0.5)])
     harness.rest()
     with harness.recording() as recording:
         harness.pass_time(0.4)
@@ -203,15 +195,13 @@ def test_no_joint_leaps_after_the_cycle_has_stood(jointed: Harness) -> None:
 def test_trajectories_may_follow_at_once_on_each_other(jointed: Harness) -> None:
     harness, way = jointed, joint_travel(jointed, 0.3)
     for sign in (1.0, -1.0, 1.0):
-        with harness.following([0.5], [sign * way]) as execution:
-            harness.until(lambda: execution.done, "the trajectory ends")
+        execution = harness.follow([0.5], [sign * way])
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
 
 def test_an_axis_takes_moves_after_a_trajectory(jointed: Harness) -> None:
     harness = jointed
-    with harness.following([0.5], [joint_travel(harness, 0.3)]) as execution:
-        harness.until(lambda: execution.done, "the trajectory ends")
+    harness.follow([0.5], [joint_travel(harness, 0.3)])
     harness.rest()
     targets = harness.image.position_command - harness.travel(0.3)
     harness.move(harness.all, targets)

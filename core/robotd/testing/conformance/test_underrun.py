@@ -24,11 +24,8 @@ class InterruptedStream:
 
     def __init__(self, harness: Harness) -> None:
         self._harness = harness
-        axes = harness.all
         self._start = harness.image.position_command.copy()
-        self.velocity: FloatArray = np.sign(harness.travel()) * [
-            harness.profile(axis, SPEED_SHARE).velocity for axis in axes
-        ]
+        self.velocity = harness.speeds(SPEED_SHARE)
         self._began_ns = 0
         self.gap_s = max(GAP_S, MIN_GAP_PERIODS * harness.period_s)
         self.samples: list[tuple[float, FloatArray]] = []

@@ -118,14 +118,11 @@ def test_torque_is_finite_or_not_known(harness: Harness) -> None:
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_a_positive_velocity_raises_the_position(start_harness: MakeHarness) -> None:
     harness = start_harness()
-    for axis in harness.all:
-        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    harness.set_velocity_mode()
     harness.until(
         lambda: bool((harness.image.mode == CommandMode.VELOCITY).all()), "all in velocity mode"
     )
-    speeds = np.sign(harness.travel()) * [
-        harness.profile(axis, 0.3).velocity for axis in harness.all
-    ]
+    speeds = harness.speeds(0.3)
     start = harness.image.position.copy()
     jog(harness, speeds)
     harness.pass_time(0.5)
@@ -138,11 +135,8 @@ def test_a_positive_velocity_raises_the_position(start_harness: MakeHarness) -> 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_a_streamed_velocity_is_a_measured_velocity(start_harness: MakeHarness) -> None:
     harness = start_harness()
-    for axis in harness.all:
-        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
-    speeds = np.sign(harness.travel()) * [
-        harness.profile(axis, 0.3).velocity for axis in harness.all
-    ]
+    harness.set_velocity_mode()
+    speeds = harness.speeds(0.3)
     unknown, began_ns = np.full(harness.count, np.nan), harness.clock.now_ns()
 
     def setpoint(image: ProcessImage) -> None:

@@ -27,9 +27,7 @@ def test_an_axis_stops_when_setpoints_stay_away(start_harness: MakeHarness) -> N
     if harness.robot.axes.trajectories_on_device:
         pytest.skip(f"the {harness.robot.backend.name} backend streams no positions")
     start = harness.image.position_command.copy()
-    speeds = np.sign(harness.travel()) * [
-        harness.profile(axis, 0.3).velocity for axis in harness.all
-    ]
+    speeds = harness.speeds(0.3)
     began_ns = harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
