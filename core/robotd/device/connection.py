@@ -67,7 +67,7 @@ class Connection:
         self._start_failure = ""
         self._wanted = False  # communication should run
         self._readiness = Readiness()
-        self.before_stop: Callable[[], None] = _nothing
+        self.before_stop: Callable[[], None] = lambda: None  # the robot puts its own stop here
 
     @property
     def state(self) -> ConnectionState:
@@ -358,7 +358,3 @@ class Connection:
         if self._start_failure:
             return f"it communicates although its start failed: {self._start_failure}"
         return "communication was not started by robotd, so its parameters are not in force"
-
-
-def _nothing() -> None:
-    """The robot that owns the engine puts its own stop here."""

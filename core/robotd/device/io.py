@@ -95,26 +95,26 @@ class Io:
 
     def output_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
         """A check-free reader of one output bit for the control loop; False while not ready."""
-        driver, mask = self._maybe_driver, 1 << bit
-        if driver is None:
-            raise Unsupported("digital outputs", self._backend)
+        driver, mask = self._existing("digital outputs"), 1 << bit
         _check_bit(bit)
         _check_range("output", byte, 1, driver.output_bytes)
         return lambda: bool(driver.read_outputs(byte, 1)[0] & mask)
 
     def input_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
         """A check-free reader of one input bit for the control loop; invalid while not ready."""
-        driver, mask = self._maybe_driver, 1 << bit
-        if driver is None:
-            raise Unsupported("digital inputs", self._backend)
+        driver, mask = self._existing("digital inputs"), 1 << bit
         _check_bit(bit)
         _check_range("input", byte, 1, driver.input_bytes)
         return lambda: bool(driver.read_inputs(byte, 1)[0] & mask)
 
     def _driver(self) -> IoDriver:
-        if self._maybe_driver is None:
-            raise Unsupported("digital I/O", self._backend)
+        driver = self._existing("digital I/O")
         self._connection.require_ready()
+        return driver
+
+    def _existing(self, feature: str) -> IoDriver:
+        if self._maybe_driver is None:
+            raise Unsupported(feature, self._backend)
         return self._maybe_driver
 
 

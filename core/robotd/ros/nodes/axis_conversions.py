@@ -39,10 +39,8 @@ def moves(message: Any) -> list[Move]:
         dec=message.dec,
     )
     return [
-        Move(axis, target, Profile(velocity, acceleration, deceleration))
-        for axis, (target, velocity, acceleration, deceleration) in zip(
-            message.index, rows, strict=True
-        )
+        Move(axis, target, Profile(*profile))
+        for axis, (target, *profile) in zip(message.index, rows, strict=True)
     ]
 
 

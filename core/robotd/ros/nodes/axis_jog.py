@@ -59,7 +59,7 @@ class AxisJog:
         for group, stream in self._streams:
             if any(jog.axis in group.joint_axes for jog in streamed):
                 velocity = [_velocity(axis, streamed) for axis in group.joint_axes]
-                stream.apply(partial(_send, velocity=velocity))
+                stream.apply(partial(JointStream.send_velocity, velocity=velocity))
 
     def check(self, image: ProcessImage) -> None:
         """Stop the axes whose messages have stopped."""
@@ -81,7 +81,3 @@ class AxisJog:
 
 def _velocity(axis: int, jogs: list[Jog]) -> float:
     return next((jog.profile.velocity for jog in jogs if jog.axis == axis), 0.0)
-
-
-def _send(stream: JointStream, velocity: list[float]) -> None:
-    stream.send_velocity(velocity)

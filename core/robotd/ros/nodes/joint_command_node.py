@@ -56,7 +56,7 @@ class JointCommandNode(Node):
             stream = self._stream(group, topics.trajectory, OWNER)
             TrajectoryTopic(self, group, robot.clock, host, topics.trajectory, stream)
         if topics.position:
-            self._forward(group, topics.position, Float64MultiArray, _positions)
+            self._forward(group, topics.position, Float64MultiArray, _positions_or_efforts)
         if topics.velocity:
             self._forward(group, topics.velocity, Float64MultiArray, _velocities)
         if topics.effort:
@@ -79,7 +79,7 @@ class JointCommandNode(Node):
         """Let every message of ``topic`` command a torque stream."""
         open_stream = partial(group.torque_stream, timeout_s=self._timeout_s, owner=topic)
         stream = TopicStream(open_stream, self._host, topic)
-        self._subscribe(topic, Float64MultiArray, stream, _efforts)
+        self._subscribe(topic, Float64MultiArray, stream, _positions_or_efforts)
 
     def _subscribe(
         self, topic: str, message_type: Any, stream: TopicStream[Any], command: Any
@@ -111,11 +111,7 @@ def named_values(
     return [given.get(name, 0.0) for name in known]
 
 
-def _positions(message: Any, stream: JointStream) -> None:
-    stream.send(message.data)
-
-
-def _efforts(message: Any, stream: TorqueStream) -> None:
+def _positions_or_efforts(message: Any, stream: JointStream | TorqueStream) -> None:
     stream.send(message.data)
 
 
