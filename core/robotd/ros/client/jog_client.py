@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from rclpy.publisher import Publisher
 from std_msgs.msg import Float64, String
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
 from robotd.ros.client.operator_client import SPEED, STOPPED, motion_hindrance
-from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
+from robotd.ros.client.ros_client import LATCHED, RosClient
 from robotd.ros.client.status_client import (
     AXIS_STATE,
-    AxisIdentity,
     AxisReport,
     axis_reports,
     read_axes,
@@ -46,19 +44,17 @@ class JogClient:
         identities: of the axes, by index.
     """
 
-    def __init__(
-        self,
-        client: RosClient,
-        identities: tuple[AxisIdentity, ...],
-        publisher: Publisher,
-        axes: Listener,
-        stopped: Listener,
-        speed: Listener,
-    ) -> None:
-        self.identities = identities
-        self._client, self._publisher = client, publisher
-        self._axes, self._stopped, self._speed = axes, stopped, speed
+    def __init__(self, client: RosClient, stack: ExitStack) -> None:
+        self._client = client
         self._jogged: set[int] = set()
+        self.identities = read_axes(client)
+        self._publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
+        self._axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
+        self._stopped = stack.enter_context(client.listen(String, STOPPED, LATCHED))
+        self._speed = stack.enter_context(client.listen(Float64, SPEED, LATCHED))
+        for listener in (self._axes, self._stopped, self._speed):
+            listener.wait()
+        client.wait(self._publisher.get_subscription_count, f"subscription of {JOG}")
 
     def jog(self, axis: int, velocity: float, fastest: float) -> None:
         """Move ``axis``; the robot stops it 0.2 s after the last call.
@@ -100,17 +96,8 @@ def jog_client(client: RosClient) -> Iterator[JogClient]:
         DeviceTimeout: no robot with the node ``wmx_core_motion_node`` answers.
         OperationError: motion is stopped or paused.
     """
-    identities = read_axes(client)
-    publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
-    with (
-        client.listen(AxisState, AXIS_STATE) as axes,
-        client.listen(String, STOPPED, LATCHED) as stopped,
-        client.listen(Float64, SPEED, LATCHED) as speed,
-    ):
-        jog = JogClient(client, identities, publisher, axes, stopped, speed)
-        for listener in (axes, stopped, speed):
-            listener.wait()
-        client.wait(publisher.get_subscription_count, f"subscription of {JOG}")
+    with ExitStack() as stack:
+        jog = JogClient(client, stack)
         if reason := jog.state().hindrance:
             raise OperationError(reason)
         yield jog

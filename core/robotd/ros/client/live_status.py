@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +20,6 @@ from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
 from robotd.ros.client.status_client import (
     AXIS_STATE,
     TOOL_POSE,
-    AxisIdentity,
     AxisReport,
     ToolReport,
     axis_reports,
@@ -82,18 +81,21 @@ class GoalProgress:
 class LiveStatus:
     """Subscriptions of a robot's state: ``with live_status(client) as status:``. One thread."""
 
-    def __init__(
-        self,
-        ready: Listener,
-        axes: Listener,
-        diagnostics: Listener,
-        goals: Mapping[str, GoalProgress],
-        tools: Listener,
-        identities: Sequence[AxisIdentity],
-    ) -> None:
-        self._identities = identities
-        self._ready, self._axes, self._diagnostics = ready, axes, diagnostics
-        self._goals, self._tools = goals, tools
+    def __init__(self, client: RosClient, stack: ExitStack) -> None:
+        def listen(message_type: Any, topic: str, qos: Any = 1) -> Listener:
+            return stack.enter_context(client.listen(message_type, topic, qos))
+
+        self._ready = listen(Bool, "wmx/engine/ready", LATCHED)
+        self._axes = listen(AxisState, AXIS_STATE)
+        self._diagnostics = listen(DiagnosticArray, "/diagnostics", 10)
+        self._tools = listen(TFMessage, TOOL_POSE)
+        self._ready.wait()
+        feedback = FollowJointTrajectory.Impl.FeedbackMessage
+        self._goals = {
+            action: GoalProgress(listen(feedback, f"{action}/_action/feedback"))
+            for action, _ in action_servers(client.node)
+        }
+        self._identities = published_axes(client)
 
     def report(self) -> LiveReport:
         """Return the newest state; never waits."""
@@ -116,16 +118,4 @@ class LiveStatus:
 def live_status(client: RosClient) -> Iterator[LiveStatus]:
     """Subscribe to the state of the running robot. Raises DeviceTimeout when there is none."""
     with ExitStack() as stack:
-        ready = stack.enter_context(client.listen(Bool, "wmx/engine/ready", LATCHED))
-        axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
-        diagnostics = stack.enter_context(client.listen(DiagnosticArray, "/diagnostics", 10))
-        tools = stack.enter_context(client.listen(TFMessage, TOOL_POSE))
-        ready.wait()
-        kind = FollowJointTrajectory.Impl.FeedbackMessage
-        goals = {
-            action: GoalProgress(
-                stack.enter_context(client.listen(kind, f"{action}/_action/feedback"))
-            )
-            for action, _ in action_servers(client.node)
-        }
-        yield LiveStatus(ready, axes, diagnostics, goals, tools, published_axes(client))
+        yield LiveStatus(client, stack)
