@@ -21,9 +21,11 @@ class BaseOdometry:
     """Pose from the wheel positions of the process image. Any thread, except ``track``.
 
     Args:
+        wheels: kinematics of the base.
         wheel_axes: axes of the wheels, in the order of ``wheels``.
         wrap_rad: range after which a wheel's position begins again; None: it never does.
         wheel_velocity: limit of a wheel, rad/s.
+        period_s: of the control loop.
     """
 
     def __init__(

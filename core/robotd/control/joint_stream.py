@@ -46,6 +46,8 @@ class JointStream(OpenStream[StreamMotion]):
         motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
         columns: (k,) index of the stream's joints among the m joints of ``limits``.
+        limits: of all joints.
+        clock: of the control loop.
     """
 
     def __init__(
@@ -119,7 +121,12 @@ class JointStreams:
     Called like a function, by worker threads.
 
     Args:
+        motion: of the joints.
+        axes: of the robot.
         descriptor: joints of the group, time-outs and takeover.
+        limits: of the joints.
+        clock: of the control loop.
+        backend: name, for errors.
     """
 
     def __init__(

@@ -39,6 +39,7 @@ class MotionStop:
         driver: stops what the device moves by itself; the control loop may call its ``stop``.
         mixer: source slots of all groups of axes.
         connection: of the device; the input counts while it is ready.
+        clock: to wait by.
         allows_motion: returns the state of the stop input, in the control loop; None: no input.
         input_name: for texts.
     """

@@ -24,6 +24,7 @@ class OpenStream(Generic[Motion]):
 
     Args:
         joints: names, in the order of the values that it takes.
+        motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
 
     Attributes:

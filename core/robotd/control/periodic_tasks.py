@@ -27,6 +27,7 @@ class PeriodicTasks:
     """Tasks with a rate each. ``add`` by any thread, ``run`` by the control loop.
 
     Args:
+        period_ns: of the control loop.
         image: passed to the tasks.
     """
 

@@ -33,7 +33,10 @@ class Recovery:
     Servos are switched on as at start: at the measured position, without a jump.
 
     Args:
+        connection, axes, fieldbus: of the robot.
         used: axes that are switched on at start.
+        enable: switches one axis on.
+        clock: to wait by.
     """
 
     def __init__(

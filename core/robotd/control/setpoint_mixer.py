@@ -19,6 +19,9 @@ class SetpointMixer:
     """Slots of all groups of axes; sends their setpoints together. Control-loop thread.
 
     Args:
+        driver: sink of the setpoints.
+        axes: number of axes of the device.
+        rate_hz: rate of the control loop.
         clock: of the device and of the control loop; None: monotonic.
 
     Attributes:

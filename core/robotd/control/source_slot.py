@@ -18,6 +18,9 @@ class SourceSlot:
 
     ``submit``, ``release_after`` and ``release`` are for the worker that has claimed the axes;
     ``select`` and ``device_lost`` for the mixer.
+
+    Args:
+        period_ns: of the control loop.
     """
 
     def __init__(self, period_ns: int) -> None:

@@ -34,10 +34,12 @@ class StreamMotion:
 
     Args:
         axes: (m,) index of each joint's axis.
+        limits: of the joints.
         state: at the start.
         start_ns: due time of the first setpoint, at the earliest.
         mode: interpolation between position targets.
         timeout_s: age of the last command at which the joints slow to rest.
+        period_s: of the control loop.
         underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.

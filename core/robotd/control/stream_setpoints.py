@@ -40,7 +40,9 @@ class StreamSetpoints:
     """Follows commands in a mode. One thread; arrays of shape (m,).
 
     Args:
+        limits: of the joints.
         mode: of commands without a velocity.
+        period_s: of the control loop.
     """
 
     def __init__(self, limits: JointLimits, mode: StreamMode, period_s: float) -> None:

@@ -31,6 +31,7 @@ class TorqueMotion:
     Args:
         driver: applies the torques, and stops; the control loop may call its ``stop``.
         axes: (m,) index of each joint's axis.
+        limits: of the same joints.
         start_ns: monotonic time of its first period, at the earliest.
         timeout_s: age of the last command at which it ends.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.

@@ -28,9 +28,12 @@ class TorqueStream(OpenStream[TorqueMotion]):
     Gravity, friction and contact are the client's: at a torque of 0 an arm falls.
 
     Args:
+        joints: names.
         units: of their torques, "N·m" or "N".
         limit: (k,) highest torque of each.
+        motion: applies the torques.
         release: stops ``motion`` and gives the joints back.
+        clock: of the control loop.
     """
 
     def __init__(
@@ -69,7 +72,12 @@ class TorqueStreams:
     Called like a function, by worker threads.
 
     Args:
+        motion: of the joints.
+        axes: of the robot.
         descriptor: joints of the group, and time-outs.
+        limits: of the joints.
+        clock: of the control loop.
+        driver: applies the torques.
     """
 
     def __init__(

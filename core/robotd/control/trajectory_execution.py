@@ -36,6 +36,7 @@ class TrajectoryExecution:
     call ``cancel``, ``wait`` and ``progress``; the rest belongs to the control loop.
 
     Args:
+        source: makes the joints move along ``trajectory``.
         trajectory: planned and checked.
         axes: (m,) index of each joint's axis.
         limits: of the same joints.

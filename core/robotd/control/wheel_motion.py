@@ -29,6 +29,7 @@ class WheelMotion:
     Args:
         axes: for the reasons why a wheel cannot move.
         wheel_axes: axes of the wheels, in the order of ``wheels``.
+        wheels: kinematics of the base.
         limiter: at rest; one for each motion.
         command: twist to reach.
         claimed_ns: time of the claim.

@@ -53,9 +53,11 @@ class Axes:
     than the last motion command.
 
     Args:
+        driver: the backend's axes.
         image: the live process image, written by the control loop.
         limits: per axis, in force: those of the device are included.
         names: per axis, for error texts (``joint2`` or ``axis 1``).
+        clock: to wait by.
         events: where commands are noted; None: in its own log.
 
     Attributes:

@@ -18,6 +18,11 @@ class AxisClaims:
     """Axes that are reserved for an owner, and their streaming in the device.
 
     ``owner`` for any thread; the rest for one worker at a time.
+
+    Args:
+        driver: begins and ends streaming.
+        image: the live process image.
+        effect: waits until the image shows the end of streaming.
     """
 
     def __init__(self, driver: AxisDriver, image: ProcessImage, effect: CommandEffect) -> None:

@@ -18,7 +18,9 @@ class CommandEffect:
     Where feedback is slower than the control loop, an image is as new as its values.
 
     Args:
+        image: the live process image.
         connection: no wait lasts longer than the device is ready.
+        clock: to wait by.
         feedback_period_s: as of ``AxisDriver``.
     """
 

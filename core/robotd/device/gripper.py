@@ -39,6 +39,11 @@ class Gripper:
     The valve has no sensor of position: the position is what the command leads to, not what was
     felt. An input may show that a part is held.
 
+    Args:
+        io: of the robot.
+        settings: of the descriptor.
+        clock: to wait by.
+
     Attributes:
         joints: names of the fingers.
     """

@@ -17,6 +17,7 @@ class ParametersFile:
     """Loads parameters into a device. One thread at a time.
 
     Args:
+        driver: the backend's device.
         path: applied once after each opening; None leaves the device's own parameters.
         backend: name used in error texts.
         has: the backend has parameter files.

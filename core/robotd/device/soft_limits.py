@@ -20,7 +20,9 @@ class SoftLimitGuard:
     """Stops velocity commands so that their axes come to rest within the position limits.
 
     Args:
+        axes: whose limits and commands count.
         driver: stops; the control loop may call ``stop``, which only starts one.
+        period_s: of the control loop.
     """
 
     def __init__(self, axes: Axes, driver: AxisDriver, period_s: float) -> None:

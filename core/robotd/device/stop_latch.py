@@ -18,8 +18,11 @@ class StopLatch:
 
     Any thread. Commands check it before they start motion; ``MotionStop`` ends what runs.
 
+    Args:
+        read_only: ``AxisDriver.read_only``.
+
     Attributes:
-        read_only: as of ``AxisDriver``.
+        read_only: as above.
         reason: of the first stop since the last reset; "" while motion is allowed.
         inactive: state of a managed robot in which nothing moves; "": it is active, or not managed.
         servos_allowed: servos may be switched on.

@@ -21,6 +21,8 @@ class ToolPose:
     """Pose of one link in the root of the URDF. Any thread.
 
     Args:
+        urdf: of the robot.
+        link: name of the link.
         axes: axis of each joint, by name; other joints are at 0.
 
     Attributes:

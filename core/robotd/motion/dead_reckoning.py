@@ -17,6 +17,7 @@ class Odometry:
     wheels' positions as the baseline. Not thread-safe.
 
     Args:
+        wheels: their kinematics.
         wrap: range in rad after which a wheel's position begins again; None: it never does.
     """
 

@@ -63,6 +63,7 @@ def check_move(
     """Reject a move that the axis must not make.
 
     Args:
+        limits: of the axis.
         target: absolute; for a relative move, where it leads to.
         velocity, acceleration, deceleration: of the move, positive.
 
@@ -96,6 +97,7 @@ def room_to_stop(
     """Return the distance to a position limit after braking; negative where it is too late.
 
     Args:
+        limits: of the axis.
         position, velocity: now; the limit is the one that ``velocity`` leads to.
         deceleration: of the stop, positive.
     """

@@ -35,7 +35,10 @@ class SteeringFollower:
     stays.
 
     Args:
+        wheels: kinematics of the base.
+        limits: of both axes.
         angle: at the begin, rad; the wheel is at rest.
+        period_s: of the control loop.
 
     Attributes:
         angle, rate: of steering, rad and rad/s.

@@ -24,6 +24,9 @@ class WorkerActionServer(RealTimeResultServer):
     as long as one waits: half a core while the robot moves.
 
     Args:
+        node: serves the action.
+        action_type: class of the action.
+        name: of the action.
         admit: decides about a ``GoalRequest``; its ``goal`` is converted when it is read.
             Executor thread.
         accepted, cancel: callbacks of rclpy with a goal handle, in the executor thread.

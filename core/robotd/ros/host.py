@@ -146,6 +146,7 @@ class RosHost:
 
         Args:
             function: may block.
+            args: its arguments.
             urgent: never waits behind ordinary calls; for stopping, not for moving.
 
         Raises:

@@ -86,6 +86,7 @@ def served_robot(
         robot: not started; it is shut down at the end.
         names: nodes to make; one that ``enables_servos`` switches them on.
         faults: begins when the robot is ready.
+        domain_id: ROS domain.
 
     Raises:
         DescriptorError, PluginError: a node or a parameter is wrong.

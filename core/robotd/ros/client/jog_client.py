@@ -60,6 +60,7 @@ class JogClient:
         """Move ``axis``; the robot stops it 0.2 s after the last call.
 
         Args:
+            axis: its index.
             velocity: rad/s or m/s, signed; 0 slows to rest.
             fastest: velocity that an axis in velocity mode reaches in ``RAMP_S``.
         """

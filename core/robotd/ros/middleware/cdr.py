@@ -175,6 +175,8 @@ class HotPublisher:
 
     Args:
         node: owner of the publisher, which is made here.
+        topic: its name.
+        depth: of its queue.
         template: the message with its constant strings and array lengths; not shared.
         views: paths that ``view`` is going to be asked for.
 

@@ -62,7 +62,11 @@ class GoalRequest:
 
 
 class GoalRequests:
-    """Takes and answers the goal requests of an action server. Executor thread."""
+    """Takes and answers the goal requests of an action server. Executor thread.
+
+    Args:
+        action_type: class of the action.
+    """
 
     def __init__(self, action_type: Any) -> None:
         self._requests = MessageFunctions(action_type.Impl.SendGoalService.Request)

@@ -53,6 +53,9 @@ class MessageFunctions:
         create: returns the address of an empty message.
         destroy: frees a message.
         to_python: returns the message at an address as an object.
+
+    Args:
+        message_type: class of the message.
     """
 
     def __init__(self, message_type: Any) -> None:

@@ -38,7 +38,12 @@ _MAX_KNOWN = 64  # readers remembered without a look-up
 
 
 class ServiceResponses:
-    """Sends the responses of one service."""
+    """Sends the responses of one service.
+
+    Args:
+        node: the service's owner.
+        service: whose requests are answered.
+    """
 
     def __init__(self, node: Node, service: Service) -> None:
         self._node = node

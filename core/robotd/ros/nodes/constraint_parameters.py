@@ -23,6 +23,8 @@ class ConstraintParameters:
 
     Args:
         node: has declared the parameters.
+        groups: of the joints.
+        constraints: values at the start.
     """
 
     def __init__(self, node: Node, groups: JointGroups, constraints: Constraints) -> None:

@@ -59,6 +59,11 @@ class GripperAction:
     """One action of the gripper; each goal runs in a worker until standstill.
 
     Args:
+        node: its owner.
+        host: its workers move the gripper.
+        gripper: to be moved.
+        action_type: class of the action.
+        name: of the action.
         wanted: returns the finger position of a goal; raises InvalidArgument.
         fill: fills a result or a feedback from finger names and a state.
     """

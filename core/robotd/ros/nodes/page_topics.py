@@ -38,7 +38,13 @@ STATE_TICKS = 14  # the state is repeated, as a sign of life
 
 
 class PageTopics:
-    """Publishes what a page shows: ``with PageTopics(...):``. Thread ``robotd-page-topics``."""
+    """Publishes what a page shows: ``with PageTopics(...):``. Its thread is ``robotd-page-topics``.
+
+    Args:
+        node: the one of the operator.
+        tap: of the robot.
+        nodes: names of the ROS nodes that are served.
+    """
 
     def __init__(self, node: Node, tap: Tap, nodes: Sequence[str]) -> None:
         self._feed = PageFeed(tap, nodes, {})

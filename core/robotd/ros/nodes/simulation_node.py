@@ -37,7 +37,9 @@ class SimulationNode(Node):
 
     Args:
         robot: on a simulated backend.
+        host: whose workers answer.
         nodes: whose clocks follow simulated time; this node's own does too.
+        faults: where faults are put.
     """
 
     def __init__(

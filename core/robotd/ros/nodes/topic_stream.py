@@ -23,6 +23,7 @@ class TopicStream(Generic[Stream]):
     Args:
         open_stream: returns an open stream, which ends without commands. Worker.
         host: its workers open and close streams.
+        topic: name, for the log.
     """
 
     def __init__(self, open_stream: Callable[[], Stream], host: RosHost, topic: str) -> None:

@@ -61,6 +61,13 @@ class TrajectoryAction:
 
     A bad goal is accepted and aborted at once, because only a result can carry a reason. One too
     many is rejected, see ``MAX_ACTIVE_GOALS``.
+
+    Args:
+        node: serves the action.
+        robot: of the group.
+        host: its workers execute goals.
+        group: executes the trajectories.
+        action: name.
     """
 
     def __init__(

@@ -40,7 +40,11 @@ class TrajectoryTopic:
     - No point: the motion that this topic has started comes to rest.
 
     Args:
+        node: subscribes.
+        group: executes.
         clock: of the control loop.
+        host: its workers execute trajectories.
+        topic: name.
         stream: of single points.
     """
 

@@ -13,7 +13,11 @@ COUNTED = ("passed", "failed", "skipped")
 
 
 class Report:
-    """Counts checks by capability as pytest reports them, and sums up at the end."""
+    """Counts checks by capability as pytest reports them, and sums up at the end.
+
+    Args:
+        target: of the checks.
+    """
 
     def __init__(self, target: KitTarget) -> None:
         self._target = target
