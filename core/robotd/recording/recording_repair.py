@@ -24,7 +24,8 @@ class Recovery:
     Attributes:
         damaged: path of the original file.
         messages: number of messages in the repaired file.
-        duration_s: from the first to the last of them.
+        duration_s: from the first to the last of the topic that has most of them: a recording
+            begins with older lines of the log.
     """
 
     damaged: Path
@@ -47,8 +48,8 @@ def recover(path: Path) -> Recovery | None:
                 return None
             source.seek(0)
             with partial.open("wb") as target:
-                times = _copy(source, target)
-        if not times:
+                topics = _copy(source, target)
+        if not topics:
             raise RecordingError(f"{path}: no complete chunk of messages in it")
         path.rename(damaged)
         partial.rename(path)
@@ -56,18 +57,33 @@ def recover(path: Path) -> Recovery | None:
         raise RecordingError(f"{path}: {error.strerror or error}") from error
     finally:
         partial.unlink(missing_ok=True)
-    return Recovery(damaged, len(times), (max(times) - min(times)) / NANOSECONDS)
+    longest = max(topics, key=lambda topic: topic.messages)
+    duration_s = (longest.last_ns - longest.first_ns) / NANOSECONDS
+    return Recovery(damaged, sum(topic.messages for topic in topics), duration_s)
 
 
-def _copy(source: IO[bytes], target: IO[bytes]) -> list[int]:
-    """Copy every record that is whole; return the times of the messages."""
+@dataclass
+class _Topic:
+    """Number of messages of a topic, with the earliest and the latest time."""
+
+    first_ns: int
+    last_ns: int
+    messages: int = 0
+
+    def count(self, time_ns: int) -> None:
+        self.first_ns, self.last_ns = min(self.first_ns, time_ns), max(self.last_ns, time_ns)
+        self.messages += 1
+
+
+def _copy(source: IO[bytes], target: IO[bytes]) -> list[_Topic]:
+    """Copy every record that is whole; return the topics that have messages."""
     from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
     from mcap.writer import CompressionType, Writer
 
     writer = Writer(target, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
-    times: list[int] = []
+    topics: dict[int, _Topic] = {}
     has_begun = False
     for record in _records(source):
         match record:
@@ -93,7 +109,8 @@ def _copy(source: IO[bytes], target: IO[bytes]) -> list[int]:
                     record.publish_time,
                     record.sequence,
                 )
-                times.append(record.log_time)
+                time_ns = record.log_time
+                topics.setdefault(record.channel_id, _Topic(time_ns, time_ns)).count(time_ns)
             case Metadata():
                 writer.add_metadata(record.name, record.metadata)
             case Attachment():
@@ -106,7 +123,7 @@ def _copy(source: IO[bytes], target: IO[bytes]) -> list[int]:
                 )
     if has_begun:
         writer.finish()
-    return times
+    return list(topics.values())
 
 
 def _is_complete(source: IO[bytes]) -> bool:

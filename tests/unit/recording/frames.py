@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from robotd.device.process_image import ProcessImage
+from robotd.events import Event
 from robotd.recording.frame_ring import COUNT_BYTES, HEADER, FrameMemory, FrameRing, Frames
 from robotd.recording.recording_writer import RecordingInfo, create_recording
 
@@ -67,8 +69,10 @@ def ramp(periods: int = 100) -> Frames:
     return ring.since(0)[0]
 
 
-def write(path: Path, frames: Frames, urdf: str = "") -> None:
+def write(path: Path, frames: Frames, urdf: str = "", events: Iterable[Event] = ()) -> None:
     """Write ``frames`` as the file ``path``."""
     writer = create_recording(path, INFO, urdf)
+    for event in events:
+        writer.event(event)
     writer.frames(frames)
     writer.close()

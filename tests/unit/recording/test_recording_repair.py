@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.recording.frames import ramp, write
+from tests.unit.recording.frames import PERIOD_NS, ramp, write
 
+from robotd.clock import NANOSECONDS
+from robotd.events import Event, EventKind
 from robotd.recording.recording_reader import RecordingError, read_recording
 from robotd.recording.recording_repair import recover
 
@@ -26,6 +28,16 @@ def test_the_complete_chunks_of_a_file_that_was_cut_off_are_kept(
     kept = read_recording(path).frames
     assert len(kept) >= 700
     np.testing.assert_array_equal(kept["values"], frames["values"][: len(kept)])
+
+
+def test_older_lines_of_the_log_do_not_lengthen_the_recording(tmp_path: Path) -> None:
+    path = tmp_path / "late.mcap"
+    started = Event(-100 * NANOSECONDS, EventKind.LOG, "serve", "ready")
+    write(path, ramp(1000), events=[started])
+    path.write_bytes(path.read_bytes()[:-1])
+    found = recover(path)
+    assert found is not None
+    assert found.duration_s == pytest.approx(999 * PERIOD_NS / NANOSECONDS)
 
 
 def test_a_damaged_chunk_ends_the_recording(tmp_path: Path) -> None:
