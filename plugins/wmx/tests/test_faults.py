@@ -24,7 +24,7 @@ from robots import descriptor, eventually, goal, running
 from standin_port import hanging_calls, port
 
 SPAN_S = 0.02  # over which decelerations are measured
-STEEPEST_RAD_S2 = 12.0  # joint1 may slow down by 12.57 rad/s²
+STEEPEST_RAD_S2 = 1.02 * 12.57  # the limit of joint1, and 2 % for the interpolation
 
 
 @contextmanager
