@@ -177,9 +177,9 @@ def run_robot(options: RunOptions) -> int:
 def prioritize(robot: Robot) -> None:
     """Request a short time slice and ``cycle.niceness`` for all threads of this process.
 
-    Before they are started. A thread that holds the interpreter while other programs have its core
-    delays the control loop, whatever priority that has. Not in simulated time, which would take
-    all of a core.
+    Call it before they are started. A thread that holds the interpreter while other programs have
+    its core delays the control loop, whatever priority that has. Not in simulated time, which would
+    take all of a core.
     """
     if not isinstance(robot.clock, MonotonicClock):
         return

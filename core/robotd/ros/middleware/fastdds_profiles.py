@@ -8,7 +8,7 @@ announcing every 0.2 s ends that wait for every client. With one sample for an e
 demand, the process has 11 MiB less. A sample is used again: periodic topics allocate nothing
 (x86_64, quiet machine).
 Upstream: https://github.com/ros2/rmw_fastrtps/issues/844 (the same 3 s; closed without a change).
-Shown by: tests/ros/test_middleware.py, tools/bench/middleware.py.
+Shown by: tools/bench/middleware.py.
 """
 
 from __future__ import annotations
