@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from robotd.page.page_message import Message
 from robotd.recording.message_encoders import octets_message, read_octets_message
@@ -17,7 +17,6 @@ FIRST = f"{OPERATOR_NODE}/page/first"  # std_msgs/UInt8MultiArray: see ``pack_fi
 SAMPLES = f"{OPERATOR_NODE}/page/samples"  # std_msgs/UInt8MultiArray: see ``LiveSamples``
 CHANGES = f"{OPERATOR_NODE}/page/changes"  # std_msgs/String: state and events, as JSON
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 ALL = QoSProfile(depth=100)
 

@@ -6,8 +6,9 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from robotd.errors import InvalidArgument, unknown_name
-from robotd.ros.client.ros_client import LATCHED, RosClient
+from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.qos import LATCHED
 
 IO = f"{OPERATOR_NODE}/io"
 LEVELS = {"on": True, "off": False}

@@ -11,13 +11,14 @@ from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
 from robotd.ros.client.operator_client import SPEED, STOPPED, motion_hindrance
-from robotd.ros.client.ros_client import LATCHED, RosClient
+from robotd.ros.client.ros_client import RosClient
 from robotd.ros.client.status_client import (
     AXIS_STATE,
     AxisReport,
     axis_reports,
     read_axes,
 )
+from robotd.ros.qos import LATCHED
 
 JOG = "wmx/axis/jog"
 RAMP_S = 0.2  # to the speed, of axes in velocity mode

@@ -16,7 +16,7 @@ from wmx_ros2_message.msg import AxisState
 
 from robotd.clock import NANOSECONDS
 from robotd.ros.client.motion_client import action_servers
-from robotd.ros.client.ros_client import LATCHED, Listener, RosClient
+from robotd.ros.client.ros_client import Listener, RosClient
 from robotd.ros.client.status_client import (
     AXIS_STATE,
     TOOL_POSE,
@@ -26,6 +26,7 @@ from robotd.ros.client.status_client import (
     published_axes,
     tool_reports,
 )
+from robotd.ros.qos import LATCHED
 
 GOAL_SILENCE_S = 0.5  # after the last feedback of a goal it has ended
 

@@ -9,8 +9,9 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from robotd.errors import DeviceTimeout, OperationError
-from robotd.ros.client.ros_client import LATCHED, RosClient
+from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.qos import LATCHED
 
 STOPPED = f"{OPERATOR_NODE}/stopped"
 SPEED = f"{OPERATOR_NODE}/speed"

@@ -16,7 +16,8 @@ from robotd.log import get_logger
 from robotd.page.page_message import json_text
 from robotd.ros.client.remote_feed import RemoteFeed
 from robotd.ros.client.ros_client import Listener, RosClient
-from robotd.ros.page_messages import ALL, CHANGES, FIRST, LATCHED, NEWEST, ROBOT, SAMPLES
+from robotd.ros.page_messages import ALL, CHANGES, FIRST, NEWEST, ROBOT, SAMPLES
+from robotd.ros.qos import LATCHED
 
 log = get_logger("page")
 

@@ -17,13 +17,10 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.middleware import discovery_server, see_whole_graph
-
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 

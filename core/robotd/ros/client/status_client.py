@@ -19,8 +19,9 @@ from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.client.io_client import IO, Levels, read_levels
 from robotd.ros.client.operator_client import DISCOVERY_S, SPEED, STOPPED
-from robotd.ros.client.ros_client import LATCHED, RosClient
+from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.qos import LATCHED
 
 GRIPPER = "wmx/set_gripper"
 AXIS_NODE = "wmx_core_motion_node"

@@ -7,7 +7,8 @@ from std_msgs.msg import String
 
 from robotd.device.process_image import ProcessImage
 from robotd.robot import Robot
-from robotd.ros.nodes.ready_topic import LATCHED, publish_if_alive
+from robotd.ros.nodes.ready_topic import publish_if_alive
+from robotd.ros.qos import LATCHED
 
 TOPIC = "~/owners"
 RATE_HZ = 10.0

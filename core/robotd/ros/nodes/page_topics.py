@@ -22,12 +22,12 @@ from robotd.ros.page_messages import (
     ALL,
     CHANGES,
     FIRST,
-    LATCHED,
     NEWEST,
     ROBOT,
     SAMPLES,
     pack_first,
 )
+from robotd.ros.qos import LATCHED
 
 log = get_logger("page")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from robotd.ros.nodes.ready_topic import LATCHED
+from robotd.ros.qos import LATCHED
 
 TOPIC = "robot_description"
 

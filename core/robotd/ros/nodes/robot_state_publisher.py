@@ -22,9 +22,9 @@ from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes.joint_state_topics import Fingers
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import TF_DEPTH
-from robotd.ros.nodes.ready_topic import LATCHED
 from robotd.ros.nodes.robot_description import publish_description
 from robotd.ros.nodes.tool_pose_topic import fill_transform
+from robotd.ros.qos import LATCHED
 
 NAME = "robot_state_publisher"
 STATIC_TOPIC = "tf_static"
