@@ -23,6 +23,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
+from tools.bench.process import cpu_s
 
 from robotd.ros import services
 from robotd.ros.host import RosHost
@@ -40,6 +41,7 @@ SERVICES = 42  # as the CR3A has
 CALLS = 300
 STARTS = 10
 FLOOD_S = 3.0
+PERIODIC_S, RATE_HZ = 8.0, 500.0
 NAMES = [f"joint{number}" for number in range(1, 9)]
 
 
@@ -97,7 +99,10 @@ def server(*options: str) -> Iterator[int]:
 
 
 def serve(options: list[str]) -> None:
-    """Serve until killed; options: ``single`` executor, ``profiles``, ``unlimited`` messages."""
+    """Serve until killed.
+
+    Options: ``single`` executor, ``profiles``, ``unlimited`` messages, a ``periodic`` topic.
+    """
     if "profiles" in options:
         use_profiles()
     if "unlimited" in options:
@@ -109,7 +114,20 @@ def serve(options: list[str]) -> None:
             services.add_service(node, host, Trigger, f"s{number}", greet, blocking=False)
         services.add_subscription(node, host, Bool, "flood", lambda _: time.sleep(2e-4), 10)
         host.add_node(node)
+        if "periodic" in options:
+            publish_periodically(node)
         sys.stdin.read()
+
+
+def publish_periodically(node: Node) -> None:
+    """Publish a JointState ``RATE_HZ`` times a second until killed, as the control loop does."""
+    message = JointState(name=NAMES, position=[0.0] * len(NAMES))
+    hot = HotPublisher(node, "periodic", 10, message, ("position",))
+    due = time.monotonic()
+    while True:
+        due += 1.0 / RATE_HZ
+        time.sleep(max(0.0, due - time.monotonic()))
+        hot.publish()
 
 
 def round_trip_ms(node: Node, client: Any) -> float:
@@ -168,6 +186,23 @@ def _resident_mib(*options: str) -> float:
         return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
+def periodic() -> tuple[float, float]:
+    """Processor time of a process with a topic of ``RATE_HZ`` and a reader, % of a core."""
+    return _periodic_percent("profiles"), _periodic_percent()
+
+
+def _periodic_percent(*options: str) -> float:
+    with server("periodic", *options) as pid, RosHost() as host:
+        node = Node("client", context=host.context)
+        received = threading.Event()
+        node.create_subscription(JointState, "periodic", lambda _: received.set(), 10, raw=True)
+        host.add_node(node)
+        received.wait(20.0)
+        begin = cpu_s(pid)
+        time.sleep(PERIODIC_S)
+        return (cpu_s(pid) - begin) / PERIODIC_S * 100.0
+
+
 def flood() -> tuple[float, float]:
     """Longest round trip of a service while a topic with a handler of 0.3 ms is flooded."""
     return _flooded_ms(), _flooded_ms("unlimited")
@@ -215,6 +250,7 @@ def main() -> None:
         rows.append(("executor.py: round trip, median", "ms", *executors()))
         rows.append(("fastdds_profiles.py: first service", "ms", *discovery()))
         rows.append(("fastdds_profiles.py: memory", "MiB", *memory()))
+        rows.append(("fastdds_profiles.py: 500 Hz", "%", *periodic()))
         rows.append(("rate_limit.py: round trip, worst", "ms", *flood()))
     print(f"{'':36} {'with':>10} {'without':>10}   load {os.getloadavg()[0]:.1f}")
     for name, unit, with_it, without in rows:

@@ -78,13 +78,18 @@ class Program:
 
     def cpu_s(self) -> float:
         """CPU time of all its threads, ended ones too; user and system."""
-        return time.clock_gettime((~self.pid << 3) | CPU_CLOCK_SCHED)
+        return cpu_s(self.pid)
 
     def memory_mib(self) -> dict[str, float]:
         """Resident memory, and the same with shared pages divided among those who share."""
         rollup = Path(f"/proc/{self.pid}/smaps_rollup").read_text(encoding="ascii")
         sizes = dict(re.findall(r"^(Rss|Pss):\s+(\d+) kB$", rollup, re.MULTILINE))
         return {f"{key.lower()}_mib": int(size) / MIB for key, size in sizes.items()}
+
+
+def cpu_s(pid: int) -> float:
+    """CPU time of all threads of a process, ended ones too; user and system."""
+    return time.clock_gettime((~pid << 3) | CPU_CLOCK_SCHED)
 
 
 def fresh_environment(domain: int) -> dict[str, str]:
