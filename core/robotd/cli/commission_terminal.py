@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import select
 import sys
 import termios
 import threading
@@ -27,6 +28,7 @@ RELEASE_S = 0.3  # without a repetition of the key; terminals repeat one every 3
 HELP = "←/→ hold to move   +/- speed   Enter: done"
 HOMING_HELP = "hold → to home; its release stops   Enter: give up"
 _ENTER = (b"\n", b"\r")
+_ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "": False}
 
 
 class Left(Exception):
@@ -52,9 +54,11 @@ class CommissionTerminal:
         self._hold(JogKeys(1, 0.0), f"{question}; then press Enter", _stay, lambda: False)
 
     def agrees(self, question: str) -> bool:
-        """Ask for y or n."""
+        """Ask until y or n is typed; Enter alone is n. Raises click.Abort."""
         _forget_typed()
-        return click.confirm(question)
+        while (answer := _line(f"{question} [y/N]: ").lower()) not in _ANSWERS:
+            click.echo(f"{answer!r} is not y or n")
+        return _ANSWERS[answer]
 
     def accepts(self, difference: str) -> bool:
         """Show the difference and ask if it is to be written."""
@@ -64,13 +68,14 @@ class CommissionTerminal:
         return self.agrees("Write this?")
 
     def number(self, question: str) -> float:
-        """Ask until a finite number is typed."""
+        """Ask until a finite number is typed. Raises click.Abort."""
         _forget_typed()
         while True:
-            value: float = click.prompt(question, type=float)
-            if math.isfinite(value):
-                return value
-            click.echo(f"{value} is not a finite number")
+            text = _line(f"{question}: ")
+            with suppress(ValueError):
+                if math.isfinite(value := float(text)):
+                    return value
+            click.echo(f"{text!r} is not a finite number")
 
     def jog(self, speed: float, distance: float = math.inf) -> float:
         """Move while an arrow key is held; return the lag in s. Raises Left, OperationError."""
@@ -154,6 +159,23 @@ def _await_release(key_input: KeyInput) -> None:
         quiet_s = time.monotonic()
         if key_input.read():
             last_s = quiet_s
+
+
+def _line(prompt: str) -> str:
+    """Show ``prompt`` and return the line that is typed then. Raises click.Abort at its end.
+
+    ``input`` misses a Ctrl-C that comes just before it reads, and waits for a line.
+    """
+    click.echo(prompt, nl=False)
+    while not select.select([sys.stdin], [], [], TICK_S)[0]:
+        pass
+    try:
+        line = sys.stdin.readline()
+    except OSError:  # the terminal is lost
+        line = ""
+    if not line:
+        raise click.Abort
+    return line.strip()
 
 
 def _forget_typed() -> None:
