@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
-from robotd.ros.middleware import discovery_server, see_whole_graph
+from robotd.ros.middleware import discovery_server, see_whole_graph, use_profiles
 
 _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
@@ -51,6 +51,7 @@ class RosClient:
 
     def start(self) -> None:
         """Raises OperationError: the ROS arguments are wrong or the middleware does not start."""
+        use_profiles()
         if self._searches:
             see_whole_graph()
         try:
