@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -328,3 +329,24 @@ def test_an_alarm_of_the_controller_is_not_that_of_an_axis() -> None:
     assert str(harness.axes.rejection(1, CommandMode.POSITION)) == (
         "controller alarm 17 (emergency stop)"
     )
+
+
+@pytest.mark.parametrize("velocity", [False, True])
+def test_a_stop_while_motions_begin_stops_them_and_begins_no_other(
+    harness: Harness, velocity: bool
+) -> None:
+    if velocity:
+        jogging(harness)
+    begun: list[int] = []
+
+    def begin(axis: int, *_: object) -> None:
+        harness.axes.stop([1, 2])  # of another client, while the driver writes a ramp
+        begun.append(axis)
+
+    harness.driver.move = harness.driver.jog = begin  # type: ignore[assignment,method-assign]
+    jogs, moves = [Jog(1, PROFILE), Jog(2, PROFILE)], [Move(1, 0.5, PROFILE), Move(2, 0.5, PROFILE)]
+    command = partial(harness.axes.jog, jogs) if velocity else partial(harness.axes.move, moves)
+    with pytest.raises(NotReady, match="joint2: stopped before the motion began"):
+        command()
+    assert begun == [1]
+    assert harness.driver.calls[-2:] == [("stop", [1, 2]), ("stop", [1])]
