@@ -16,11 +16,13 @@ class Activity:
         complete: the last motion has reached its end.
         home_done: the axis has been homed since it was configured.
         streaming: setpoints come from ``AxisDriver.stream``.
+        stops: number of stops that were requested, also of an idle axis.
     """
 
     def __init__(self) -> None:
         self.operation = Operation.IDLE
         self.complete = self.home_done = self.streaming = False
+        self.stops = 0
         self._resting_frames = 0
 
     @property

@@ -18,6 +18,7 @@ from robotd.api import (
 )
 from robotd_cia402.axis import Axis
 from robotd_cia402.commands import Commands
+from robotd_cia402.drive_setup import write_quick_stop_ramp
 
 
 class Cia402Master(Protocol):
@@ -121,6 +122,8 @@ class Cia402Axes(AxisDriver):
         drive = self._axes[axis]
         drive.scaling.counts_per_unit = numerator / denominator
         drive.objects.forget()
+        if drive.drive.online:  # else it is written when the drive is configured again
+            write_quick_stop_ramp(drive)
 
     def home(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].home(timeout_s)

@@ -120,7 +120,7 @@ class Axis:
         if self.mode.requested is OperationMode.PROFILE_POSITION:
             self.mode.cancel_target()
         elif self.mode.requested is OperationMode.HOMING or self.mode.is_torque:
-            self.power.command(Control.QUICK_STOP)
+            self.power.quick_stop()
 
     def hold(self) -> None:
         """Idle from now on, at the present command."""

@@ -38,29 +38,40 @@ class Commands:
         self._axis, self._clock = axis, clock
 
     def enable(self, timeout_s: float) -> None:
-        """Enable operation, with the command at the measured position."""
+        """Enable operation, with the command at the measured position.
+
+        An axis that is on is left as it is, and taken out of a quick stop.
+        """
         axis = self._axis
         with axis.lock:
             self.require_online()
+            if axis.power.requested and axis.report.powered:
+                self._recover()
+                return
             deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
             axis.mode.clear_bits()
             axis.power.lost = ""
             axis.mode.requested = self._rest_mode()
-            while axis.report.state is not DriveState.OPERATION_ENABLED:
-                self._require_no_alarm()
-                left_s = (deadline_ns - self._clock.now_ns()) / NANOSECONDS
-                if left_s <= 0 or not self._next_state(left_s):
-                    axis.power.command(Control.DISABLE_VOLTAGE)
-                    text = f"the servo did not go on within {timeout_s:g} s, {self._status()}"
-                    raise self._error(DeviceTimeout, text)
-            self._enter(axis.mode.requested)
+            try:
+                while axis.report.state is not DriveState.OPERATION_ENABLED:
+                    self._require_no_alarm()
+                    left_s = (deadline_ns - self._clock.now_ns()) / NANOSECONDS
+                    if left_s <= 0 or not self._next_state(left_s):
+                        text = f"the servo did not go on within {timeout_s:g} s, {self._status()}"
+                        raise self._error(DeviceTimeout, text)
+                self._enter(axis.mode.requested)
+            except RobotdError:
+                axis.power.command(Control.DISABLE_VOLTAGE)
+                raise
             axis.power.request()
 
     def disable(self, timeout_s: float) -> None:
-        """Switch the power stage off, to ready to switch on."""
+        """Switch the power stage off; a homing ends by it."""
         axis = self._axis
+        if axis.activity.operation is Operation.HOMING:  # it holds the lock
+            axis.power.release(axis.report)
         with axis.lock:
-            axis.power.release()
+            axis.power.release(axis.report)
             axis.mode.clear_bits()
             self.require_online()
             if not self._wait(lambda: not axis.report.powered, timeout_s):
@@ -149,16 +160,20 @@ class Commands:
     def move(self, target: float, profile: Profile) -> None:
         """Profile position: write changed ramps by SDO; the control loop runs the handshake."""
         axis = self._axis
+        stops = axis.activity.stops
         with axis.lock:
             self._require_power()
             self._recover()
             axis.activity.complete = False
             self._write_profile(profile)
+            self._require_no_stop(stops)
             axis.begin_move(target, profile)
+            self._require_no_stop(stops)
 
     def jog(self, profile: Profile) -> None:
         """Profile or cyclic synchronous velocity."""
         axis = self._axis
+        stops = axis.activity.stops
         with axis.lock:
             self._require_power()
             self._recover()
@@ -171,16 +186,19 @@ class Commands:
             if axis.mode.requested is not mode:
                 setpoint.target_velocity = setpoint.velocity = 0.0
                 self._enter(mode)
+            self._require_no_stop(stops)
             axis.mode.clear_bits()
             axis.activity.complete = False
             setpoint.target_velocity = profile.velocity
             axis.estimate.run(profile.velocity, profile.acceleration, profile.deceleration)
             if profile.velocity or not axis.activity.is_idle:
                 axis.activity.begin(Operation.VELOCITY)
+            self._require_no_stop(stops)
 
     def home(self, timeout_s: float) -> None:
         """Homing mode with the configured method; 35 and 37 do not move."""
         axis, options = self._axis, self._axis.options
+        stops, braking_s = axis.activity.stops, 0.0
         with axis.lock:
             self._require_power()
             self._recover()
@@ -192,13 +210,12 @@ class Commands:
                     axis.objects.write(0x6099, sub, abs(axis.scaling.velocity_units(speed)))
                 ramp = axis.scaling.ramp_units(options.homing_acceleration_rad_s2)
                 axis.objects.write(0x609A, 0, ramp)
+                braking_s = max(speeds) / options.homing_acceleration_rad_s2
             try:
                 self._enter(OperationMode.HOMING)
-                self._run_homing(timeout_s)
+                self._run_homing(timeout_s, stops)
             finally:
-                axis.mode.clear_bits()
-                seen = axis.report.frames
-                self._wait(lambda: axis.report.frames > seen + _FRESH_FRAMES, _STEP_S)
+                self._end_homing(braking_s)
                 axis.report.rebase()
                 axis.setpoint.position = axis.report.position
                 axis.mode.requested = self._rest_mode()
@@ -207,27 +224,30 @@ class Commands:
             axis.activity.home_done = True
 
     def stop(self) -> None:
-        """Controlled stop; the control loop does the rest."""
+        """Controlled stop; the control loop does the rest. A command that runs begins no motion."""
         axis = self._axis
+        axis.activity.stops += 1
         streamed = axis.activity.operation is Operation.STREAM
         ramp = axis.options.stop_deceleration_rad_s2
         axis.brake(ramp if streamed else axis.setpoint.deceleration)
 
     def quick_stop(self) -> None:
-        """The drive's own quick stop; the axis stays powered."""
+        """The drive's own quick stop; the axis stays powered. As ``stop``."""
         axis = self._axis
+        axis.activity.stops += 1
         if not axis.activity.is_idle:
             axis.brake(axis.options.quick_stop_deceleration_rad_s2)
-            axis.power.command(Control.QUICK_STOP)
+            axis.power.quick_stop()
 
     def require_online(self) -> None:
         drive = self._axis.drive
         if not drive.online:
             raise self._error(NotReady, drive.fault or "offline")
 
-    def _run_homing(self, timeout_s: float) -> None:
+    def _run_homing(self, timeout_s: float, stops: int) -> None:
         axis, report, activity = self._axis, self._axis.report, self._axis.activity
         activity.begin(Operation.HOMING)
+        self._require_no_stop(stops)
         axis.mode.bits = int(Control.START_HOMING)
         started = self._wait(lambda: bool(axis.outputs.controlword & Control.START_HOMING), _STEP_S)
         done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
@@ -244,6 +264,22 @@ class Commands:
             raise self._error(DeviceTimeout, text)
         if failed():
             raise self._error(OperationError, f"homing failed, {self._status()}")
+
+    def _end_homing(self, braking_s: float) -> None:
+        """End the drive's own motion; return when every value is from after it."""
+        axis = self._axis
+        axis.mode.clear_bits()
+        if not axis.activity.is_idle:
+            axis.activity.begin_stop()
+            self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S)
+        seen = axis.report.frames
+        self._wait(lambda: axis.report.frames > seen + _FRESH_FRAMES, _STEP_S)
+
+    def _require_no_stop(self, stops: int) -> None:
+        """Raise OperationError, with the axis stopped, after a stop since ``stops`` of them."""
+        if self._axis.activity.stops != stops:
+            self.stop()
+            raise self._error(OperationError, "stopped before the motion began")
 
     def _error(self, kind: type[RobotdError], text: str) -> RobotdError:
         """Return an error of this axis that names its node."""
@@ -296,13 +332,23 @@ class Commands:
 
         A drive that was stopped in the cyclic torque mode gets a position mode first: operation is
         never enabled with a torque.
+
+        Raises DeviceTimeout when it does not come to rest, or does not obey.
         """
         axis = self._axis
         report = axis.report
         if report.state is DriveState.QUICK_STOP_ACTIVE:
+            braking_s = abs(report.velocity) / axis.options.quick_stop_deceleration_rad_s2
+            if not self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S):
+                text = f"it still moves in its quick stop, {self._status()}"
+                raise self._error(DeviceTimeout, text)
             axis.setpoint.stand_at(axis.present_position())
             if axis.mode.is_torque:
                 axis.mode.requested = self._rest_mode()
+            torque = OperationMode.CYCLIC_TORQUE
+            if not self._wait(lambda: report.displayed_mode != torque, _STEP_S):
+                text = "the drive remains in its torque mode; switch the servo off and on"
+                raise self._error(DeviceTimeout, text)
             axis.mode.halt()
             axis.power.command(Control.ENABLE_OPERATION)
             if not self._wait(lambda: report.state is DriveState.OPERATION_ENABLED, _STEP_S):

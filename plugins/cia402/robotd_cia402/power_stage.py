@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robotd_cia402.drive_report import DriveReport
-from robotd_cia402.state_machine import Control
+from robotd_cia402.state_machine import Control, DriveState
 
 
 class PowerStage:
@@ -28,10 +28,19 @@ class PowerStage:
         """Worker: operation is enabled, and shall stay so."""
         self.requested = True
 
-    def release(self) -> None:
-        """Worker: switch the power stage off, to ready to switch on."""
+    def release(self, report: DriveReport) -> None:
+        """Worker: switch the power stage off, to ready to switch on.
+
+        From a quick stop only switch on disabled can be reached (transition 12).
+        """
+        stopped = self.control == Control.QUICK_STOP or report.state is DriveState.QUICK_STOP_ACTIVE
         self.requested = False
-        self.command(Control.SHUTDOWN)
+        self.command(Control.DISABLE_VOLTAGE if stopped else Control.SHUTDOWN)
+
+    def quick_stop(self) -> None:
+        """Any thread: quick stop, unless the power stage is being switched off."""
+        if self.requested:
+            self.command(Control.QUICK_STOP)
 
     def reset(self) -> None:
         """Worker: off, with nothing remembered."""

@@ -7,6 +7,7 @@ from robotd_cia402.options import DriveOptions
 SPAN = 1 << 32
 _HALF = SPAN >> 1
 _INT16 = (1 << 15) - 1
+_INT32 = _HALF - 1
 _UNLIMITED = 100.0  # rad/s or m/s, for an axis without a velocity limit in the descriptor
 
 
@@ -52,7 +53,8 @@ class Scaling:
         return round(position / self.position)
 
     def velocity_units(self, velocity: float) -> int:
-        return wrapped(round(velocity / self.velocity))
+        """Velocity units of the drive, within 32 bits: a faster command would reverse."""
+        return max(-_INT32, min(_INT32, round(velocity / self.velocity)))
 
     def torque_units(self, torque: float) -> int:
         """Per mille of the rated torque, which is known; within 16 bits."""

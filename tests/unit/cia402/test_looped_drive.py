@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
+import threading
 
 import pytest
 from structlog.testing import capture_logs
 from tests.unit.cia402.looped_drive import SUPPORTED_MODES, LoopedDrive
 
-from robotd.api import CommandMode, DeviceTimeout, NotReady, Operation, OperationError, Profile
+from robotd.api import (
+    CommandMode,
+    DeviceTimeout,
+    NotReady,
+    Operation,
+    OperationError,
+    ProcessImage,
+    Profile,
+    RobotdError,
+)
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
+from robotd_cia402.object_numbers import MODE_DISPLAY
 from robotd_cia402.state_machine import DriveState
 from robotd_cia402.switch_off import switch_off
 
@@ -102,6 +113,148 @@ def test_a_quick_stop_keeps_the_power_and_the_next_move_leaves_it(on: LoopedDriv
     on.commands.move(0.0, FAST)
     idle(on)
     assert on.drive.position == pytest.approx(0.0, abs=1e-3)
+
+
+def peak_velocity(looped: LoopedDrive, periods: int = 250) -> float:
+    """Return the largest velocity of the motor while it runs; an axis at rest does not jump."""
+    velocities = []
+    for _ in range(periods):
+        looped.run(0.004)
+        velocities.append(abs(looped.motors.velocity(0)))
+    return max(velocities)
+
+
+def test_servo_on_in_motion_changes_nothing(on: LoopedDrive) -> None:
+    on.commands.move(1.0, Profile(velocity=0.5, acceleration=5.0, deceleration=5.0))
+    on.run(0.9)
+    on.commands.enable(1.0)
+    assert on.image.operation[0] == Operation.POSITION
+    assert peak_velocity(on, 500) == pytest.approx(0.5, abs=0.05)
+    assert on.drive.position == pytest.approx(1.0, abs=1e-3)
+
+
+def test_servo_on_leaves_a_quick_stop_of_a_stream_without_a_step(on: LoopedDrive) -> None:
+    on.commands.prepare_stream()
+    on.commands.begin_stream()
+    for step in range(100):
+        on.axis.follow(0.004 * step, 1.0)
+        on.run(0.004)
+    on.commands.quick_stop()
+    idle(on)
+    rest = on.drive.position
+    on.commands.enable(1.0)
+    assert on.axis.report.state is DriveState.OPERATION_ENABLED
+    assert peak_velocity(on) < 0.01
+    assert on.drive.position == pytest.approx(rest, abs=1e-4)
+
+
+def test_a_move_waits_for_the_end_of_a_quick_stop(on: LoopedDrive) -> None:
+    on.commands.move(3.0, Profile(velocity=2.0, acceleration=20.0, deceleration=20.0))
+    on.run(0.5)
+    on.commands.quick_stop()
+    on.run(0.02)
+    braking = on.image.position_command[0]
+    on.commands.move(3.0, FAST)
+    assert on.axis.report.state is DriveState.OPERATION_ENABLED
+    assert on.drive.position > braking
+    assert abs(on.motors.velocity(0)) < 0.05
+    idle(on)
+    assert on.drive.position == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("resting", [True, False])
+def test_the_servo_goes_off_from_a_quick_stop(on: LoopedDrive, resting: bool) -> None:
+    on.commands.jog(FAST)
+    on.run(0.5)
+    on.commands.quick_stop()
+    if resting:
+        idle(on)
+        assert on.axis.report.state is DriveState.QUICK_STOP_ACTIVE
+    on.commands.disable(1.0)
+    assert on.axis.report.state is DriveState.SWITCH_ON_DISABLED
+    on.run(2.0)  # in motion the motor has run out
+    on.commands.enable(1.0)
+    assert peak_velocity(on, 50) < 0.01
+
+
+@pytest.mark.parametrize("command", ["move", "jog", "home"])
+def test_a_stop_during_the_sdo_of_a_command_prevents_its_motion(command: str) -> None:
+    looped = LoopedDrive(homing_method=19)
+    looped.commands.enable(1.0)
+    write = looped.objects.write
+
+    def stop_meanwhile(index: int, sub: int, value: int) -> None:
+        looped.commands.stop()
+        write(index, sub, value)
+
+    looped.objects.write = stop_meanwhile  # type: ignore[method-assign]
+    start = {
+        "move": lambda: looped.commands.move(0.5, FAST),
+        "jog": lambda: looped.commands.jog(FAST),
+        "home": lambda: looped.commands.home(5.0),
+    }
+    with pytest.raises(OperationError, match="stopped before the motion began"):
+        start[command]()
+    assert peak_velocity(looped) < 0.01
+    assert looped.image.operation[0] == Operation.IDLE
+
+
+def test_a_servo_that_does_not_take_its_mode_goes_off_again() -> None:
+    looped = LoopedDrive()
+    take = looped.objects.take
+
+    def other_mode() -> None:
+        take()
+        looped.objects._taken[MODE_DISPLAY] = OperationMode.PROFILE_VELOCITY
+
+    looped.objects.take = other_mode  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout, match="mode cyclic_position was requested"):
+        looped.commands.enable(1.0)
+    looped.run(0.1)
+    assert not looped.axis.report.powered
+
+
+def test_servo_off_ends_a_homing() -> None:
+    looped = LoopedDrive(homing_method=19, homing_speed_rad_s=0.5)
+    looped.commands.enable(1.0)
+    failures: list[Exception] = []
+
+    def search() -> None:
+        try:
+            looped.commands.home(30.0)
+        except RobotdError as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=search)
+    thread.start()
+    looped.commands._wait(lambda: looped.axis.activity.operation is Operation.HOMING, 5.0)
+    looped.commands.disable(2.0)
+    thread.join(10.0)
+    assert not looped.axis.report.powered
+    assert len(failures) == 1
+    assert looped.clock.now_ns() < 10e9
+
+
+def test_a_homing_that_fails_in_motion_ends_without_a_step() -> None:
+    looped = LoopedDrive(homing_method=19, homing_speed_rad_s=0.5, homing_acceleration_rad_s2=1.0)
+    looped.commands.enable(1.0)
+    steps: list[float] = []
+    before = 0.0
+    observe = looped.axis.observe
+
+    def note(image: ProcessImage) -> None:
+        nonlocal before
+        observe(image)
+        velocity = looped.motors.velocity(0)
+        steps.append(abs(velocity - before))
+        before = velocity
+
+    looped.axis.observe = note  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout, match="homing did not end"):
+        looped.commands.home(1.0)
+    looped.run(1.0)
+    assert max(steps) < 2.0 * 1.0 * 0.004
+    assert looped.motors.velocity(0) == pytest.approx(0.0, abs=1e-4)
 
 
 def test_homing_at_the_present_position_sets_zero_without_motion(on: LoopedDrive) -> None:
@@ -267,8 +420,8 @@ def test_option_codes_are_written_where_the_drive_has_them() -> None:
     set_up(looped.axis, 0.002)
     written = {index for index, _, _ in looped.objects.written}
     assert written == {0x6007, 0x605A, 0x6085, 0x60C2}
-    assert (0x60C2, 1, 200) in looped.objects.written  # 200 × 10⁻⁵ s
-    assert (0x60C2, 2, -5) in looped.objects.written
+    assert (0x60C2, 1, 2) in looped.objects.written  # milliseconds
+    assert (0x60C2, 2, -3) in looped.objects.written
 
 
 def test_the_interpolation_period_is_exact_where_it_can_be() -> None:
@@ -276,3 +429,4 @@ def test_the_interpolation_period_is_exact_where_it_can_be() -> None:
         value, exponent = interpolation_period(period_s)
         assert value * 10.0**exponent == pytest.approx(period_s)
     assert interpolation_period(1 / 300) == (3, -3)
+    assert interpolation_period(0.004) == (4, -3)

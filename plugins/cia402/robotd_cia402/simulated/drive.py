@@ -164,6 +164,8 @@ class Drive:
             self._enter(target)
         if self.state is State.OPERATION_ENABLED:
             self.motion.act(Mode.of(self.get(0x6060)), before, word, period_s)
+        elif self.state is State.QUICK_STOP_ACTIVE:
+            self.motion.prepare(Mode.of(self.get(0x6060)))
 
     def _enter(self, state: State) -> None:
         if state is self.state:

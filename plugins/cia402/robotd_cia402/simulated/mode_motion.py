@@ -93,6 +93,11 @@ class Motion:
         if handler is not None:
             handler(word & ~before, word, period_s)
 
+    def prepare(self, mode: Mode | None) -> None:
+        """Change the mode of a drive that rests in its quick stop."""
+        if mode is not None and mode is not self.mode and self._rests():
+            self._change(mode)
+
     def quick_stop(self, then: Callable[[], None] | None = None) -> None:
         """Brake with object 0x6085 and call ``then`` at rest."""
         self._target = self._speed = self._search = None
