@@ -64,3 +64,18 @@ def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:
         harness.robot.connection.stop_communication()
         harness.robot.connection.start_communication()
         harness.until(lambda: not harness.image.offline.any())
+
+
+def test_outputs_stay_on_when_a_lost_drive_delays_the_restart(open_rig: OpenRig) -> None:
+    with open_rig(enable=False, sdo_timeout_s=0.15) as harness:
+        harness.inject("2 silence")
+        harness.inject("16 reboot")
+        nodes = harness.master.nodes
+        harness.until(lambda: not nodes[2].online and not nodes[16].online)
+        harness.module(16).values[0x6200, 1] = 0b1000  # switched on by hand
+        with pytest.raises(ConnectError, match="joint2"):
+            harness.robot.connection.start_communication()
+        harness.inject("2 heal")
+        harness.robot.connection.start_communication()
+        harness.robot.io.set_output_bit(0, 0, True)
+        harness.until(lambda: harness.module(16).outputs[0] == 0b1001)

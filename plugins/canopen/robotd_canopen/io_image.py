@@ -24,20 +24,26 @@ class IoImage:
         self.inputs = bytearray(max((end for end, _ in ends), default=0))
         self.outputs = bytearray(max((end for _, end in ends), default=0))
         self._lock = threading.Lock()
+        self._known: set[Node] = set()  # modules whose levels were read
         for _, module in modules:
             for pdo in module.tpdos:
                 bus.subscribe(pdo.cob_id, self._handler(module))
 
-    def start(self, started: Collection[Node]) -> None:
-        """Read the present inputs and outputs: starting switches no output."""
+    def forget(self, nodes: Collection[Node]) -> None:
+        """Worker: the ``nodes`` are started again; what is known of them may be old."""
+        self._known.difference_update(nodes)
+
+    def start(self) -> None:
+        """Read inputs and outputs of the modules that have started: no output is switched."""
         for node, module in self._modules:
-            if node not in started:
+            if node in self._known or not node.online:
                 continue
             options, sdo = module.options, node.sdo
             for sub in range(1, options.input_length + 1):
                 self.inputs[options.input_byte + sub - 1] = sdo.read(_INPUTS, sub) & 0xFF
             for sub in range(1, options.output_length + 1):
                 self.outputs[options.output_byte + sub - 1] = sdo.read(_OUTPUTS, sub) & 0xFF
+            self._known.add(node)
 
     def write(self, byte: int, data: bytes) -> None:
         """Write whole bytes. Raises OperationError with the nodes to which sending failed."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import DescriptorError, RobotDescriptor
-from robotd_canopen.bus_load import bus_load
+from robotd_canopen.bus_load import bus_load, frame_bits
 from robotd_canopen.object_dictionary import (
     GENERIC_DRIVE,
     GENERIC_IO,
@@ -29,12 +29,14 @@ from robotd_canopen.options import (
     PdoOptions,
 )
 from robotd_canopen.pdo import Direction, Pdo, axis_pdos, io_pdos, resolve
+from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis
-from robotd_cia402.options import missing_and_unknown, parse_object
+from robotd_cia402.options import StreamMode, missing_and_unknown, parse_object
 
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6502)  # without these it is no CiA 402 drive
-_BY_PDO = {0x6040: "controlword", 0x6060: "modes of operation"}
+_BY_PDO = {0x6040: "controlword", 0x6060: "modes of operation", 0x607A: "target position"}
+_INTERPOLATED = {0x60C1: "interpolation data"}
 _FROM_PDO = {0x6041: "statusword", 0x6061: "modes of operation display", 0x6064: "position"}
 
 
@@ -137,7 +139,8 @@ def _axis(
             problems.append(_error(robot, key, f"object 0x{index:04X} is not in the EDS"))
     rpdos = _resolve(robot, key, receive, Direction.RECEIVE, drive, dictionary, problems)
     tpdos = _resolve(robot, key, transmit, Direction.TRANSMIT, drive, dictionary, problems)
-    for pdos, needed in ((receive, _BY_PDO), (transmit, _FROM_PDO)):
+    outputs = _BY_PDO | (_INTERPOLATED if drive.stream_mode is StreamMode.IP else {})
+    for pdos, needed in ((receive, outputs), (transmit, _FROM_PDO)):
         mapped = {parse_object(name)[0] for pdo in pdos for name in pdo.objects}
         for base, name in needed.items():
             if base not in mapped:
@@ -219,16 +222,21 @@ def _check_cob_ids(
 def _load(
     axes: list[AxisLayout], modules: list[IoLayout], options: CanopenOptions, period_s: float
 ) -> float:
-    """Of the RPDOs that belong to one kind of mode only the longest counts."""
-    cyclic = []
-    for axis in axes:
-        common = [pdo for pdo in axis.rpdos if pdo.holds(0x6040) or pdo.holds(0x6060)]
-        others = [pdo for pdo in axis.rpdos if pdo not in common]
-        longest = sorted(others, key=lambda pdo: pdo.layout.size)[-1:]
-        cyclic += [
-            (pdo.layout.size, 1 / pdo.transmission)
-            for pdo in (*common, *longest, *axis.tpdos)
-            if pdo.transmission <= 240
-        ]
+    """Load with every axis in the operation mode whose RPDOs load the bus most."""
+    cyclic = [
+        (pdo.layout.size, 1 / pdo.transmission)
+        for axis in axes
+        for pdo in (*_most_rpdos(axis), *axis.tpdos)
+        if pdo.transmission <= 240
+    ]
     nodes = {axis.options.node for axis in axes} | {module.options.node for module in modules}
     return bus_load(cyclic, period_s, len(nodes) + 1, options.heartbeat_s, options.bus.bitrate)
+
+
+def _most_rpdos(axis: AxisLayout) -> list[Pdo]:
+    """Return the RPDOs of the operation mode in which they load the bus most."""
+    sent = (
+        [pdo for pdo in axis.rpdos if pdo.modes is None or mode in pdo.modes]
+        for mode in OperationMode
+    )
+    return max(sent, key=lambda pdos: sum(frame_bits(pdo.layout.size) for pdo in pdos))

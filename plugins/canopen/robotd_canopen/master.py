@@ -94,8 +94,9 @@ class Master:
             for node in self.nodes.values():
                 node.online = node.configured = False
         waiting = [node for node in self.nodes.values() if not node.online]
-        self._bring_up.start(waiting)
-        self.io.start([node for node in waiting if node.online])
+        self.io.forget(waiting)
+        self._bring_up.start(waiting)  # where it fails, some nodes may have started
+        self.io.start()
         self.supervision.begin()
         self.sync.begin()
         self._state = ConnectionState.COMMUNICATING

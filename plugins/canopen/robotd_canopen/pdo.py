@@ -13,7 +13,15 @@ from robotd.api import OperationError
 from robotd_canopen.object_dictionary import describe, variable
 from robotd_canopen.options import AxisOptions, IoOptions, PdoOptions
 from robotd_canopen.sdo import Sdo
-from robotd_cia402.object_numbers import on_axis
+from robotd_cia402.modes import VELOCITY as VELOCITY_MODES
+from robotd_cia402.modes import OperationMode
+from robotd_cia402.object_numbers import (
+    INTERPOLATION,
+    TARGET_POSITION,
+    TARGET_TORQUE,
+    TARGET_VELOCITY,
+    on_axis,
+)
 from robotd_cia402.options import StreamMode, parse_object
 
 MAX_BYTES = 8
@@ -24,6 +32,14 @@ _FORMATS = {
     (8, False): "B", (16, False): "H", (32, False): "I", (64, False): "Q",
     (8, True): "b", (16, True): "h", (32, True): "i", (64, True): "q",
 }  # fmt: skip
+
+_MODES = {
+    TARGET_POSITION: (OperationMode.PROFILE_POSITION, OperationMode.CYCLIC_POSITION),
+    TARGET_VELOCITY: VELOCITY_MODES,
+    TARGET_TORQUE: (OperationMode.CYCLIC_TORQUE,),
+    INTERPOLATION: (OperationMode.INTERPOLATED_POSITION,),
+}
+"""Targets and the operation modes in which they matter."""
 
 
 class Direction(IntEnum):
@@ -72,6 +88,14 @@ class Pdo:
     def holds(self, base: int) -> bool:
         """One of the entries is the object ``base``."""
         return any(entry.base == base for entry in self.entries)
+
+    @property
+    def modes(self) -> frozenset[int] | None:
+        """Operation modes in which an object of this RPDO matters; None: in each."""
+        bases = {entry.base for entry in self.entries}
+        if bases - _MODES.keys():
+            return None
+        return frozenset(mode for base in bases for mode in _MODES[base])
 
 
 def axis_pdos(options: AxisOptions) -> tuple[list[PdoOptions], list[PdoOptions]]:

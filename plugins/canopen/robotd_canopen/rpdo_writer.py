@@ -8,14 +8,7 @@ from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.pdo import Pdo
-from robotd_cia402.modes import VELOCITY, OperationMode
-from robotd_cia402.object_numbers import (
-    CONTROLWORD,
-    MODE,
-    TARGET_POSITION,
-    TARGET_TORQUE,
-    TARGET_VELOCITY,
-)
+from robotd_cia402.object_numbers import MODE
 
 
 @dataclass(frozen=True)
@@ -25,19 +18,7 @@ class _Rpdo:
     pdo: Pdo
     frame: Frame
     objects: list[int]
-    always: bool  # it holds the controlword or the mode
-    has_velocity: bool
-    has_torque: bool
-    has_target: bool
-
-    def is_sent(self, mode: int) -> bool:
-        """True if an object of this RPDO matters in operation mode ``mode``."""
-        if self.has_velocity and not self.always:
-            return mode in VELOCITY
-        if self.has_torque and not self.always:
-            return mode == OperationMode.CYCLIC_TORQUE
-        in_profile = mode == OperationMode.PROFILE_POSITION
-        return self.always or not self.has_target or in_profile
+    modes: frozenset[int] | None  # as Pdo.modes
 
 
 class RpdoWriter:
@@ -53,10 +34,7 @@ class RpdoWriter:
                 pdo,
                 Frame(pdo.cob_id, bytes(pdo.layout.size)),
                 [entry.base for entry in pdo.entries],
-                always=pdo.holds(CONTROLWORD) or pdo.holds(MODE),
-                has_velocity=pdo.holds(TARGET_VELOCITY),
-                has_torque=pdo.holds(TARGET_TORQUE),
-                has_target=pdo.holds(TARGET_POSITION),
+                pdo.modes,
             )
             for pdo in layout.rpdos
         ]
@@ -66,7 +44,7 @@ class RpdoWriter:
         """Send the RPDOs of this SYNC, to take effect with the next one."""
         values = self.values
         for rpdo in self._rpdos:
-            if rpdo.is_sent(values[MODE]):
+            if rpdo.modes is None or values[MODE] in rpdo.modes:
                 data = [values[index] for index in rpdo.objects]
                 rpdo.pdo.layout.pack_into(rpdo.frame.data, 0, *data)
                 bus.send(rpdo.frame)
