@@ -14,6 +14,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd_cia402.axis import Axis
+from robotd_cia402.drive_scan import MAX_AXES
 from robotd_cia402.drive_setup import set_up
 from robotd_cia402.object_numbers import CONTROLWORD, on_axis
 from robotd_ethercat.al_status import AlState, al_code_text
@@ -30,7 +31,6 @@ log = get_logger("ethercat")
 
 _POLL_S = 0.002
 _EXCHANGED_PERIODS = 10  # between two looks at the states
-_MAX_AXES = 8  # of one drive
 _LRW_OUTPUTS, _LRW_INPUTS = 2, 1  # working counter of a slave in one LRW datagram
 
 
@@ -98,11 +98,11 @@ class BringUp:
         slave.write_startup()
         if not slave.is_drive:
             return
-        options = slave.options[0]
-        if options.rx_pdos:
-            write_mapping(slave, Assignment.OUTPUTS, options.rx_pdos)
-        if options.tx_pdos:
-            write_mapping(slave, Assignment.INPUTS, options.tx_pdos)
+        axes = [options for options in slave.options if isinstance(options, AxisOptions)]
+        if outputs := [pdo for options in axes for pdo in options.rx_pdos]:
+            write_mapping(slave, Assignment.OUTPUTS, outputs)
+        if inputs := [pdo for options in axes for pdo in options.tx_pdos]:
+            write_mapping(slave, Assignment.INPUTS, inputs)
         rx_pdos = read_mapping(slave, Assignment.OUTPUTS)
         tx_pdos = read_mapping(slave, Assignment.INPUTS)
         self._require_objects(slave, rx_pdos, tx_pdos)
@@ -124,8 +124,8 @@ class BringUp:
                 ("tx_pdos", Assignment.INPUTS, tx_pdos, NEEDED_INPUTS),
             ):
                 held = {entry.index for pdo in pdos for entry in pdo.entries}
-                first = options.axis_offset * 0x800
-                missing = [index for index in needed if index + first not in held]
+                offset = options.axis_offset
+                missing = [index for index in needed if on_axis(index, offset) not in held]
                 if missing:
                     names = ", ".join(f"0x{pdo.index:04X}" for pdo in pdos) or "none"
                     raise OperationError(
@@ -138,7 +138,7 @@ class BringUp:
 
         The controlword begins with 0, so that no drive is enabled by its first frame.
         """
-        controlwords = [on_axis(CONTROLWORD, axis) for axis in range(_MAX_AXES)]
+        controlwords = [on_axis(CONTROLWORD, axis) for axis in range(MAX_AXES)]
         for (index, sub), slot in slave.image.output_slots.items():
             value = 0 if index in controlwords else slave.read(index, sub)
             slave.image.outputs[slot] = value

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 
+from robotd_cia402.object_numbers import AXIS_STEP, PROFILE_AREA
+
 _TYPES = {
     "B": (0x1C00, 0x60C2),
     "b": (0x6060, 0x6061, 0x6098),
@@ -24,7 +26,9 @@ _OF_SUB = {(0x60C2, 2): "b"}
 
 
 def object_format(index: int, sub: int = 0) -> str | None:
-    """Format character of object ``index`` on the first axis; None where it is not known."""
+    """Format character of an object, on any axis of a drive; None: not known."""
+    if index in PROFILE_AREA:
+        index = PROFILE_AREA.start + (index - PROFILE_AREA.start) % AXIS_STEP
     return _OF_SUB.get((index, sub)) or _FORMATS.get(index)
 
 

@@ -8,7 +8,6 @@ from typing import TypeVar
 from robotd.api import Clock, OperationError, RobotdError
 from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_cia402.emcy import Emergency, EmergencyLog
-from robotd_cia402.object_numbers import on_axis
 from robotd_cia402.options import parse_object
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.object_types import object_format
@@ -102,10 +101,8 @@ class Slave:
     def write_startup(self) -> None:
         """Write the start-up objects of the options. Raises OperationError."""
         for options in self.options:
-            offset = options.axis_offset if isinstance(options, AxisOptions) else 0
             for write in options.startup:
-                index, sub = parse_object(write.object)
-                self.write(on_axis(index, offset), sub, write.value)
+                self.write(*parse_object(write.object), write.value)
 
     def upload(self, index: int, sub: int = 0) -> bytes:
         """Read an object, raw. Raises SdoAbort, DeviceTimeout, OperationError."""

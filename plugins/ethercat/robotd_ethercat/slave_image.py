@@ -43,7 +43,10 @@ class SlaveImage:
         return self._output.size
 
     def set_layout(self, rx_pdos: Sequence[Pdo], tx_pdos: Sequence[Pdo]) -> None:
-        """Take the mapping; all values are 0. Raises OperationError for a misaligned object."""
+        """Take the mapping; all values are 0.
+
+        Raises OperationError for an object that is misaligned, or mapped twice.
+        """
         self._output, self.output_slots = _layout(rx_pdos)
         self._input, self.input_slots = _layout(tx_pdos)
         self.outputs = [0] * len(self.output_slots)
@@ -67,9 +70,12 @@ def _layout(pdos: Sequence[Pdo]) -> tuple[struct.Struct, dict[_KEY, int]]:
             if code is None:
                 skipped_bits += entry.bits
                 continue
+            key = entry.index, entry.sub
+            if key in slots:
+                raise OperationError(f"PDO 0x{pdo.index:04X}: {entry} is in another PDO, too")
             formats.append(_gap(skipped_bits, pdo, entry) + code)
             skipped_bits = 0
-            slots[entry.index, entry.sub] = next(numbers)
+            slots[key] = next(numbers)
     formats.append("x" * ((skipped_bits + 7) // 8))
     return struct.Struct("".join(formats)), slots
 

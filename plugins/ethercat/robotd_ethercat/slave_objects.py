@@ -6,9 +6,11 @@ from collections.abc import Collection
 
 from robotd_cia402.emcy import Emergency
 from robotd_cia402.object_numbers import (
+    AXIS_STEP,
     CONTROLWORD,
     INTERPOLATION,
     MODE,
+    PROFILE_AREA,
     TARGET_POSITION,
     TARGET_TORQUE,
     TARGET_VELOCITY,
@@ -97,9 +99,10 @@ class SlaveObjects:
 
     def _slots(self, slots: dict[tuple[int, int], int]) -> dict[int, int]:
         """Slots of this axis by the profile's number of the object."""
-        first = self._offset * 0x800
+        first = self._offset * AXIS_STEP
+        profile = range(PROFILE_AREA.start + first, PROFILE_AREA.start + first + AXIS_STEP)
         return {
             index - first: slot
             for (index, sub), slot in slots.items()
-            if sub <= 1 and 0x6000 + first <= index < 0x6800 + first
+            if sub <= 1 and index in profile
         }

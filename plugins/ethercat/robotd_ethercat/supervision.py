@@ -78,9 +78,11 @@ class Supervision:
 
     def begin(self) -> None:
         """Worker: the bus is in Op; supervise it."""
-        self._ending.clear()
-        self._wake.clear()
-        self._thread = threading.Thread(target=self._run, name="ethercat-watch", daemon=True)
+        # New events: a thread that still waits for a slave's answer ends by its own.
+        self._wake, self._ending = threading.Event(), threading.Event()
+        self._thread = threading.Thread(
+            target=self._run, args=(self._wake, self._ending), name="ethercat-watch", daemon=True
+        )
         self._thread.start()
 
     def end(self) -> None:
@@ -192,12 +194,12 @@ class Supervision:
             f" {exchange.working_counter}, expected {exchange.needed}"
         )
 
-    def _run(self) -> None:
-        while not self._ending.is_set():
+    def _run(self, wake: threading.Event, ending: threading.Event) -> None:
+        while True:
             searching = bool(self.lost) or self.is_silent
-            self._wake.wait(_SEARCH_S if searching else _ROUND_S)
-            self._wake.clear()
-            if self._ending.is_set():
+            wake.wait(_SEARCH_S if searching else _ROUND_S)
+            wake.clear()
+            if ending.is_set():
                 return
             try:
                 self.check()

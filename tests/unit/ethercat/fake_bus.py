@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from robotd.api import Clock, ConnectError, DeviceTimeout
 from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.object_numbers import on_axis
 from robotd_cia402.simulated import (
     DRIVE_OBJECTS,
     Drive,
@@ -30,7 +31,9 @@ INPUTS = (
     (0x6041, "H"), (0x6061, "b"), (0x6064, "i"), (0x606C, "i"), (0x6077, "h"), (0x603F, "H"),
     (0x60FD, "I"), (0x6062, "i"),
 )  # fmt: skip
-_KINDS = {(each.index, each.sub): each.kind for each in DRIVE_OBJECTS}
+_KINDS = {
+    (on_axis(each.index, axis), each.sub): each.kind for each in DRIVE_OBJECTS for axis in (0, 1)
+}
 
 
 def _numbers(entries: Sequence[tuple[int, str]]) -> list[int]:

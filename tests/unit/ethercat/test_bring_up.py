@@ -109,6 +109,35 @@ def test_start_up_objects_and_watchdog_are_written(monkeypatch: pytest.MonkeyPat
     harness.robot.shutdown()
 
 
+def test_sections_of_one_drive_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second axis gives its PDOs and start-up objects by their own numbers."""
+
+    def pdos(axis: int) -> dict[str, Any]:
+        first = 0x800 * axis
+        outputs = [f"0x{index + first:04X}" for index in (0x6040, 0x6060, 0x607A, 0x60FF)]
+        inputs = [f"0x{index + first:04X}" for index in (0x6041, 0x6061, 0x6064)]
+        return {
+            "rx_pdos": [{"index": 0x1600 + 16 * axis, "objects": outputs}],
+            "tx_pdos": [{"index": 0x1A00 + 16 * axis, "objects": inputs}],
+            "startup": [{"object": f"0x{0x6065 + first:04X}", "value": 500 + axis}],
+        }
+
+    axes = [
+        {"axis": 0, "slave": 0, **pdos(0)},
+        {"axis": 1, "slave": 0, "axis_offset": 1, **pdos(1)},
+    ]
+    harness = Harness(monkeypatch, drives=2, axes=axes, io=[])
+    slave = harness.slave(0)
+    for index in range(0x6000, 0x6800):  # of the second axis, which no motor belongs to
+        if (index, 0) in slave.values:
+            slave.values[index + 0x800, 0] = slave.values[index, 0]
+    failure(harness)
+    assert [slave.values[0x1C12, sub] for sub in (1, 2)] == [0x1600, 0x1610]
+    assert [slave.values[0x1C13, sub] for sub in (1, 2)] == [0x1A00, 0x1A10]
+    assert slave.values[0x6865, 0] == 501
+    assert (0x7065, 0) not in slave.values
+
+
 def test_a_value_too_large_for_its_object_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     axes = [
         {"axis": 0, "slave": 0, "startup": [{"object": "0x6060", "value": 300}]},

@@ -106,6 +106,21 @@ def test_types_of_objects() -> None:
     assert entry_format(0x2000, 0, 1) is None
 
 
+def test_objects_of_every_axis_have_the_types_of_the_first() -> None:
+    for axis in range(8):
+        first = 0x800 * axis
+        assert entry_format(0x607A + first, 0, 32) == "i"
+        assert entry_format(0x6077 + first, 0, 16) == "h"
+        assert object_format(0x6041 + first) == "H"
+    assert object_format(0x1000) == "I"
+
+
+def test_an_object_in_two_pdos_is_rejected() -> None:
+    pdos = [Pdo(0x1601, (Entry(0x607A, 0, 32),)), Pdo(0x1602, (Entry(0x607A, 0, 32),))]
+    with pytest.raises(OperationError, match=r"PDO 0x1602: .* is in another PDO, too"):
+        SlaveImage().set_layout(pdos, [])
+
+
 def test_phase_and_drift_of_the_bus_time() -> None:
     observer = ClockObserver(period_ns=2_000_000, shift_ns=100_000)
     for number in range(1200):
