@@ -189,7 +189,8 @@ class AxisDriver(ABC):
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         """Enable or disable the drive and wait until the drive confirms.
 
-        Before enabling, set the command to the measured position (no jump).
+        Before enabling, set the command to the measured position (no jump). Enabling leaves an
+        enabled axis as it is, also in motion; disabling works in every state, also after a stop.
         """
 
     @abstractmethod

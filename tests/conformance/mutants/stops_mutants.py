@@ -245,3 +245,31 @@ class StopsLate(Mutant):
                 self._world.advance()
                 for axis in axes:
                     self._world.at(self._world.tick + 120, partial(self._motion.stop, axis))
+
+
+class EnablingStops(Mutant):
+    """Servo-on of an axis that is on begins anew, and forgets the motion."""
+
+    found_by = "test_enable.py::test_enabling_an_axis_in_motion_changes_nothing"
+    says = "targets"
+
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            if on and self._states.servo_on[axis]:
+                self.stop([axis])
+            super().servo(axis, on, timeout_s)
+
+
+class QuickStopKeepsThePower(Mutant):
+    """Servo-off has no effect in the state that a quick stop leads to."""
+
+    found_by = "test_stopping.py::test_a_servo_goes_off_and_on_after_a_quick_stop"
+
+    class Axes(SimAxes):
+        def quick_stop(self, axes: Sequence[int]) -> None:
+            super().quick_stop(axes)
+            self.__dict__.setdefault("stopped", set()).update(axes)
+
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            if on or axis not in self.__dict__.get("stopped", set()):
+                super().servo(axis, on, timeout_s)

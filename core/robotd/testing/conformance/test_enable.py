@@ -10,6 +10,8 @@ from robotd.errors import NotReady, OperationError
 from robotd.motion.profile import Profile
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
+MORE = 1.3
+
 
 def disable(harness: Harness) -> None:
     for axis in harness.all:
@@ -69,6 +71,19 @@ def test_only_the_named_servo_is_switched(harness: Harness) -> None:
         assert not harness.image.servo_on[group].any()
         assert np.delete(harness.image.servo_on, group).all()
         harness.robot.axes.servo(axis, True)
+
+
+def test_enabling_an_axis_in_motion_changes_nothing(harness: Harness) -> None:
+    targets = harness.image.position_command + harness.travel()
+    with harness.recording() as recording:
+        harness.move(harness.all, targets)
+        harness.pass_time(0.15)
+        for axis in harness.all:
+            harness.drivers.axes.servo(axis, True, 5.0)
+        harness.rest()
+    assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
+    fastest = np.array([harness.profile(axis).velocity for axis in harness.all])
+    assert (np.abs(recording.velocity).max(0) <= MORE * fastest).all(), "an axis has jumped"
 
 
 def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:

@@ -87,6 +87,17 @@ def test_a_stopped_axis_takes_the_next_move(harness: Harness) -> None:
     assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
 
 
+def test_a_servo_goes_off_and_on_after_a_quick_stop(harness: Harness) -> None:
+    stop_moving(harness, harness.robot.axes.quick_stop)
+    for axis in harness.all:
+        harness.robot.axes.servo(axis, False)
+    assert not harness.image.servo_on.any()
+    start = harness.image.position.copy()
+    harness.enable()
+    harness.pass_time(0.3)
+    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
+
+
 def test_a_servo_that_goes_off_ends_the_motion(harness: Harness) -> None:
     targets = harness.image.position_command + harness.travel()
     harness.move([0], targets)
