@@ -8,7 +8,7 @@ from robotd.errors import OperationError
 from robotd.log import get_logger
 from robotd.observation.recorder_process import RecorderProcess
 from robotd.observation.tap import Tap
-from robotd.recording.recording_folder import RecordingFolder
+from robotd.recording.recording_folder import CONTINUOUS, RecordingFolder
 from robotd.recording.writer_process import Report
 
 log = get_logger("recorder")
@@ -62,7 +62,7 @@ class ContinuousRecorder:
                 process = RecorderProcess(
                     tap,
                     self._folder,
-                    "record",
+                    CONTINUOUS,
                     "",
                     cursor=tap.frames.written,
                     split_bytes=self._split_bytes,

@@ -77,11 +77,11 @@ class FlightRecorder:
             self._begin_saving(self._cause)
 
     def close(self) -> None:
-        """Save a fault that is pending, and wait for the file that is being written."""
+        """Wait for the file that is being written, then save a fault that is pending."""
+        self._join()
         if self._cause is not None:
             self._begin_saving(self._cause)
-        if self._thread is not None:
-            self._thread.join(END_TIMEOUT_S)
+            self._join()
 
     def snapshot(self, reason: str) -> Path:
         """Save now; return the file. Any worker thread; blocks for about a second.
@@ -97,6 +97,10 @@ class FlightRecorder:
             raise OperationError(f"the recording was not written: {error}") from error
         finally:
             self._saving.release()
+
+    def _join(self) -> None:
+        if self._thread is not None:
+            self._thread.join(END_TIMEOUT_S)
 
     def _begin_saving(self, cause: Event) -> None:
         if self._thread is not None and self._thread.is_alive():

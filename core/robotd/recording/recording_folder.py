@@ -9,6 +9,7 @@ from pathlib import Path
 
 SUFFIX = ".mcap"
 PARTIAL = ".part"  # of a file that is being written
+CONTINUOUS = "record"  # word in the names of continuous recordings
 
 
 def default_folder() -> Path:
@@ -44,7 +45,10 @@ class RecordingFolder:
         return path
 
     def remove_old(self) -> list[Path]:
-        """Remove what exceeds number and size, oldest first; return it. Raises OSError."""
+        """Remove what exceeds number and size, oldest first; return it. Raises OSError.
+
+        Continuous recordings do not count, and stay.
+        """
         removed, size = [], 0
         for number, (_, file_size, path) in enumerate(sorted(self._files(), reverse=True)):
             size += file_size
@@ -55,6 +59,8 @@ class RecordingFolder:
 
     def _files(self) -> Iterator[tuple[float, int, Path]]:
         for path in self.path.glob(f"{self._robot}-*{SUFFIX}"):
+            if CONTINUOUS in path.stem.split("-"):
+                continue
             try:
                 status = path.stat()
             except FileNotFoundError:  # removed by another process

@@ -64,17 +64,19 @@ class Recording:
 def read_recording(path: Path) -> Recording:
     """Read a recording of robotd whole.
 
-    Raises RecordingError: no such file, another file, or one that was not closed: then the text
-    names the command that repairs it.
+    Raises RecordingError: no such file, another file, or one that is damaged or was not closed:
+    then the text names the command that repairs it.
     """
     from mcap.exceptions import McapError
+    from mcap.stream_reader import CRCValidationError
+    from zstandard import ZstdError
 
     try:
         with path.open("rb") as stream:
             return _read(path, stream)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from error
-    except (McapError, struct.error) as error:
+    except (McapError, CRCValidationError, ZstdError, struct.error) as error:
         text = f"{path}: not a complete MCAP file ({str(error) or type(error).__name__})"
         raise RecordingError(f"{text}; try: robotd record --recover {path}") from error
     except (ValueError, KeyError, TypeError) as error:
@@ -84,7 +86,7 @@ def read_recording(path: Path) -> Recording:
 def _read(path: Path, stream: IO[bytes]) -> Recording:
     from mcap.reader import SeekingReader
 
-    reader = SeekingReader(stream)
+    reader = SeekingReader(stream, validate_crcs=True)
     info = next((each.metadata for each in reader.iter_metadata() if each.name == INFO), None)
     if info is None:
         raise ValueError("it has no metadata of robotd")

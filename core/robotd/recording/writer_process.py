@@ -1,7 +1,7 @@
 """Process that writes recordings; started by ``robotd.observation.recorder_process``.
 
 It reads the frames from shared memory and gets events through a pipe, so that encoding,
-compression and a slow disk never delay the control loop (decision 21). When the robot's process
+compression and a slow disk never delay the control loop (decision 25). When the robot's process
 dies it writes what the memory still holds and closes the file.
 """
 
@@ -164,7 +164,8 @@ def run(connection: Connection) -> None:
         for batch in _batches(connection):
             recorder.write(batch or Batch([], []))
             if batch is not None and not batch.last:
-                connection.send(recorder.report)
+                with suppress(ConnectionError):  # the robot has gone; its batches still come
+                    connection.send(recorder.report)
         recorder.close()
         report = recorder.report
     except OSError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -210,3 +211,16 @@ def test_other_files_are_rejected_with_their_path(tmp_path: Path) -> None:
 def test_another_format_is_rejected() -> None:
     with pytest.raises(ValueError, match="recording format 2 is not 1"):
         RecordingInfo.of_metadata({**INFO.to_metadata(), "format": "2"})
+
+
+def test_a_damaged_chunk_is_rejected_with_the_command_that_repairs_it(tmp_path: Path) -> None:
+    path = tmp_path / "damaged.mcap"
+    write(path, ramp(1000))
+    whole = path.read_bytes()
+    chunk = [each.start() for each in re.finditer(rb"\x28\xb5\x2f\xfd", whole)][1]  # of zstd
+    for offset in (20, 200, 300):
+        data = bytearray(whole)
+        data[chunk + offset] ^= 0x10
+        path.write_bytes(data)
+        with pytest.raises(RecordingError, match=f"robotd record --recover {path}"):
+            read_recording(path)

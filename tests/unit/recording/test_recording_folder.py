@@ -37,3 +37,10 @@ def test_the_newest_is_kept_whatever_its_size(tmp_path: Path) -> None:
     newest, older = add(tmp_path, "arm-1.mcap", 1, 900), add(tmp_path, "arm-2.mcap", 2)
     assert RecordingFolder(tmp_path, "arm", 9, 100).remove_old() == [older]
     assert newest.exists()
+
+
+def test_continuous_recordings_neither_count_nor_go(tmp_path: Path) -> None:
+    continuous = add(tmp_path, "arm-1-record.mcap", 9, 900)
+    faults = [add(tmp_path, f"arm-{age}-fault.mcap", age) for age in range(3)]
+    assert RecordingFolder(tmp_path, "arm", 2, 500).remove_old() == faults[2:]
+    assert continuous.exists()
