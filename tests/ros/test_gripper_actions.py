@@ -9,6 +9,7 @@ from action_msgs.msg import GoalStatus
 from control_msgs.action import GripperCommand, ParallelGripperCommand
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import WAIT_S, Client, wait_for
+from unique_identifier_msgs.msg import UUID
 from wmx_ros2_message.srv import GetIoBit
 
 pytestmark = pytest.mark.ros
@@ -67,3 +68,14 @@ def test_all_fingers_close_by_the_parallel_action(client: Client) -> None:
     goal.command.name = ["elbow"]
     assert run(client, ParallelGripperCommand, action, goal)[1] is None
     assert command(client, 0.0)[1].reached_goal
+
+
+def test_goals_of_one_id_do_not_use_up_the_gripper(client: Client) -> None:
+    goal = GripperCommand.Goal()
+    goal.command.position = 0.0
+    actions = GoalClient(client.node, GripperCommand, "/gripper_controller/gripper_cmd")
+    assert actions.wait_for_server(WAIT_S)
+    identity = UUID(uuid=list(range(16)))
+    accepted = [wait_for(actions.send_goal_async(goal, goal_uuid=identity)) for _ in range(12)]
+    assert [handle.accepted for handle in accepted] == [True] + [False] * 11
+    assert command(client, 0.0)[0] == GoalStatus.STATUS_SUCCEEDED

@@ -115,6 +115,31 @@ def test_an_empty_trajectory_stops_the_arm(arm: Arm) -> None:
     assert arm.position[0] < 0.8
 
 
+LONG = [
+    (0.004 * number, [0.5 - 0.5 * math.cos(math.pi * number / 1000)] * 6)
+    for number in range(1, 1001)
+]
+
+
+def test_a_short_trajectory_after_a_long_one_wins(arm: Arm) -> None:
+    arm.trajectory.publish(trajectory(*LONG))  # planned for longer than the next one
+    arm.trajectory.publish(trajectory((0.5, [0.01] * 6)))
+    wait_until(lambda: arm.position[0] > 5e-3, "motion")
+    arm.wait_at_rest()
+    assert arm.position == pytest.approx([0.01] * 6, abs=2e-3)
+
+
+def test_an_empty_trajectory_stops_one_that_is_still_being_planned(
+    arm: Arm, cr3a: RobotProcess
+) -> None:
+    ended = cr3a.output.count("trajectory ended")
+    arm.trajectory.publish(trajectory(*LONG))
+    arm.trajectory.publish(JointTrajectory())
+    wait_until(lambda: cr3a.output.count("trajectory ended") > ended, "the end of the trajectory")
+    assert "canceled by the client" in cr3a.output.rsplit("trajectory ended", 1)[1]
+    assert max(map(abs, arm.position)) < 0.1
+
+
 def test_single_points_as_moveit_servo_sends_them_are_streamed(arm: Arm) -> None:
     began_s = time.monotonic()
 

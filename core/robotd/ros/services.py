@@ -189,6 +189,8 @@ def _rejection(service_type: Any, name: str, message: str) -> Any:
         response.success = False
     if hasattr(response, "message"):
         response.message = message
+    elif hasattr(response, "result"):  # SetParametersAtomically, whose success is False
+        response.result.reason = message
     else:
         log.error("the response has no field for this", service=name, reason=message)
     return response

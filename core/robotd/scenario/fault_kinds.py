@@ -197,7 +197,7 @@ class Fault(Part):
         when: begins as soon as a joint crosses a value, but not before ``at_s``.
     """
 
-    at_s: float = Field(0.0, ge=0, allow_inf_nan=False)
+    at_s: float = Field(0.0, ge=0, le=1e6, allow_inf_nan=False)
     when: Crossing | None = None
     amp_alarm: AmpAlarm | None = None
     following_error: FollowingError | None = None

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+
 from structlog.testing import capture_logs
 
-from robotd.ros.nodes.rejection_log import MAX_AXES, MAX_KNOWN, RejectionLog
+from robotd.ros.nodes.rejection_log import MAX_AXES, MAX_KINDS, MAX_KNOWN, RejectionLog
 
 
 def test_the_same_refusal_is_logged_once_whatever_its_numbers() -> None:
@@ -48,4 +50,17 @@ def test_a_flood_of_ever_other_axes_is_cut_off_until_a_command_is_accepted() -> 
     with capture_logs() as lines:
         log.accepted("velocity", [0])
         log.rejected("velocity", [9999], "an axis is outside 0..5")
+    assert len(lines) == 1
+
+
+def test_a_flood_of_ever_other_texts_is_cut_off_until_a_command_is_accepted() -> None:
+    log = RejectionLog()
+    names = ["".join(letters) for letters in itertools.product("abcdef", repeat=4)]
+    with capture_logs() as lines:
+        for name in names:
+            log.rejected("jog", [], f"unknown joint {name!r}")
+    assert len(lines) == MAX_KINDS + 1
+    with capture_logs() as lines:
+        log.accepted("jog", [])
+        log.rejected("jog", [], "unknown joint 'x'")
     assert len(lines) == 1

@@ -29,7 +29,7 @@ def inject(ros_args: Sequence[str], timeout_s: float, fields: Mapping[str, Any])
 
 def step(ros_args: Sequence[str], timeout_s: float, periods: int) -> str:
     """Run ``periods`` of the control loop, then pause. Raises as ``inject`` does."""
-    return _ask(ros_args, max(timeout_s, STEP_TIMEOUT_S), "step", {"periods": periods})
+    return _ask(ros_args, timeout_s + STEP_TIMEOUT_S, "step", {"periods": periods})
 
 
 def pause(ros_args: Sequence[str], timeout_s: float, *, paused: bool) -> str:

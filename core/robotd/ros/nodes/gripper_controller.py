@@ -99,11 +99,11 @@ class GripperAction:
             except RobotdError as error:
                 log.warning("goal rejected", reason=str(error))
                 return GoalResponse.REJECT
-            self._live += 1
             return GoalResponse.ACCEPT
 
     def _accepted(self, goal: Any) -> None:
         """Executor thread: hand the goal to a worker."""
+        self._live += 1
         begin(goal)
         try:
             self._host.submit(self._run, goal)
@@ -117,6 +117,9 @@ class GripperAction:
             state = self._gripper.move(target, lambda: bool(goal.is_cancel_requested))
         except RobotdError as error:
             self._end(goal, None, str(error))
+        except Exception as error:
+            log.exception("gripper goal failed")
+            self._end(goal, None, f"internal error: {error}")
         else:
             self._end(goal, state, "")
 

@@ -11,6 +11,7 @@ log = get_logger("commands")
 
 MAX_KNOWN = 256  # axes that are remembered
 MAX_AXES = 128  # of one message
+MAX_KINDS = 16  # of texts, which may contain names that a client makes up
 
 _NUMBERS = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
@@ -19,8 +20,8 @@ class RejectionLog:
     """Log of the first rejection of each kind, until a command is accepted again.
 
     Two rejections are of one kind when they concern the same axes of the same topic and their
-    texts differ in numbers only. A flood of ever other axes is cut off until a command is
-    accepted, so that no client can fill the memory or the disk. One thread: the executor's.
+    texts differ in numbers only. A flood of ever other axes or texts is cut off until a command
+    is accepted, so that no client can fill the memory or the disk. Any thread.
     """
 
     def __init__(self) -> None:
@@ -37,9 +38,11 @@ class RejectionLog:
                 log.warning("rejections of other axes are hidden until a command is accepted")
         kinds = self._known[concerned]
         kind = _NUMBERS.sub("#", reason)
-        if kind not in kinds:
+        if kind not in kinds and len(kinds) < MAX_KINDS:
             kinds.add(kind)
             log.warning("command rejected", topic=topic, axes=list(concerned[1]), reason=reason)
+            if len(kinds) == MAX_KINDS:
+                log.warning("other reasons are hidden until a command is accepted", topic=topic)
 
     def accepted(self, topic: str, axes: Sequence[int]) -> None:
         """A message on ``topic`` was executed: the next rejection is news again."""

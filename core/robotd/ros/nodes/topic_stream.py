@@ -52,7 +52,8 @@ class TopicStream(Generic[Stream]):
         except NotReady as error:  # it is ending; the next message opens another one
             self._rejections.rejected(self._topic, (), str(error))
         except RobotdError as error:
-            self._opening = stream is None and self._opening
+            with self._lock:
+                self._opening = stream is not None and self._opening
             self._rejections.rejected(self._topic, (), str(error))
 
     def stop(self) -> None:
@@ -66,20 +67,24 @@ class TopicStream(Generic[Stream]):
         """Worker: open a stream, run it to its end, and give the joints back."""
         try:
             stream = self._open_stream()
-        except RobotdError as error:
-            with self._lock:
+        except Exception as error:
+            with self._lock:  # the next message opens another one
                 self._opening, self._waiting = False, None
+            if not isinstance(error, RobotdError):
+                raise
             self._rejections.rejected(self._topic, (), str(error))
             return
         with stream:
             with self._lock:
                 command, self._waiting = self._waiting, None
                 self._stream, self._opening = stream, False
-            if command is not None:
-                self._first(stream, command)
-            stream.wait()
-            with self._lock:
-                self._stream = None
+            try:
+                if command is not None:
+                    self._first(stream, command)
+                stream.wait()
+            finally:
+                with self._lock:
+                    self._stream = None
 
     def _first(self, stream: Stream, command: Callable[[Stream], None]) -> None:
         try:

@@ -61,7 +61,9 @@ class TrajectoryTopic:
         self._host, self._topic, self._stream = host, topic, stream
         self._rejections = RejectionLog()
         self._lock = threading.Lock()
-        self._execution: TrajectoryExecution | None = None  # newest
+        self._execution: TrajectoryExecution | None = None  # of the ticket that follows
+        self._newest = 0
+        self._stopped = 0  # ticket of the last message without points
         add_subscription(node, host, JointTrajectory, topic, self._take, DEPTH)
 
     def _take(self, message: Any) -> None:
@@ -69,12 +71,13 @@ class TrajectoryTopic:
         if not points:
             self._stream.stop()
             with self._lock:
+                self._stopped = self._group.motion.ticket()
                 if self._execution is not None:
                     self._execution.cancel()
         elif len(points) == 1 and duration_s(points[0].time_from_start) <= STREAM_S:
             self._stream.apply(lambda stream: self._send(message, stream))
         else:
-            self._host.submit(self._follow, message)
+            self._host.submit(self._follow, message, self._group.motion.ticket())
 
     def _send(self, message: Any, stream: JointStream) -> None:
         """Send the only point of ``message``; joints that it does not name hold."""
@@ -97,14 +100,17 @@ class TrajectoryTopic:
             raise InvalidArgument("effort in the point is not supported; leave it empty")
         stream.send(position, velocity if any(velocity) else None)
 
-    def _follow(self, message: Any) -> None:
-        """Worker: execute a trajectory until it has ended."""
+    def _follow(self, message: Any, ticket: int) -> None:
+        """Worker: execute a trajectory until it has ended; one that was stopped before ends."""
         try:
             request = trajectory_request(message)
             start_ns = start_time_ns(message, self._ros_clock, self._clock)
-            with self._group.follower.follow(request, None, start_ns) as execution:
+            with self._group.follower.follow(request, None, start_ns, ticket) as execution:
                 with self._lock:
-                    self._execution = execution
+                    if self._newest < ticket:
+                        self._newest, self._execution = ticket, execution
+                    if ticket < self._stopped:
+                        execution.cancel()
                 execution.wait()
             log.info("trajectory ended", topic=self._topic, reason=execution.message)
         except RobotdError as error:

@@ -1,0 +1,77 @@
+"""A topic opens another stream after one that could not be opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from typing import Any
+
+import pytest
+
+from robotd.errors import OperationError
+from robotd.ros.nodes.topic_stream import TopicStream
+
+
+class Host:
+    """Stand-in for the workers of a process: runs a call at once, or rejects it."""
+
+    def __init__(self) -> None:
+        self.is_full = False
+
+    def submit(self, function: Callable[[], None]) -> None:
+        if self.is_full:
+            raise OperationError("64 calls are waiting already")
+        function()
+
+
+class Stream(nullcontext[Any]):
+    """Stand-in for an open stream, which ends at once."""
+
+    def __init__(self) -> None:
+        super().__init__(self)
+        self.commands = 0
+
+    def wait(self) -> None:
+        pass
+
+
+def command(stream: Stream) -> None:
+    stream.commands += 1
+
+
+def test_a_message_while_all_workers_are_busy_does_not_block_the_topic() -> None:
+    opened: list[Stream] = []
+
+    def open_stream() -> Any:
+        opened.append(Stream())
+        return opened[-1]
+
+    host: Any = Host()
+    topic: Any = TopicStream(open_stream, host, "positions")
+    host.is_full = True
+    topic.apply(command)
+    assert not opened
+    host.is_full = False
+    topic.apply(command)
+    assert [stream.commands for stream in opened] == [1]
+
+
+@pytest.mark.parametrize("fails", ["opening", "command"])
+def test_an_unexpected_error_does_not_block_the_topic(fails: str) -> None:
+    opened: list[Stream] = []
+
+    def open_stream() -> Any:
+        opened.append(Stream())
+        if fails == "opening" and len(opened) == 1:
+            raise ZeroDivisionError
+        return opened[-1]
+
+    def fail(stream: Stream) -> None:
+        raise ZeroDivisionError
+
+    host: Any = Host()
+    topic: Any = TopicStream(open_stream, host, "positions")
+    with pytest.raises(ZeroDivisionError):
+        topic.apply(fail)
+    topic.apply(command)
+    assert opened[-1].commands == 1
