@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from string import Template
+
+from robotd.errors import OperationError
 
 TEMPLATES = Path(__file__).parent / "templates"
 SUFFIX = ".in"  # so that no tool treats a template as source code
 
 
 def write_package(template: str, folder: Path, words: dict[str, str]) -> None:
-    """Fill the templates in the folder ``template`` into ``folder``."""
-    templates = TEMPLATES / template
+    """Fill the templates in the folder ``template`` into ``folder``. Raises OperationError."""
+    templates, files = TEMPLATES / template, dict[str, bytes]()
     for path in sorted(templates.rglob(f"*{SUFFIX}")):
-        relative = path.relative_to(templates).as_posix().removesuffix(SUFFIX)
-        target = folder / relative.replace("PACKAGE", words["package"])
-        target.parent.mkdir(parents=True, exist_ok=True)
+        name = path.relative_to(templates).as_posix().removesuffix(SUFFIX)
         text = Template(path.read_text(encoding="utf-8")).substitute(words)
-        target.write_text(text, encoding="utf-8")
+        files[name.replace("PACKAGE", words["package"])] = text.encode()
+    write_files(folder, files)
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files by their paths in ``folder``. Raises OperationError, naming the path."""
+    try:
+        for name, content in files.items():
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+    except OSError as error:
+        raise OperationError(f"{error.filename}: {error.strerror}") from error
 
 
 def package_words(name: str) -> dict[str, str]:

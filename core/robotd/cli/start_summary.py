@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from getpass import getuser
 from importlib.metadata import version
@@ -109,7 +110,10 @@ def _missing(robot: Robot) -> Iterator[str]:
     priority = robot.descriptor.cycle.realtime_priority
     if not priority or realtime_permitted(priority):
         return
-    user = getuser()
+    try:
+        user = getuser()
+    except (KeyError, OSError):  # a container with a uid that has no name
+        user = f"#{os.getuid()}"
     lines = (
         "real-time priority: under load the control loop can start milliseconds late.",
         f"To grant it, put '{user} - rtprio {priority}' into /etc/security/limits.conf.",

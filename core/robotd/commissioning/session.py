@@ -13,7 +13,7 @@ from robotd.commissioning.commissioned_axis import CommissionedAxis
 from robotd.commissioning.descriptor_edit import DescriptorEdit
 from robotd.commissioning.findings import Finding
 from robotd.commissioning.steps import STEPS, Bench, Operator
-from robotd.descriptor import RobotDescriptor, load_robot_descriptor, validate_section
+from robotd.descriptor import RobotDescriptor, validate_section
 from robotd.descriptor.joint_settings import JointSettings
 from robotd.errors import DescriptorError, InvalidArgument, PluginError, unknown_name
 from robotd.plugin.hookspecs import AxisKeys
@@ -28,7 +28,7 @@ class Commissioning:
     that the next step runs on what was written.
 
     Args:
-        load: loads the descriptor as it is now.
+        load: loads the descriptor as it is now, from its file or from another one.
         backend: of the robot.
         joint: name.
         record: finished steps.
@@ -41,7 +41,7 @@ class Commissioning:
 
     def __init__(
         self,
-        load: Callable[[], RobotDescriptor],
+        load: Callable[[Path | None], RobotDescriptor],
         backend: Backend,
         joint: str,
         record: CommissionRecord,
@@ -57,7 +57,7 @@ class Commissioning:
             )
         self._load, self._backend, self._keys = load, backend, keys
         self._joint, self._record, self._make_operator = joint, record, make_operator
-        _joint_of(load(), joint)
+        _joint_of(load(None), joint)
 
     @property
     def open_steps(self) -> list[str]:
@@ -94,11 +94,11 @@ class Commissioning:
 
     def _check(self, path: Path) -> None:
         """Raise DescriptorError where the new file is wrong."""
-        self._backend.context(load_robot_descriptor(path, self._load().variant))
+        self._backend.context(self._load(path))
 
     @contextmanager
     def _opened(self) -> Iterator[tuple[Bench, DescriptorEdit]]:
-        descriptor = self._load()
+        descriptor = self._load(None)
         joint = _joint_of(descriptor, self._joint)
         edit = DescriptorEdit(descriptor, joint, self._backend.name, self._keys)
         drive = _drive_of(descriptor, joint, self._backend, self._keys)

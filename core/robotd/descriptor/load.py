@@ -53,7 +53,7 @@ def default_search_path() -> tuple[Path, ...]:
 
 def list_robots(search_path: Sequence[Path] | None = None) -> tuple[RobotSummary, ...]:
     """Return every robot of the search path by name, invalid ones included. Never raises."""
-    return tuple(_summarise(name, path) for name, path in _robots(search_path))
+    return tuple(_summarise(name, path, search_path) for name, path in _robots(search_path))
 
 
 def load_robot_descriptor(
@@ -221,9 +221,9 @@ def _robots(search_path: Sequence[Path] | None) -> Iterator[tuple[str, Path]]:
             yield path.parent.name, path
 
 
-def _summarise(name: str, path: Path) -> RobotSummary:
+def _summarise(name: str, path: Path, search_path: Sequence[Path] | None) -> RobotSummary:
     try:
-        robot = load_robot_descriptor(path)
+        robot = load_robot_descriptor(path, search_path=search_path)
     except DescriptorError as error:
         return RobotSummary(name, "", (), path, str(error))
     default = robot.default_variant

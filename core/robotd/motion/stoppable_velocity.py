@@ -17,7 +17,7 @@ def stoppable_velocity(acceleration: FloatArray, jerk: FloatArray, within_s: flo
 
     Args:
         acceleration, jerk: (m,) limits, positive; in rad/s² and rad/s³, or m/s² and m/s³.
-        within_s: positive.
+        within_s: not negative; 0 gives 0.
     """
     ramp_s = acceleration / jerk
     below = jerk * (within_s / 3.0) ** 2

@@ -91,9 +91,9 @@ def jog_velocities(robot: Robot) -> dict[str, float]:
     """Return the highest jog velocity of each joint, in rad/s or m/s.
 
     The lower one of its limit and of the velocity from which it stands ``STOP_S`` after the last
-    heartbeat.
+    heartbeat: 0 where the control loop is too slow for that.
     """
-    within_s = STOP_S - TIMEOUT_S - LATE_PERIODS / robot.descriptor.cycle.rate_hz
+    within_s = max(0.0, STOP_S - TIMEOUT_S - LATE_PERIODS / robot.descriptor.cycle.rate_hz)
     found: dict[str, float] = {}
     for group in robot.groups.values():
         limits = group.follower.limits
@@ -215,6 +215,12 @@ class HeldJog:
         highest = self._velocities.get(joint)
         if highest is None:
             raise InvalidArgument(unknown_name("joint", joint, self._velocities))
+        if not highest:
+            rate_hz = self._robot.descriptor.cycle.rate_hz
+            raise InvalidArgument(
+                f"{joint}: no jog by heartbeats at cycle.rate_hz {rate_hz:g}; it takes more than"
+                f" {LATE_PERIODS / (STOP_S - TIMEOUT_S):.0f} Hz"
+            )
         speed = min(abs(velocity), highest) * (self._robot.axes.speed.scale or 1.0)
         if not speed:
             raise InvalidArgument(f"{joint}: the jog velocity is 0")

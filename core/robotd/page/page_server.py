@@ -232,6 +232,6 @@ def _bound(port: int) -> socket.socket:
         made.bind((ADDRESS, port))
     except OSError as error:
         made.close()
-        text = f"page {port}: {error.strerror or error}; choose another with --page PORT"
+        text = f"page {port}: {error.strerror or error}; choose another port"
         raise OperationError(text) from error
     return made

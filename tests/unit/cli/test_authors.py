@@ -103,3 +103,10 @@ def test_the_checks_are_not_begun_for_a_backend_that_cannot_load() -> None:
     result = robotd("conform", "--backend", "simm")
     assert result.exit_code == ExitCode.PLUGIN
     assert "did you mean 'sim'" in result.output
+
+
+@pytest.mark.parametrize("arguments", [("new-backend", "acme"), ("new-robot", "cell")])
+def test_a_folder_that_cannot_be_written_is_named(arguments: tuple[str, str]) -> None:
+    more = ("--extends", "cr3a") if arguments[0] == "new-robot" else ()
+    result = robotd(*arguments, *more, "--into", "/proc")
+    assert result.stderr.startswith("robotd: error: /proc/")

@@ -34,6 +34,8 @@ Robotd = Callable[..., Result]
         (["jog", "joint1", "far"], "'far' is not a valid float"),
         (["jog", "joint1", "-inf"], "-inf is not a finite number"),
         (["jog", "joint1", "-0.1", "--speed", "0"], "0.0 is not in the range"),
+        (["sdo", "write", "1", "0x2000", "0", str(1 << 63)], "is outside -2^63 .. 2^63 - 1"),
+        (["record", "--time", "nan"], "nan is not a number"),
         (["speed", "101"], "101.0 is not in the range"),
         (["speed", "nan"], "nan is not a number"),
         (["gripper", "squeeze"], "'squeeze' is not one of 'open', 'close'"),

@@ -220,3 +220,9 @@ def test_no_content_crashes_the_loader(tmp_path: Path, content: dict[str, str]) 
     path = write(tmp_path, "fuzz", text)
     with contextlib.suppress(DescriptorError):
         assert load_robot_descriptor(path).name
+
+
+def test_robots_that_extend_one_of_the_search_path_are_listed(robots: Path) -> None:
+    write(robots, "cell", "extends: arm\nname: cell\nsummary: a cell\n")
+    summaries = {robot.name: (robot.summary, robot.problem) for robot in list_robots([robots])}
+    assert summaries["cell"] == ("a cell", None)

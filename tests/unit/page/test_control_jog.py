@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 from robotd.clock.simulated import SteppedClock
+from robotd.descriptor import load_robot_descriptor, parse_override
+from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRequest
 from robotd.page.control_jog import (
     HEARTBEAT_S,
@@ -22,6 +24,7 @@ from robotd.page.control_jog import (
     JogEnd,
     jog_velocities,
 )
+from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot
 
 PATIENCE_S = 30.0
@@ -266,3 +269,15 @@ def test_the_highest_jog_velocity_is_within_the_limits(robot: Robot) -> None:
     velocities = jog_velocities(robot)
     assert [*velocities] == [*robot.joint_names]
     assert 0.1 < velocities[JOINT] < robot.axes.limits[AXIS].velocity
+
+
+@pytest.mark.parametrize("rate_hz", [10, 20, 30])
+def test_a_slow_control_loop_allows_no_jog(rate_hz: int) -> None:
+    """Else the joint would move on after the time that the page promises."""
+    override = parse_override(f"cycle.rate_hz={rate_hz}")
+    descriptor = load_robot_descriptor("cr3a", overrides=[override])
+    robot = Robot(descriptor, load_backend("sim"), SteppedClock())
+    assert set(jog_velocities(robot).values()) == {0.0}
+    jog = HeldJog(robot, "page 1", ThreadPoolExecutor(1), lambda end: None)
+    with pytest.raises(InvalidArgument, match=f"cycle.rate_hz {rate_hz}; it takes more than 33 Hz"):
+        jog.jog(JOINT, 0.1, None)

@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import click
@@ -60,8 +61,8 @@ def _commission(
     """Commission the joints; INTERRUPTED when left, FAILED after a change was rejected."""
     search_path = load_installed().search_path
 
-    def load() -> RobotDescriptor:
-        return load_robot_descriptor(robot, variant, search_path, overrides)
+    def load(path: Path | None = None) -> RobotDescriptor:
+        return load_robot_descriptor(path or robot, variant, search_path, overrides)
 
     descriptor = load()
     if descriptor.path is None:

@@ -17,7 +17,7 @@ from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 from robotd.errors import unknown_name
 
 DEFAULT_SPEED = 0.1  # rad/s or m/s
-MIN_TIME_S = 0.3
+MIN_TIME_S, MAX_TIME_S = 0.3, 3600.0
 PEAK = 2.0  # upper bound of the peak velocity of a motion over its mean velocity
 
 
@@ -100,6 +100,11 @@ def _jog(
         scale = math.radians(1.0) if turns else 1.0
         distance = increment * scale
         time_s = max(PEAK * abs(distance) / _speed(speed, turns), MIN_TIME_S)
+        if time_s > MAX_TIME_S:
+            raise click.BadParameter(
+                f"{joint}: {increment:+g} at --speed {speed:g} would take {time_s:g} s, more than"
+                f" {MAX_TIME_S:g} s"
+            )
         target = arm.positions[joint] + distance
         with Interrupt() as interrupt:
             ending, reason = motion.move(

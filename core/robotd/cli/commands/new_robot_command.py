@@ -14,7 +14,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
 from robotd.cli.installed import load_installed
 from robotd.cli.options import FOLDER, configure_logging, names, not_nan
-from robotd.cli.package_templates import package_words, write_package
+from robotd.cli.package_templates import package_words, write_files, write_package
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import client_options, robot_client
 from robotd.descriptor import load_robot_descriptor
@@ -135,7 +135,7 @@ def new_robot(
         urdf = parse_urdf(text, path)
         files = robot_files(name, urdf, text, path, _choices(options), options["bus"])
     folder = top / words["package"] / "robots" / name if package else top
-    _write(folder, files)
+    write_files(folder, files)
     if package:
         write_package("robot", top, words)
     click.echo(f"{folder} is a robot: {', '.join(files)}\n")
@@ -187,9 +187,3 @@ def _urdf_text(path: Path | None, args: list[str], timeout_s: float) -> tuple[by
     with robot_client(args, timeout_s) as client:
         text: str = import_ros("client.status_client").read_description(client)
     return text.encode(), Path("robot_description")
-
-
-def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    folder.mkdir(parents=True)
-    for name, content in files.items():
-        (folder / name).write_bytes(content)

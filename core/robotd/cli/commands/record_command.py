@@ -11,7 +11,7 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import configure_logging
+from robotd.cli.options import configure_logging, not_nan
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
@@ -31,6 +31,7 @@ TICK_S = 0.1
     "time_s",
     metavar="SECONDS",
     type=click.FloatRange(0.1),
+    callback=not_nan,
     help="Stop after this time; by default with Ctrl-C.",
 )
 @client_options

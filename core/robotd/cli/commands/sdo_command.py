@@ -13,6 +13,8 @@ from robotd.cli.options import configure_logging
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
+INT64 = range(-(1 << 63), 1 << 63)  # of the request
+
 
 class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 8.2
     """Decimal, or hexadecimal with 0x."""
@@ -21,9 +23,12 @@ class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         try:
-            return value if isinstance(value, int) else int(value, 0)
+            number = value if isinstance(value, int) else int(value, 0)
         except ValueError:
             self.fail(f"{value!r} is not a number", param, ctx)
+        if number not in INT64:
+            self.fail(f"{value} is outside -2^63 .. 2^63 - 1", param, ctx)
+        return number
 
 
 NUMBER = _Number()
