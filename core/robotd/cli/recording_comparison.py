@@ -18,7 +18,7 @@ from robotd.recording.recording_reader import read_recording
 
 
 def repeat_recording(path: Path, robot: str | None) -> ExitCode:
-    """Repeat and print the differences; FAILED when one exceeds the path tolerance.
+    """Repeat and print the differences; FAILED when one exceeds the goal tolerance.
 
     Raises RobotdError: the recording cannot be read, or does not fit the robot.
     """
@@ -34,15 +34,20 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
     except ValueError as error:
         raise OperationError(str(error)) from error
     repetition = repeater.run()
-    tolerance = descriptor.trajectory.goal_tolerance_rad
-    differences = [*compare(repetition, info.axes, tolerance)]
+    settings = descriptor.trajectory
+    tolerances = {"rad": settings.goal_tolerance_rad, "m": settings.goal_tolerance_m}
+    units = {joint.axis: joint.unit for joint in descriptor.joints}
+    axes = [(name, units.get(axis, "rad")) for axis, name in enumerate(info.axes)]
+    differences = [*compare(repetition, axes, tolerances)]
     for line in columns([HEADING, *map(_row, differences)]):
         click.echo(line)
     for time_s, text in repetition.rejections:
         click.echo(f"{time_s:9.3f} s  rejected by the simulation: {text}")
     seconds = len(repetition.recorded) / info.rate_hz
     count = f"{repetition.commands} command{'s' if repetition.commands != 1 else ''}"
-    click.echo(f"{count} over {seconds:.1f} s, tolerance {tolerance:g} rad")
+    used = dict.fromkeys(unit for _, unit in axes)
+    tolerance = ", ".join(f"{tolerances[unit]:g} {unit}" for unit in used)
+    click.echo(f"{count} over {seconds:.1f} s, tolerance {tolerance}")
     beyond = [each for each in differences if each.first_s is not None]
     if not beyond:
         click.echo("the simulation moved as recorded")
@@ -50,7 +55,7 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
     first = min(beyond, key=lambda each: each.first_s or 0.0)
     click.echo(
         f"differs from {first.first_s:.3f} s on: {first.name} recorded {first.recorded:+.4f},"
-        f" simulated {first.simulated:+.4f} rad"
+        f" simulated {first.simulated:+.4f} {first.unit}"
     )
     return ExitCode.FAILED
 
@@ -60,4 +65,4 @@ HEADING = ("axis", "largest difference", "at", "beyond the tolerance from")
 
 def _row(each: Difference) -> tuple[str, ...]:
     first = "-" if each.first_s is None else f"{each.first_s:.3f} s"
-    return each.name, f"{each.largest:.5f} rad", f"{each.largest_s:.3f} s", first
+    return each.name, f"{each.largest:.5f} {each.unit}", f"{each.largest_s:.3f} s", first

@@ -240,6 +240,7 @@ def recording_info(robot: Robot) -> RecordingInfo:
             for each in [robot.axes.limits[axis]]
         },
         offset_ns=time.time_ns() - robot.clock.now_ns(),
+        units={joint.name: joint.unit for joint in descriptor.joints},
     )
 
 

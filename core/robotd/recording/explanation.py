@@ -131,16 +131,19 @@ def _value_lines(recording: Recording, cause: Event) -> Iterator[str]:
     # One period before: a drive in alarm may have lost its values.
     period_ns = round(NANOSECONDS / recording.info.rate_hz)
     values = joint_values(recording, axis, cause.time_ns - period_ns)
+    unit = recording.info.unit(cause.subject)
     lower, upper, velocity, _ = recording.info.limits.get(cause.subject, (np.nan,) * 4)
     if "position" in values:
-        yield f"  position {values['position']:+.4f} rad, limits {lower:g} to {upper:g} rad"
+        yield f"  position {values['position']:+.4f} {unit}, limits {lower:g} to {upper:g} {unit}"
     if "position_command" in values and "position" in values:
         error = values["position_command"] - values["position"]
-        yield f"  following error {error:+.5f} rad, command {values['position_command']:+.4f} rad"
+        command = values["position_command"]
+        yield f"  following error {error:+.5f} {unit}, command {command:+.4f} {unit}"
     if "velocity" in values:
-        yield f"  velocity {values['velocity']:+.4f} rad/s, limit {velocity:g} rad/s"
+        yield f"  velocity {values['velocity']:+.4f} {unit}/s, limit {velocity:g} {unit}/s"
     if "torque" in values:
-        yield f"  torque {values['torque']:+.3f} N·m"
+        effort = "force" if unit == "m" else "torque"
+        yield f"  {effort} {values['torque']:+.3f} {'N' if unit == 'm' else 'N·m'}"
 
 
 def _loop_lines(recording: Recording, cause: Event) -> Iterator[str]:

@@ -74,9 +74,10 @@ def _plot_axes(
         panels[0].plot(times_s, command[:, axis], linestyle="--", **style)
         panels[1].plot(times_s, command[:, axis] - position[:, axis], **style)
         panels[2].plot(times_s, velocity[:, axis], **style)
-    panels[0].set_ylabel("position (rad)\n-- command")
-    panels[1].set_ylabel("following error (rad)")
-    panels[2].set_ylabel("velocity (rad/s)")
+    units = sorted({recording.info.unit(name) for name in recording.info.axes})
+    panels[0].set_ylabel(f"position ({', '.join(units)})\n-- command")
+    panels[1].set_ylabel(f"following error ({', '.join(units)})")
+    panels[2].set_ylabel(f"velocity ({', '.join(f'{unit}/s' for unit in units)})")
     panels[0].legend(loc="upper left", ncols=8, fontsize="small")
 
 

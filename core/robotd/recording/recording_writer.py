@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self
 
@@ -75,6 +75,7 @@ class RecordingInfo:
         limits: of each joint: lower, upper, velocity, acceleration.
         offset_ns: wall-clock time minus monotonic time of the robot's clock.
         format: version of the layout, ``FORMAT``.
+        units: of each joint, "rad" or "m"; empty in older files: rad.
     """
 
     robot: str
@@ -88,6 +89,11 @@ class RecordingInfo:
     limits: Mapping[str, tuple[float, float, float, float]]
     offset_ns: int
     format: int = FORMAT
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def unit(self, axis: str) -> str:
+        """Return "rad" or "m"; an axis that is no joint has rad."""
+        return self.units.get(axis, "rad")
 
     def to_metadata(self) -> dict[str, str]:
         """Return the values as JSON texts."""

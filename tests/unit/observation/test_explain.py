@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from tests.unit.observation.harness import Observed
 
 from robotd.cli import main
 from robotd.events import sent_by
+from robotd.recording.explanation import explain as explained
 from robotd.recording.explanation import find_incident
 from robotd.recording.recording_reader import read_recording
 from robotd_cia402.code_tables import EMERGENCIES
@@ -116,3 +118,12 @@ def test_a_missing_recording_is_named(tmp_path: Path) -> None:
     result = explain(tmp_path / "none.mcap")
     assert result.exit_code == 1
     assert "none.mcap: No such file" in result.output
+
+
+def test_a_prismatic_joint_has_its_units(fault: Path) -> None:
+    recording = read_recording(fault)
+    info = replace(recording.info, units=recording.info.units | {"joint3": "m"})
+    text = "\n".join(explained(replace(recording, info=info)))
+    for part in ("limits -2.86 to 2.86 m", " m, command ", "limit 3.14 m/s", "  force "):
+        assert part in text
+    assert recording.info.units == {f"joint{number}": "rad" for number in range(1, 7)}
