@@ -121,8 +121,8 @@ class MobileBase:
             timeout_s: None: ``command_timeout_s`` of the settings.
 
         Raises:
-            InvalidArgument: a number is not finite, or the base cannot move sideways or turn on
-                the spot.
+            InvalidArgument: a number is not finite, the time-out is not positive, or the base
+                cannot move sideways or turn on the spot.
             NotReady: the base was stopped by ``stop``, motion is stopped, or it was and the client
                 has sent neither a zero twist nor nothing for ``command_timeout_s`` since.
         """
@@ -132,6 +132,8 @@ class MobileBase:
                 f"twist of {linear_m_s} m/s ahead, {lateral_m_s} m/s to the left and"
                 f" {angular_rad_s} rad/s is not finite"
             )
+        if timeout_s is not None and not (math.isfinite(timeout_s) and timeout_s > 0.0):
+            raise InvalidArgument(f"timeout_s is {timeout_s}, must be a positive number")
         if lateral_m_s and not self.wheels.moves_sideways:
             raise InvalidArgument(f"{lateral_m_s} m/s to the left: the base cannot move sideways")
         if angular_rad_s and not (linear_m_s or self.wheels.turns_on_the_spot):

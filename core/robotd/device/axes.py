@@ -15,6 +15,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.command_effect import CommandEffect
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
+from robotd.device.motion_starts import MotionStarts
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation, Underrun
@@ -97,7 +98,7 @@ class Axes:
         self._effect = CommandEffect(image, connection, clock, self.feedback_period_s)
         self._claims = AxisClaims(driver, image, self._effect)
         self._lock = threading.RLock()
-        self._stops = [0] * len(names)  # requested so far, of each axis
+        self._starts = MotionStarts(driver, self.stop_latch, self._effect, len(names))
 
     @property
     def trajectories_on_device(self) -> bool:
@@ -217,7 +218,7 @@ class Axes:
 
         A relative target counts from the position command. What is stopped meanwhile is not begun.
         """
-        stops = list(self._stops)
+        stops = self._starts.stops
         with self._lock:
             self._check_command([move.axis for move in moves], CommandMode.POSITION)
             scale = self.speed.at_start()
@@ -230,7 +231,7 @@ class Axes:
                 with self.arguments.naming(move.axis):
                     check_move(self.limits[move.axis], move.target, *_numbers(move.profile))
             for move in moves:
-                with self._begun(move.axis, stops):
+                with self.arguments.naming(move.axis), self._starts.begun(move.axis, stops):
                     self._driver.move(move.axis, move.target, move.profile.scaled(scale))
 
     @noted
@@ -241,7 +242,7 @@ class Axes:
         for which that would be too late is rejected. What is stopped meanwhile does not begin.
         """
         self._require(Capability.VELOCITY_MODE, "velocity mode")
-        stops = list(self._stops)
+        stops = self._starts.stops
         with self._lock:
             self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
             for jog in jogs:
@@ -252,7 +253,7 @@ class Axes:
             scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
             for jog in jogs:
                 self.jog_deceleration[jog.axis] = jog.profile.deceleration
-                with self._begun(jog.axis, stops):
+                with self.arguments.naming(jog.axis), self._starts.begun(jog.axis, stops):
                     self._driver.jog(jog.axis, jog.profile.scaled(scale))
 
     @noted
@@ -389,26 +390,9 @@ class Axes:
     def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
         if self._connection.ready:
             self.check_axes(axes)
-            for axis in axes:
-                self._stops[axis] += 1
+            self._starts.note_stop(axes)
             with self.arguments.naming():
                 stop(axes)
-
-    @contextmanager
-    def _begun(self, axis: int, stops: Sequence[int]) -> Iterator[None]:
-        """Begin a motion in the block; raise NotReady if it was stopped since ``stops``.
-
-        A driver may take its time before the axis moves, and a stop does not wait for it.
-        """
-        with self.arguments.naming(axis):
-            stopped = NotReady("stopped before the motion began")
-            if self._stops[axis] != stops[axis]:
-                raise stopped
-            yield
-            self._effect.note_motion()
-            if self._stops[axis] != stops[axis]:
-                self._driver.stop([axis])
-                raise stopped
 
     def _moving(self, axes: Sequence[int]) -> list[int]:
         return [axis for axis in axes if self.image.operation[axis] != Operation.IDLE]

@@ -166,6 +166,16 @@ def test_a_twist_that_is_not_finite_is_rejected(
     assert harness.base.pose == ORIGIN
 
 
+@pytest.mark.parametrize("timeout_s", [0.0, -0.1, math.inf, math.nan])
+def test_a_command_that_would_never_or_at_once_end_is_rejected(
+    harness: BaseHarness, timeout_s: float
+) -> None:
+    with pytest.raises(InvalidArgument, match=f"timeout_s is {timeout_s}, must be a positive"):
+        harness.base.command(0.5, 0.0, timeout_s=timeout_s)
+    harness.run(0.1)
+    assert harness.base.pose == ORIGIN
+
+
 def test_a_servo_that_goes_off_stops_both_wheels_and_is_logged_once(harness: BaseHarness) -> None:
     harness.drive(0.5, 0.0, 1.0)
     with capture_logs() as logs:

@@ -350,3 +350,13 @@ def test_a_stop_while_motions_begin_stops_them_and_begins_no_other(
         command()
     assert begun == [1]
     assert harness.driver.calls[-2:] == [("stop", [1, 2]), ("stop", [1])]
+
+
+def test_a_motion_that_begins_after_the_latch_was_engaged_is_stopped(harness: Harness) -> None:
+    def begin(*_: object) -> None:
+        harness.axes.stop_latch.engage("a button")
+
+    harness.driver.move = begin  # type: ignore[assignment,method-assign]
+    with pytest.raises(NotReady, match="joint2: motion is stopped: a button"):
+        harness.axes.move([Move(1, 0.5, PROFILE)])
+    assert harness.driver.calls[-1] == ("stop", [1])
