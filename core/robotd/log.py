@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from enum import StrEnum
-from typing import Any, TextIO, cast
+from typing import Any, NamedTuple, TextIO, cast
 
 from robotd.optional_imports import missing
 
@@ -28,7 +28,24 @@ class LogFormat(StrEnum):
 
 LEVELS = ("debug", "info", "warning", "error")
 
-Listener = Callable[[Mapping[str, Any]], None]
+
+class LogLine(NamedTuple):
+    """One line of the log.
+
+    Attributes:
+        component: that logs.
+        level: one of ``LEVELS``, or "critical".
+        text: the event and its fields, one line.
+        fields: values by name.
+    """
+
+    component: str
+    level: str
+    text: str
+    fields: Mapping[str, Any]
+
+
+Listener = Callable[[LogLine], None]
 
 _listeners: list[Listener] = []
 
@@ -67,9 +84,9 @@ def configure_logging(
 
 
 def add_listener(listener: Listener) -> None:
-    """Call ``listener`` with the fields of every line, in the thread that logs. Any thread.
+    """Call ``listener`` with every line, in the thread that logs. Any thread.
 
-    It must not change the fields, block, raise or log. Lines below the level are not passed on.
+    It must not block, raise or log. Lines below the level are not passed on.
     """
     _listeners.append(listener)
 
@@ -103,9 +120,21 @@ class _Lossy:
 
 
 def _pass_on(logger: Any, method: str, fields: EventDict) -> EventDict:
-    for listener in _listeners:
-        listener(fields)
+    if _listeners:
+        line = _line(fields)
+        for listener in tuple(_listeners):
+            listener(line)
     return fields
+
+
+def _line(event_dict: EventDict) -> LogLine:
+    fields = dict(event_dict)
+    text = str(fields.pop("event", ""))
+    level = str(fields.pop("level", "info"))
+    component = str(fields.pop("component", ""))
+    fields.pop("exc_info", None)
+    details = " ".join(f"{key}={value}" for key, value in fields.items())
+    return LogLine(component, level, f"{text} {details}".rstrip(), fields)
 
 
 def get_logger(name: str) -> FilteringBoundLogger:

@@ -95,7 +95,8 @@ def test_move_moves_the_named_joints_only(cr3a: RobotProcess, client: Client) ->
             ["move", "joint9=0"],
             "unknown joint 'joint9'; did you mean 'joint6'? (available: joint1, ",
         ),
-        (["servo", "on", "7"], "axis 7 is outside 0..5"),
+        (["servo", "on", "7"], "unknown axis '7' (available: joint1, joint2, "),
+        (["servo", "on", "jiont2"], "unknown axis 'jiont2'; did you mean 'joint2'?"),
     ],
 )
 def test_a_refusal_is_status_1_with_the_reason(
@@ -108,7 +109,7 @@ def test_a_refusal_is_status_1_with_the_reason(
 
 
 def test_one_servo_can_be_switched(cr3a: RobotProcess, client: Client) -> None:
-    assert robotd(cr3a.domain, "servo", "off", "5") == (0, "joint6: ok\n", "")
+    assert robotd(cr3a.domain, "servo", "off", "joint6") == (0, "joint6: ok\n", "")
     report = json.loads(robotd(cr3a.domain, "status", "--json")[1])
     assert [axis["servo_on"] for axis in report["axes"]] == [True] * 5 + [False]
     assert robotd(cr3a.domain, "servo", "on", "5") == (0, "joint6: ok\n", "")

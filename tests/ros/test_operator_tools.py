@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
+from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -25,6 +26,9 @@ from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal, pose
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
+from wmx_ros2_message.srv import SetAxis
+
+from robotd.ros.nodes.rejection_log import PAUSE_S
 
 pytestmark = pytest.mark.ros
 
@@ -122,14 +126,15 @@ def screen_until(master: int, text: bytes) -> bytes:
     return shown
 
 
-def hold(master: int, key: bytes, until: Callable[[], Any]) -> None:
-    """Repeat ``key`` as a terminal does while it is held, and read what is shown meanwhile."""
+def hold(master: int, key: bytes, until: Callable[[], Any], shown: bytearray | None = None) -> None:
+    """Repeat ``key`` as a terminal does while it is held, and read what is ``shown`` meanwhile."""
+    shown = bytearray() if shown is None else shown
     os.set_blocking(master, False)
     deadline = time.monotonic() + WAIT_S
     while not until():
         assert time.monotonic() < deadline, "it does not move"
         os.write(master, key)
-        drain(master)
+        shown += drain(master)
         time.sleep(REPEAT_S)
 
 
@@ -138,6 +143,15 @@ def drain(master: int) -> bytes:
         return os.read(master, 65536)
     except OSError:  # nothing to read, or nobody at the other end
         return b""
+
+
+def jog_until_shown(domain: int, text: bytes) -> None:
+    shown = bytearray()
+    with keyboard_jog(domain) as (process, master):
+        screen_until(master, b"hold to move")
+        hold(master, RIGHT, lambda: text in shown, shown)
+        os.write(master, b"q")
+        wait_until(lambda: has_ended(process, master), "it ends")
 
 
 def has_ended(process: subprocess.Popen[bytes], master: int) -> bool:
@@ -165,6 +179,24 @@ def test_a_joint_moves_while_a_key_is_held(
         wait_until(lambda: has_ended(process, master), "it ends")
         assert process.returncode == 0
         assert is_at_rest(joints)
+
+
+def test_a_rejected_jog_shows_the_reason_which_is_on_rosout_too(
+    arm: RobotProcess, arm_client: Client
+) -> None:
+    log = arm_client.listen(Log, "/rosout", 100)
+    reason = "joint3: servo is off"
+    try:
+        assert arm_client.call(SetAxis, "/wmx/axis/set_on", index=[2], data=[0]).success
+        jog_until_shown(arm.domain, reason.encode())
+        ended_s = time.monotonic()
+        wait_until(lambda: time.monotonic() - ended_s > PAUSE_S, "the reason is news again")
+        jog_until_shown(arm.domain, reason.encode())
+        lines = [line for line in log if line.name == "robotd.commands"]
+        assert f"reason={reason}" in lines[-1].msg
+        assert (lines[-1].level, lines[-1].stamp.sec) >= (Log.WARN, time.time() - WAIT_S)
+    finally:
+        assert arm_client.call(SetAxis, "/wmx/axis/set_on", index=[2], data=[1]).success
 
 
 @pytest.mark.parametrize("end", ["lost terminal", "Ctrl-C"])

@@ -181,21 +181,10 @@ class Tap:
         level = Level.ERROR if reason else Level.INFO
         self.events.add(EventKind.STOP, "stop", text, level=level, data={"outcome": outcome})
 
-    def _log_line(self, line: Mapping[str, object]) -> None:
+    def _log_line(self, line: robot_log.LogLine) -> None:
         """Note a line of the log. Any thread, the control loop too."""
-        fields = dict(line)
-        text = str(fields.pop("event", ""))
-        level = str(fields.pop("level", "info"))
-        component = str(fields.pop("component", ""))
-        fields.pop("exc_info", None)
-        details = " ".join(f"{key}={value}" for key, value in fields.items())
-        self.events.add(
-            EventKind.LOG,
-            component,
-            f"{text} {details}".rstrip(),
-            level=Level(level) if level in tuple(Level) else Level.ERROR,
-            data=fields,
-        )
+        level = Level(line.level) if line.level in tuple(Level) else Level.ERROR
+        self.events.add(EventKind.LOG, line.component, line.text, level=level, data=line.fields)
 
 
 def bus_values(bus: int, status: BusStatus) -> dict[str, Mapping[str, float]]:

@@ -24,6 +24,7 @@ from robotd.ros.node_registry import (
 from robotd.ros.nodes.operator_node import OperatorNode
 from robotd.ros.nodes.page_topics import PageTopics
 from robotd.ros.nodes.recorder_services import add_recorder_services
+from robotd.ros.nodes.rosout_topic import RosoutTopic
 from robotd.ros.senders import Senders
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def run_nodes(
     for node in nodes:
         host.add_node(node)
     with ExitStack() as stack:
+        stack.enter_context(RosoutTopic(operator))
         stack.enter_context(Diagnostics(nodes, robot))
         if recorder is not None:
             stack.enter_context(PageTopics(operator, recorder.tap, [*chosen]))

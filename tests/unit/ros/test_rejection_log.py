@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import time
 
+import pytest
 from structlog.testing import capture_logs
 
-from robotd.ros.nodes.rejection_log import MAX_AXES, MAX_KINDS, MAX_KNOWN, RejectionLog
+from robotd.ros.nodes.rejection_log import MAX_AXES, MAX_KINDS, MAX_KNOWN, PAUSE_S, RejectionLog
 
 
 def test_the_same_refusal_is_logged_once_whatever_its_numbers() -> None:
@@ -64,3 +66,14 @@ def test_a_flood_of_ever_other_texts_is_cut_off_until_a_command_is_accepted() ->
         log.accepted("jog", [])
         log.rejected("jog", [], "unknown joint 'x'")
     assert len(lines) == 1
+
+
+def test_after_a_pause_the_refusal_is_news_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, times_s = RejectionLog(), iter((10.0, 10.0 + PAUSE_S, 10.1 + 2 * PAUSE_S))
+    monkeypatch.setattr(time, "monotonic", lambda: next(times_s))
+    with capture_logs() as lines:
+        for _ in range(2):
+            log.rejected("jog", [1], "servo is off")
+        assert len(lines) == 1
+        log.rejected("jog", [1], "servo is off")
+    assert len(lines) == 2

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
+from rcl_interfaces.msg import Log
 from std_msgs.msg import Float64, String
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 
@@ -18,6 +19,7 @@ from robotd.ros.client.status_client import (
     axis_reports,
     read_axes,
 )
+from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.qos import LATCHED
 
 JOG = "wmx/axis/jog"
@@ -31,7 +33,7 @@ class JogState:
 
     Attributes:
         axes: None before the first message.
-        hindrance: why nothing moves, and what helps; "" while motion is allowed.
+        hindrance: why nothing moves, and what helps where it is known; "" while motion is allowed.
     """
 
     axes: tuple[AxisReport, ...] | None
@@ -48,11 +50,15 @@ class JogClient:
     def __init__(self, client: RosClient, stack: ExitStack) -> None:
         self._client = client
         self._jogged: set[int] = set()
+        self._rejection = ""
+        operator = f"{client.node.get_namespace()}/{OPERATOR_NODE}".strip("/")
+        self._log_name = f"{operator.replace('/', '.')}.commands"
         self.identities = read_axes(client)
         self._publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
         self._axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
         self._stopped = stack.enter_context(client.listen(String, STOPPED, LATCHED))
         self._speed = stack.enter_context(client.listen(Float64, SPEED, LATCHED))
+        client.node.create_subscription(Log, "/rosout", self._note_rejection, 10)
         for listener in (self._axes, self._stopped, self._speed):
             listener.wait()
         client.wait(self._publisher.get_subscription_count, f"subscription of {JOG}")
@@ -76,7 +82,9 @@ class JogClient:
         stopped = self._stopped.newest.data if self._stopped.newest else ""
         speed = self._speed.newest.data if self._speed.newest else 1.0
         reports = None if axes is None else axis_reports(axes, self.identities)
-        return JogState(reports, motion_hindrance(stopped, speed))
+        if any(abs(reports[axis].velocity) > AT_REST for axis in self._jogged if reports):
+            self._rejection = ""
+        return JogState(reports, motion_hindrance(stopped, speed) or self._rejection)
 
     def wait_at_rest(self) -> None:
         """Return when no axis that was jogged moves. Raises DeviceTimeout."""
@@ -88,6 +96,11 @@ class JogClient:
         self._axes.newest = None
         self._axes.wait()
         self._client.wait(at_rest, "standstill")
+
+    def _note_rejection(self, line: Log) -> None:
+        _, is_rejection, reason = line.msg.partition("reason=")
+        if is_rejection and line.name == self._log_name and f"topic={JOG} " in line.msg:
+            self._rejection = reason
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.errors import DeviceTimeout, OperationError
+from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd.ros.client.io_client import IO, Levels, read_levels
 from robotd.ros.client.operator_client import DISCOVERY_S, SPEED, STOPPED
 from robotd.ros.client.ros_client import RosClient
@@ -251,14 +251,20 @@ def require_recorder(client: RosClient) -> None:
         raise DeviceTimeout("the robot has gone: the recording ends with it")
 
 
-def set_servos(client: RosClient, axes: Sequence[int], on: bool) -> str:
-    """Switch servos; on, alarms are cleared first. Empty ``axes`` means all.
+def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:
+    """Switch servos; on, alarms are cleared first.
+
+    Args:
+        client: of the robot.
+        axes: names, or numbers from 0; empty: all.
+        on: False: off.
 
     Returns what the robot answers for each axis. Raises DeviceTimeout without an answer,
-    OperationError when one axis refuses.
+    OperationError when one axis refuses, InvalidArgument for a name that no axis has.
     """
     with reason_of_silence(client):
-        index = list(axes) or _all_axes(client)
+        names = [axis.name for axis in read_axes(client)]
+    index = [_axis_number(axis, names) for axis in axes or names]
     if on:
         client.call(SetAxis, "wmx/axis/clear_alarm", index=index, data=[0] * len(index))
     data = [int(on)] * len(index)
@@ -309,6 +315,9 @@ def _fault(client: RosClient) -> tuple[str, str]:
     return reason, remedy
 
 
-def _all_axes(client: RosClient) -> list[int]:
-    with client.listen(AxisState, AXIS_STATE) as axes:
-        return list(range(len(axes.wait().servo_on)))
+def _axis_number(axis: str, names: list[str]) -> int:
+    if axis in names:
+        return names.index(axis)
+    if not axis.isdecimal() or int(axis) >= len(names):
+        raise InvalidArgument(unknown_name("axis", axis, names))
+    return int(axis)

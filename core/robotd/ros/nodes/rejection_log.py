@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Sequence
 
 from robotd.log import get_logger
@@ -12,6 +13,7 @@ log = get_logger("commands")
 MAX_KNOWN = 256  # axes that are remembered
 MAX_AXES = 128  # of one message
 MAX_KINDS = 16  # of texts, which may contain names that a client makes up
+PAUSE_S = 2.0  # without a rejection; the next is of another attempt
 
 _NUMBERS = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
@@ -21,14 +23,19 @@ class RejectionLog:
 
     Two rejections are of one kind when they concern the same axes of the same topic and their
     texts differ in numbers only. A flood of ever other axes or texts is cut off until a command
-    is accepted, so that no client can fill the memory or the disk. Any thread.
+    is accepted, so that no client can fill the memory or the disk. All is forgotten after
+    ``PAUSE_S``. Any thread.
     """
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, tuple[int, ...]], set[str]] = {}
+        self._rejected_s = 0.0
 
     def rejected(self, topic: str, axes: Sequence[int], reason: str) -> None:
         """A message on ``topic`` was not executed."""
+        before_s, self._rejected_s = self._rejected_s, time.monotonic()
+        if self._rejected_s - before_s > PAUSE_S:
+            self._known.clear()
         concerned = (topic, tuple(axes[:MAX_AXES]))
         if concerned not in self._known:
             if len(self._known) == MAX_KNOWN:
