@@ -23,6 +23,7 @@ MAX_DEPTH = 20
 MAX_VALUES = 10_000  # 1000 points of a trajectory of 6 joints are 8000
 MAX_KEY = 100  # characters
 MAX_TEXT = 4096  # characters; the longest path that Linux takes
+_TOO_DEEP = f"nested deeper than {MAX_DEPTH} levels"
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _WORDS: dict[str, bool | None] = {
@@ -97,7 +98,9 @@ def _build(text: str, path: Path) -> Node:
         mark = getattr(error, "problem_mark", None)
         what = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
         line = None if mark is None else mark.line + 1
-        raise DescriptorError(f"not valid YAML: {what}", path=path, line=line) from None
+        # libyaml from 0.2.6 looks 1000 brackets ahead, before the first of them is an event here.
+        text = _TOO_DEEP if "nesting depth" in what else f"not valid YAML: {what}"
+        raise DescriptorError(text, path=path, line=line) from None
     if builder.problems:
         raise DescriptorError.join(builder.problems)
     return root
@@ -124,7 +127,7 @@ class _Builder:
 
     def _node(self, event: Any, events: Iterator[Any], line: int, depth: int) -> Node:
         if depth > MAX_DEPTH:
-            raise self._error(f"nested deeper than {MAX_DEPTH} levels", event)
+            raise self._error(_TOO_DEEP, event)
         self._values += 1
         if self._values > MAX_VALUES:
             raise self._error(f"more than {MAX_VALUES:_} values", event)
