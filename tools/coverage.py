@@ -24,6 +24,7 @@ SOURCES = (
     "plugins/ethercat",
     "plugins/servo_model",
     "plugins/sim",
+    "plugins/wmx_commands",
 )
 ELSEWHERE = (
     "core/robotd/commissioning",

@@ -13,6 +13,7 @@ PACKAGES = (
     "robotd_cia402",
     "robotd_servo_model",
     "robotd_sim",
+    "robotd_wmx_commands",
     "robotd_wmx_parameters",
 )
 

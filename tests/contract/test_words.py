@@ -22,6 +22,7 @@ PACKAGES = {
     "robotd_servo_model": ROOT / "plugins" / "servo_model" / "robotd_servo_model",
     "robotd_sim": ROOT / "plugins" / "sim" / "robotd_sim",
     "robotd_wmx": ROOT / "plugins" / "wmx" / "robotd_wmx",
+    "robotd_wmx_commands": ROOT / "plugins" / "wmx_commands" / "robotd_wmx_commands",
     "robotd_wmx_parameters": ROOT / "plugins" / "wmx_parameters" / "robotd_wmx_parameters",
 }
 BACKENDS = ("plugins/canopen", "plugins/cia402", "plugins/ethercat", "plugins/wmx")

@@ -38,7 +38,6 @@ COMMANDS = {
     "sim": "Scenarios and faults for the simulation.",
     "commission": "Lead through the first switch-on of a real axis.",
     "conform": "Run the conformance checks on a backend. Axes move.",
-    "wmx": "Readiness of a machine for the WMX backend.",
     "new-robot": "Write a robot's folder from its URDF or its drives, ready for the simulation.",
     "new-backend": "Write an installable backend package that passes the checks, to start from.",
 }

@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
-from robotd.cli import wmx_machine
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.wmx_machine import Finding, check_cores, check_eni, check_sdk
-from robotd.cli.wmx_scan import slave_lines
 from robotd.descriptor import load_robot_descriptor
+from robotd_wmx_commands import machine_checks
+from robotd_wmx_commands.cli import slave_lines
+from robotd_wmx_commands.machine_checks import Finding, check_cores, check_eni, check_sdk
 from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
 
 Robotd = Callable[..., Result]
 ELF = (
     b"\x7fELF"
     + bytes(14)
-    + wmx_machine.ELF_MACHINES.get(platform.machine(), 0).to_bytes(2, "little")
+    + machine_checks.ELF_MACHINES.get(platform.machine(), 0).to_bytes(2, "little")
 )
 
 
@@ -29,9 +29,9 @@ def sdk(tmp_path: Path) -> Path:
     """Files of a complete SDK with cyclic buffers, without content."""
     for folder in ("include", "lib"):
         (tmp_path / folder).mkdir()
-    for header in (*wmx_machine.HEADERS, "CyclicBufferApi.h"):
+    for header in (*machine_checks.HEADERS, "CyclicBufferApi.h"):
         (tmp_path / "include" / header).touch()
-    for library in (*wmx_machine.LIBRARIES, wmx_machine.CYCLIC_LIBRARY):
+    for library in (*machine_checks.LIBRARIES, machine_checks.CYCLIC_LIBRARY):
         (tmp_path / "lib" / f"lib{library}.so").write_bytes(ELF)
     return tmp_path
 
@@ -111,7 +111,7 @@ def test_an_eni_file_is_found(sdk: Path) -> None:
 
 def test_isolated_cores_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     isolated = tmp_path / "isolated"
-    monkeypatch.setattr(wmx_machine, "ISOLATED", isolated)
+    monkeypatch.setattr(machine_checks, "ISOLATED", isolated)
     isolated.write_text("\n")
     assert "is isolated" in bad(list(check_cores(tmp_path)))[0]
     isolated.write_text("2-3\n")

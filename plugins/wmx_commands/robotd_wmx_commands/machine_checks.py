@@ -6,7 +6,7 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,9 +30,6 @@ class Finding(NamedTuple):
     verdict: str
     what: str
     advice: str = ""
-
-
-Check = Callable[[Path], Iterator[Finding]]
 
 
 def default_sdk_root() -> Path:

@@ -1,14 +1,20 @@
-"""``robotd wmx``: commands for machines with the WMX3 SDK."""
+"""``robotd wmx``: scan the EtherCAT network through the engine, check a machine."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator, Mapping
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import click
 
-from robotd.cli.wmx_doctor import diagnose
-from robotd.cli.wmx_scan import scan_network, slave_lines
+from robotd.api import PluginError
+from robotd_wmx_commands import INSTALL
+
+SCANS = "robotd.wmx_scan"
+"""Entry-point group of the function of the backend that scans the network."""
 
 
 @click.group()
@@ -65,6 +71,8 @@ def doctor(ctx: click.Context, sdk: Path | None, robots: tuple[str, ...], *, eng
     servo is switched, no communication is started. Ends with 1 when something is missing. When
     you ask for help, send all that it prints.
     """
+    from robotd_wmx_commands.doctor import diagnose
+
     failed = 0
     for finding in diagnose(sdk, robots or ("cr3a",), engine=engine):
         failed += finding.verdict == "failed"
@@ -73,3 +81,34 @@ def doctor(ctx: click.Context, sdk: Path | None, robots: tuple[str, ...], *, eng
     if not engine:
         click.echo("\nThe engine was not asked: --engine starts it and reads licence and network.")
     ctx.exit(1 if failed else 0)
+
+
+def scan_network(root: Path | None) -> Mapping[str, Any]:
+    """Return the slaves; the backend, where it is installed, brings the function.
+
+    Raises PluginError: it is not installed or does not load. ConnectError: the scan fails.
+    """
+    for entry in entry_points(group=SCANS):
+        try:
+            scan: Callable[[Path | None], Mapping[str, Any]] = entry.load()
+        except ImportError as error:
+            raise PluginError(f"the backend robotd-wmx does not load: {error}") from error
+        return scan(root)
+    raise PluginError(
+        f"the backend robotd-wmx is not installed: {INSTALL};"
+        " 'robotd wmx doctor' shows what is missing on this machine"
+    )
+
+
+def slave_lines(found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield one line for each slave, and their number."""
+    for slave in found["slaves"]:
+        modes = " ".join(slave["modes"])
+        yield (
+            f"master {slave['master']} slave {slave['slave']:3}: {slave['axes']} axes,"
+            f" vendor 0x{slave['vendor_id']:08X}, product 0x{slave['product_code']:08X},"
+            f" revision 0x{slave['revision']:08X}, serial {slave['serial']},"
+            f" {slave['state']}{f'; {modes}' if modes else ''}"
+        )
+    count = len(found["slaves"])
+    yield f"{count} slave{'' if count == 1 else 's'}"

@@ -11,11 +11,9 @@ from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from robotd.cli import wmx_machine as machine
-from robotd.cli.wmx_machine import Finding
-from robotd.descriptor import load_robot_descriptor
-from robotd.errors import RobotdError
-from robotd.plugin.known_backends import KNOWN_BACKENDS
+from robotd.api import RobotdError, load_robot_descriptor
+from robotd_wmx_commands import INSTALL, machine_checks
+from robotd_wmx_commands.machine_checks import Finding
 from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
 
 CHECKS = "robotd.wmx_doctor"
@@ -31,14 +29,14 @@ def diagnose(root: Path | None, robots: Iterable[str], *, engine: bool) -> Itera
         robots: whose parameter files are looked at.
         engine: let the backend start the engine.
     """
-    sdk = root or machine.default_sdk_root()
+    sdk = root or machine_checks.default_sdk_root()
     for check in (
-        machine.check_machine,
-        machine.check_sdk,
-        machine.check_permissions,
-        machine.check_cores,
-        machine.check_network_cards,
-        machine.check_eni,
+        machine_checks.check_machine,
+        machine_checks.check_sdk,
+        machine_checks.check_permissions,
+        machine_checks.check_cores,
+        machine_checks.check_network_cards,
+        machine_checks.check_eni,
     ):
         yield from _guarded(check.__name__, partial(check, sdk))
     for robot in robots:
@@ -72,8 +70,7 @@ def _check_backend(root: Path | None, engine: bool) -> Iterator[Finding]:
     """The checks of robotd-wmx, or what is missing to run them."""
     entries = list(entry_points(group=CHECKS))
     if not entries:
-        known = KNOWN_BACKENDS["wmx"]
-        yield Finding("failed", "the backend robotd-wmx is not installed", known.install)
+        yield Finding("failed", "the backend robotd-wmx is not installed", INSTALL)
         return
     for entry in entries:
         try:
