@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import click
 
 from robotd.cli.check_report import CheckReport
+from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_installed
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.capabilities import Capability
@@ -28,7 +29,7 @@ WAITS_S = 5.0  # by the clock, on a machine that may be busy
 Made = TypeVar("Made")
 
 
-def check_backend(name: str, robot: str = ROBOT) -> int:
+def check_backend(name: str, robot: str = ROBOT) -> ExitCode:
     """Check the backend ``name`` step by step, print each, and return the exit status.
 
     A foreign plugin is checked in a process of its own, which it may end.
@@ -44,13 +45,13 @@ def check_backend(name: str, robot: str = ROBOT) -> int:
     status, output, step = run_noted(command, capture=True)
     click.echo(output, nl=False)
     if step == "done":
-        return status
+        return ExitCode(status)
     report = CheckReport()
     report.fail(step, death_of(name, status, step))
     return report.end()
 
 
-def _check_here(name: str, robot: str) -> int:
+def _check_here(name: str, robot: str) -> ExitCode:
     report = CheckReport()
     report.run("entry point", lambda: _origins(name))
     backend = report.run(

@@ -19,6 +19,8 @@ from robotd.errors import RobotdError
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
 COMMANDS_PACKAGE = "robotd.cli.commands"
+OPERATOR_COMMANDS = ("gripper", "output", "servo", "stop", "reset", "speed", "pause", "resume",
+                     "recover", "snapshot")  # fmt: skip
 ROS_COMMANDS = (
     DEFAULT, "status", "move", "jog", "gripper", "output", "servo", "stop", "reset", "speed",
     "pause", "resume", "recover", "sdo", "snapshot", "record", "page", "sim", "new-robot",
@@ -32,7 +34,7 @@ class RobotdGroup(click.Group):
 
     Args:
         summaries: command names and their one-line summaries; each command is an attribute of
-            the module ``<name>_command`` of ``robotd.cli.commands``.
+            ``robotd.cli.commands.<name>_command``, or of ``operator_commands`` there.
     """
 
     def __init__(self, *args: Any, summaries: Mapping[str, str], **options: Any) -> None:
@@ -48,9 +50,10 @@ class RobotdGroup(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         first_ros = args.index(ROS_ARGS) if ROS_ARGS in args else len(args)
         args, ctx.meta[ROS_ARGS] = args[:first_ros], args[first_ros:]
-        if (args and self._is_option_of_run(ctx, args[0])) or (not args and ros_args(ctx)):
+        has_ros_args = bool(ctx.meta[ROS_ARGS])
+        if (args and self._is_option_of_run(ctx, args[0])) or (not args and has_ros_args):
             args = [DEFAULT, *args]
-        if ros_args(ctx) and args[0] not in ROS_COMMANDS:
+        if has_ros_args and args[0] not in ROS_COMMANDS:
             ctx.fail(f"{ROS_ARGS} belongs to {', '.join(ROS_COMMANDS)} only")
         return super().parse_args(ctx, args)
 
@@ -60,7 +63,8 @@ class RobotdGroup(click.Group):
             return plugin_command(cmd_name)
         gc.disable()  # imported objects stay; serve() enables it again, which saves 60 ms
         name = cmd_name.replace("-", "_")
-        command: click.Command = getattr(import_module(f"{COMMANDS_PACKAGE}.{name}_command"), name)
+        module = "operator_commands" if cmd_name in OPERATOR_COMMANDS else f"{name}_command"
+        command: click.Command = getattr(import_module(f"{COMMANDS_PACKAGE}.{module}"), name)
         return command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -74,8 +78,9 @@ class RobotdGroup(click.Group):
                 formatter.write_dl(rows)
 
     def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; the ``ExitCode`` that it returns, if any, is the exit status."""
         try:
-            return super().invoke(ctx)
+            status = super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise  # click ends quietly when the reader of the output is gone
         except KeyboardInterrupt:
@@ -83,15 +88,17 @@ class RobotdGroup(click.Group):
         except Exception as error:  # noqa: BLE001 - reported as one line, never as a traceback
             _report(error, debug=ctx.meta.get("log_level") == "debug")
             ctx.exit(exit_code(error))
+        if isinstance(status, ExitCode):
+            ctx.exit(status)
 
     def _is_option_of_run(self, ctx: click.Context, word: str) -> bool:
         own = {name for option in self.get_params(ctx) for name in option.opts}
         return word.startswith("-") and word.partition("=")[0] not in own
 
 
-def ros_args(ctx: click.Context) -> list[str]:
-    """Return the arguments from ``--ros-args`` on, as typed; empty without it."""
-    return list(ctx.meta[ROS_ARGS])
+def ros_args() -> list[str]:
+    """Return the arguments from ``--ros-args`` on, as typed; empty without it. In a command."""
+    return list(click.get_current_context().meta[ROS_ARGS])
 
 
 def _drop_unwritable_output() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -29,14 +28,14 @@ SHOW_S = 0.1
 HELP = "←/→ hold to move   1-9 joint   +/- speed   q end   any other key stops"
 
 
-def jog_by_keys(ros_args: Sequence[str], timeout_s: float, speed: float) -> ExitCode:
+def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
     """Jog until a key, a signal or the loss of the terminal.
 
     Everything is at rest then. Raises Rejected with the robot's reason where motion is not allowed.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("--keys needs a terminal")
-    with robot_client(ros_args, timeout_s) as client:
+    with robot_client(timeout_s) as client:
         import_ros("client.status_client").require_ready(client)
         with (
             import_ros("client.jog_client").jog_client(client) as jog,

@@ -41,7 +41,7 @@ COMMANDS = {
     "new-robot": "Write a robot's folder from its URDF or its drives, ready for the simulation.",
     "new-backend": "Write an installable backend package that passes the checks, to start from.",
 }
-"""Commands with their summaries; ``new-backend`` is ``robotd.cli.commands.new_backend_command``.
+"""Commands with their summaries; ``RobotdGroup`` says where they are.
 
 ``robotd --help`` needs the summaries without importing NumPy, pydantic or ROS, which would take
 0.7 s instead of 0.2; a test compares them with the commands' own.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -43,9 +44,10 @@ def overrides(
     return tuple(parse_override(value) for value in values)
 
 
-def configure_logging(ctx: click.Context) -> None:
+def configure_logging() -> None:
     """Configure logging from the options of ``log_options``."""
-    log.configure_logging(ctx.meta["log_level"], log.LogFormat(ctx.meta["log_format"]))
+    options = click.get_current_context().meta
+    log.configure_logging(options["log_level"], log.LogFormat(options["log_format"]))
 
 
 def which_robot(command: Command) -> Command:
@@ -73,7 +75,13 @@ def robot_options(command: Command) -> Command:
 
 
 def log_options(command: Command) -> Command:
-    """Add the options of logging."""
+    """Add the options of logging; they take effect before the command runs."""
+
+    @wraps(command)
+    def configured(*args: Any, **options: Any) -> Any:
+        configure_logging()
+        return command(*args, **options)
+
     for name, choices, default, text in (
         (
             "--log-format",
@@ -83,7 +91,7 @@ def log_options(command: Command) -> Command:
         ),
         ("--log-level", log.LEVELS, "info", "'debug' shows tracebacks too."),
     ):
-        command = click.option(
+        configured = click.option(
             name,
             type=click.Choice(choices),
             default=default,
@@ -92,8 +100,8 @@ def log_options(command: Command) -> Command:
             expose_value=False,
             is_eager=True,
             help=text,
-        )(command)
-    return command
+        )(configured)
+    return configured
 
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")

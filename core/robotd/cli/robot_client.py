@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from robotd.cli.exit_codes import Rejected, RosUnavailable
+from robotd.cli.group import ros_args
 from robotd.cli.options import Command, log_options, not_nan
 from robotd.cli.preflight import import_ros
 from robotd.errors import OperationError
@@ -35,14 +37,12 @@ def client_options(command: Command) -> Command:
 
 
 @contextmanager
-def robot_client(
-    ros_args: Sequence[str], timeout_s: float, *, searches: bool = False
-) -> Iterator[RosClient]:
-    """Open a client of the running robot.
+def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosClient]:
+    """Open a client of the running robot, with the ROS arguments of the command.
 
     Raises RosUnavailable without ROS, Rejected with the robot's reason.
     """
-    client = import_ros("client.ros_client").RosClient(ros_args, timeout_s, searches=searches)
+    client = import_ros("client.ros_client").RosClient(ros_args(), timeout_s, searches=searches)
     try:
         client.start()
     except OperationError as error:
@@ -53,3 +53,21 @@ def robot_client(
         raise Rejected(str(error)) from error
     finally:
         client.close()
+
+
+def asks_robot(ask: Command) -> Command:
+    """Make a command of a function that asks the running robot.
+
+    The function gets a client of the robot beside its arguments, and the command has the options
+    of ``client_options``. What the function returns is printed, unless it is None.
+    """
+
+    @client_options
+    @wraps(ask)
+    def command(timeout_s: float, **arguments: Any) -> None:
+        with robot_client(timeout_s) as client:
+            answer = ask(client, **arguments)
+        if answer is not None:
+            click.echo(answer)
+
+    return command

@@ -5,8 +5,9 @@ from __future__ import annotations
 import click
 
 from robotd.cli.backend_check import ROBOT, check_backend
+from robotd.cli.exit_codes import ExitCode
 from robotd.cli.listing import Row, print_rows
-from robotd.cli.options import as_json, configure_logging, log_options
+from robotd.cli.options import as_json, log_options
 from robotd.errors import PluginError
 from robotd.plugin.foreign_process import BackendSummary, is_foreign, probe_backend
 from robotd.plugin.manager import PluginOrigin, discover, load_backend
@@ -23,17 +24,10 @@ from robotd.plugin.manager import PluginOrigin, discover, load_backend
     help="Robot that --check makes the drivers for.",
 )
 @log_options
-@click.pass_context
-def backends(ctx: click.Context, *, as_json: bool, checked: str | None, robot: str) -> None:
+def backends(*, as_json: bool, checked: str | None, robot: str) -> ExitCode:
     """List the installed backends, and why one cannot load."""
-    configure_logging(ctx)
     if checked is not None:
-        ctx.exit(check_backend(checked, robot))
-    list_backends(as_json=as_json)
-
-
-def list_backends(*, as_json: bool) -> None:
-    """Print every installed backend; one that cannot be imported with the reason."""
+        return check_backend(checked, robot)
     rows = []
     for origin, _ in discover():
         row: Row = {
@@ -57,6 +51,7 @@ def list_backends(*, as_json: bool) -> None:
             }
         rows.append(row)
     print_rows(rows, ("capabilities", "api_version", "distribution", "version"), as_json=as_json)
+    return ExitCode.OK
 
 
 def _described(origin: PluginOrigin) -> BackendSummary:

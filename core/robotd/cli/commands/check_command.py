@@ -8,8 +8,9 @@ from typing import Any
 import click
 
 from robotd.cli.check_report import CheckReport
+from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import check_backend_overrides, load_installed
-from robotd.cli.options import configure_logging, log_options, robot_options
+from robotd.cli.options import log_options, robot_options
 from robotd.cli.urdf_check import check_urdf
 from robotd.control.device_fit import fit_device
 from robotd.control.joint_group import ON_DEVICE
@@ -26,16 +27,14 @@ from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
 @click.command("check")
 @robot_options
 @log_options
-@click.pass_context
-def check(ctx: click.Context, /, **options: Any) -> None:
+def check(**options: Any) -> ExitCode:
     """Check a robot's files and plugins, without hardware and without ROS."""
-    configure_logging(ctx)
-    ctx.exit(check_robot(**options))
+    return check_robot(**options)
 
 
 def check_robot(
     robot: str, variant: str | None, overrides: Sequence[Override], backend: str | None
-) -> int:
+) -> ExitCode:
     """Check everything, print it line by line, and return the exit status."""
     report = CheckReport()
     installed = load_installed()

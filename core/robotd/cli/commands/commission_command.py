@@ -29,8 +29,7 @@ from robotd.plugin.manager import load_backend
 @click.option("--joint", metavar="NAME", help="Joint to commission; by default all, in order.")
 @click.option("--again", is_flag=True, help="Repeat steps that are finished.")
 @log_options
-@click.pass_context
-def commission(ctx: click.Context, /, **options: Any) -> None:
+def commission(**options: Any) -> ExitCode:
     """Lead through the first switch-on of a real axis.
 
     Identity, direction, scale, homing, limits, following error and brake, one joint at a time. The
@@ -40,13 +39,14 @@ def commission(ctx: click.Context, /, **options: Any) -> None:
     For joints on backends that keep scale and direction in the descriptor, such as canopen. WMX
     keeps them in its parameter file, and wheels of a base have no joints: not supported.
     """
+    ctx = click.get_current_context()
     if ctx.get_parameter_source("log_level") is ParameterSource.DEFAULT:
         ctx.meta["log_level"] = "warning"  # the log would run into the questions
-    configure_logging(ctx)
+        configure_logging()
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("commissioning needs a terminal")
     with _hangup_interrupts():
-        ctx.exit(_commission(**options))
+        return _commission(**options)
 
 
 def _commission(

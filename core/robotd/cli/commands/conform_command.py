@@ -13,7 +13,7 @@ import click
 import robotd
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_installed
-from robotd.cli.options import FILE, configure_logging, log_options
+from robotd.cli.options import FILE, log_options
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import PluginError
 from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
@@ -41,35 +41,15 @@ PACKAGE = "robotd.testing.conformance"
 @click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match.")
 @click.argument("pytest_arguments", metavar="[-- ARG...]", nargs=-1, type=click.UNPROCESSED)
 @log_options
-@click.pass_context
 def conform(
-    ctx: click.Context,
-    /,
-    backend: str,
-    robot: str | None,
-    junit: Path | None,
-    expression: str | None,
-    overrides: tuple[str, ...],
-    pytest_arguments: tuple[str, ...],
-) -> None:
-    """Run the conformance checks on a backend. Axes move."""
-    configure_logging(ctx)
-    status = run_conformance(backend, robot, junit, expression, overrides, pytest_arguments)
-    ctx.exit(status)
-
-
-def run_conformance(
     backend: str,
     robot: str | None,
     junit: Path | None,
     expression: str | None,
     overrides: Sequence[str],
     pytest_arguments: Sequence[str],
-) -> int:
-    """Run the checks in a process of their own; returns the exit status.
-
-    Raises PluginError or DescriptorError when backend or robot cannot be loaded.
-    """
+) -> ExitCode:
+    """Run the conformance checks on a backend. Axes move."""
     if find_spec("pytest") is None:
         raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
     if is_foreign(find_backend(backend)[0]):

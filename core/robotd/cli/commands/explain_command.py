@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.options import FILE, configure_logging, log_options
+from robotd.cli.options import FILE, log_options
 from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.own_codes import GOAL_RESULTS
 
@@ -24,20 +24,18 @@ SUFFIX = ".mcap"
     help="Write a picture of the ten seconds around the root cause.",
 )
 @log_options
-@click.pass_context
-def explain(ctx: click.Context, /, *, target: str, plot: Path | None) -> None:
+def explain(*, target: str, plot: Path | None) -> ExitCode:
     """Explain a recording, or an alarm, error or abort code.
 
     For example: robotd explain cr3a-20261122-074057-fault.mcap, or robotd explain 0x8611. A
     negative code follows two dashes: robotd explain -- -4.
     """
-    configure_logging(ctx)
     path = Path(target)
     if path.suffix == SUFFIX or path.exists():
-        ctx.exit(_explain_file(path, plot))
+        return _explain_file(path, plot)
     if plot is not None:
         raise click.BadParameter("belongs to a recording, not to a code", param_hint="'--plot'")
-    ctx.exit(_explain_code(target))
+    return _explain_code(target)
 
 
 def _explain_file(path: Path, plot: Path | None) -> ExitCode:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any, TextIO
+from typing import TextIO
 
 import click
 
 from robotd.cli.installed import load_installed
-from robotd.cli.options import configure_logging, log_options, which_robot
+from robotd.cli.options import log_options, which_robot
 from robotd.descriptor import Override, load_robot_descriptor
 from robotd.export.export_input import ExportInput
 from robotd.export.targets import EXPORTS
@@ -43,14 +43,7 @@ def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:
     help="Write there instead of to standard output.",
 )
 @log_options
-@click.pass_context
-def export(ctx: click.Context, /, **options: Any) -> None:
-    """Print the configuration of a client of the robot, or its URDF."""
-    configure_logging(ctx)
-    export_robot(**options)
-
-
-def export_robot(
+def export(
     target: str,
     robot: str,
     variant: str | None,
@@ -58,7 +51,7 @@ def export_robot(
     namespace: str,
     output: TextIO,
 ) -> None:
-    """Write one export of a robot. Raises DescriptorError where it does not apply."""
+    """Print the configuration of a client of the robot, or its URDF."""
     installed = load_installed()
     installed.warn()
     descriptor = load_robot_descriptor(robot, variant, installed.search_path, overrides)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected
-from robotd.cli.group import ros_args
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import configure_logging, not_nan
+from robotd.cli.options import not_nan
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 from robotd.errors import unknown_name
@@ -45,31 +43,28 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
 @click.option("--action", metavar="NAME", help="The arm's action, where several arms run.")
 @client_options
 @click.pass_context
-def jog(ctx: click.Context, /, *, keys: bool, **options: Any) -> None:
+def jog(ctx: click.Context, /, *, keys: bool, **options: Any) -> ExitCode:
     """Move one joint of the running arm by an increment, or axes by keys.
 
     For example: robotd jog joint2 +0.01. The other joints stay where they are. Ctrl-C stops.
 
     robotd jog --keys moves an axis while an arrow key is held, at --speed.
     """
-    configure_logging(ctx)
     if keys:
-        ctx.exit(_jog_by_keys(ctx, **options))
+        return _jog_by_keys(**options)
     for parameter in ctx.command.params[:2]:
         if options[str(parameter.name)] is None:
             raise click.MissingParameter(ctx=ctx, param=parameter)
-    ctx.exit(_jog(ros_args(ctx), **options))
+    return _jog(**options)
 
 
-def _jog_by_keys(ctx: click.Context, /, **options: Any) -> ExitCode:
+def _jog_by_keys(**options: Any) -> ExitCode:
     from robotd.cli.keyboard_jog import jog_by_keys
 
     others = [name for name in ("joint", "increment", "action") if options[name] is not None]
     if others:
         raise click.UsageError(f"--keys excludes {', '.join(others)}")
-    return jog_by_keys(
-        ros_args(ctx), options["timeout_s"], _speed(options["speed"], options["deg"])
-    )
+    return jog_by_keys(options["timeout_s"], _speed(options["speed"], options["deg"]))
 
 
 def _speed(speed: float | None, deg: bool) -> float:
@@ -78,7 +73,6 @@ def _speed(speed: float | None, deg: bool) -> float:
 
 
 def _jog(
-    ros_args: Sequence[str],
     timeout_s: float,
     *,
     joint: str,
@@ -88,7 +82,7 @@ def _jog(
     action: str | None,
 ) -> ExitCode:
     """Move ``joint``; INTERRUPTED after Ctrl-C. Raises Rejected with the robot's reason."""
-    with robot_client(ros_args, timeout_s, searches=True) as client:
+    with robot_client(timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
             arm = motion.find_arm(client, [joint], action)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected
-from robotd.cli.group import ros_args
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import configure_logging, not_nan
+from robotd.cli.options import not_nan
 from robotd.cli.preflight import import_ros
 from robotd.cli.progress import Progress
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
@@ -55,20 +53,7 @@ def parse_targets(
 @click.option("--deg", is_flag=True, help="Positions of turning joints are degrees.")
 @click.option("--action", metavar="NAME", help="The arm's action, where several arms run.")
 @client_options
-@click.pass_context
-def move(ctx: click.Context, /, **options: Any) -> None:
-    """Move joints of the running arm.
-
-    For example: robotd move joint1=0.5 joint3=-0.4. Positions are rad, or m for a prismatic joint.
-    Joints that are not named stay where they are, and other joint groups go on. Ctrl-C stops the
-    motion and waits until the arm stands.
-    """
-    configure_logging(ctx)
-    ctx.exit(_move(ros_args(ctx), **options))
-
-
-def _move(
-    ros_args: Sequence[str],
+def move(
     timeout_s: float,
     *,
     targets: Mapping[str, float],
@@ -76,11 +61,13 @@ def _move(
     deg: bool,
     action: str | None,
 ) -> ExitCode:
-    """Move joints to ``targets``, turning joints in degrees if ``deg``; INTERRUPTED after Ctrl-C.
+    """Move joints of the running arm.
 
-    Raises Rejected, with the robot's reason, when the motion was rejected or aborted.
+    For example: robotd move joint1=0.5 joint3=-0.4. Positions are rad, or m for a prismatic joint.
+    Joints that are not named stay where they are, and other joint groups go on. Ctrl-C stops the
+    motion and waits until the arm stands.
     """
-    with robot_client(ros_args, timeout_s, searches=True) as client:
+    with robot_client(timeout_s, searches=True) as client:
         motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
             arm = motion.find_arm(client, targets, action)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.options import FOLDER, configure_logging, log_options
+from robotd.cli.options import FOLDER, log_options
 from robotd.cli.package_templates import package_words, write_package
 from robotd.errors import InvalidArgument, OperationError
 from robotd.plugin.manager import discover
@@ -28,10 +28,8 @@ from robotd.plugin.manager import discover
     help="One module that moves axes by streamed targets, instead of a package with everything.",
 )
 @log_options
-@click.pass_context
-def new_backend(ctx: click.Context, /, name: str, into: Path, minimal: bool) -> None:
+def new_backend(name: str, into: Path, *, minimal: bool) -> None:
     """Write an installable backend package that passes the checks, to start from."""
-    configure_logging(ctx)
     write_backend(name, into, minimal=minimal)
 
 

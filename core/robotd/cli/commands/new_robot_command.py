@@ -11,9 +11,8 @@ import click
 
 from robotd.cli.commands.check_command import check_robot
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.group import ros_args
 from robotd.cli.installed import load_installed
-from robotd.cli.options import FOLDER, configure_logging, names, not_nan
+from robotd.cli.options import FOLDER, names, not_nan
 from robotd.cli.package_templates import package_words, write_files, write_package
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import client_options, robot_client
@@ -107,17 +106,13 @@ Examples:
     help="Time to full speed, which gives the accelerations.",
 )
 @client_options
-@click.pass_context
-def new_robot(
-    ctx: click.Context, /, *, name: str, into: Path, package: bool, **options: Any
-) -> None:
+def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCode:
     """Write a robot's folder from its URDF or its drives, ready for the simulation.
 
     Limits, names, gripper, wheels and drive models are taken from the URDF; comments in robot.yaml
     explain each choice. Every problem of the URDF is reported with its line, and nothing is
     written.
     """
-    configure_logging(ctx)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InvalidArgument(
             f"robot name {name!r}: must begin with a letter and hold only letters, digits and _"
@@ -131,7 +126,7 @@ def new_robot(
     elif options["bus"] and not options["urdf"]:
         files = bus_robot_files(name, options["bus"], options["ramp_s"])
     else:
-        text, path = _urdf_text(options["urdf"], ros_args(ctx), options["timeout_s"])
+        text, path = _urdf_text(options["urdf"], options["timeout_s"])
         urdf = parse_urdf(text, path)
         files = robot_files(name, urdf, text, path, _choices(options), options["bus"])
     folder = top / words["package"] / "robots" / name if package else top
@@ -142,7 +137,7 @@ def new_robot(
     status = check_robot(str(folder / "robot.yaml"), None, (), None)
     if status == ExitCode.OK:
         _show_next(name, folder, top if package else None)
-    ctx.exit(status)
+    return status
 
 
 def _show_next(name: str, folder: Path, package: Path | None) -> None:
@@ -180,10 +175,10 @@ def _choices(options: Mapping[str, Any]) -> Choices:
     )
 
 
-def _urdf_text(path: Path | None, args: list[str], timeout_s: float) -> tuple[bytes, Path]:
+def _urdf_text(path: Path | None, timeout_s: float) -> tuple[bytes, Path]:
     """Return the URDF and the name of its origin."""
     if path is not None:
         return read_limited(path, MAX_BYTES), path
-    with robot_client(args, timeout_s) as client:
+    with robot_client(timeout_s) as client:
         text: str = import_ros("client.status_client").read_description(client)
     return text.encode(), Path("robot_description")

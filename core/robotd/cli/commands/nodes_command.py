@@ -8,22 +8,15 @@ import click
 
 from robotd.cli.installed import load_installed
 from robotd.cli.layout import columns
-from robotd.cli.options import as_json, configure_logging, log_options
+from robotd.cli.options import as_json, log_options
 from robotd.ros.node_registry import known_nodes
 
 
 @click.command("nodes")
 @as_json
 @log_options
-@click.pass_context
-def nodes(ctx: click.Context, *, as_json: bool) -> None:
+def nodes(*, as_json: bool) -> None:
     """List the ROS nodes that a robot can name."""
-    configure_logging(ctx)
-    list_nodes(as_json=as_json)
-
-
-def list_nodes(*, as_json: bool) -> None:
-    """Print every node by name, including those of plugins."""
     installed = load_installed()
     installed.warn()
     rows = [

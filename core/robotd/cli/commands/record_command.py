@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.group import ros_args
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import configure_logging, not_nan
+from robotd.cli.options import not_nan
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
@@ -35,36 +32,32 @@ TICK_S = 0.1
     help="Stop after this time; by default with Ctrl-C.",
 )
 @client_options
-@click.pass_context
-def record(
-    ctx: click.Context, /, *, recover: Path | None, time_s: float | None, timeout_s: float
-) -> None:
+def record(*, recover: Path | None, time_s: float | None, timeout_s: float) -> None:
     """Record the running robot, or repair a recording.
 
     The robot's own process records everything at full rate, on its computer, in the folder of the
     flight recorder. To record from the start: robotd run --record DIR.
     """
-    configure_logging(ctx)
-    if recover is not None:
-        ctx.exit(_recover(recover))
-    ctx.exit(_record(ros_args(ctx), timeout_s, time_s))
+    if recover is None:
+        _record(timeout_s, time_s)
+    else:
+        _recover(recover)
 
 
-def _recover(path: Path) -> ExitCode:
+def _recover(path: Path) -> None:
     from robotd.recording.recording_repair import recover
 
     found = recover(path)
     if found is None:
         click.echo(f"{path}: complete, nothing to repair")
-        return ExitCode.OK
+        return
     size = f"{found.messages} messages over {found.duration_s:.1f} s"
     click.echo(f"{path}: {size}; the damaged file is {found.damaged}")
-    return ExitCode.OK
 
 
-def _record(ros_args: Sequence[str], timeout_s: float, time_s: float | None) -> ExitCode:
+def _record(timeout_s: float, time_s: float | None) -> None:
     """Record until Ctrl-C or for ``time_s``; print the file."""
-    with robot_client(ros_args, max(timeout_s, SAVE_TIMEOUT_S)) as client:
+    with robot_client(max(timeout_s, SAVE_TIMEOUT_S)) as client:
         status = import_ros("client.status_client")
         click.echo(f"{status.set_recording(client, True)}, stop with Ctrl-C", err=True)
         end_s = None if time_s is None else time.monotonic() + time_s
@@ -73,4 +66,3 @@ def _record(ros_args: Sequence[str], timeout_s: float, time_s: float | None) -> 
                 status.require_recorder(client)
                 time.sleep(TICK_S)
         click.echo(status.set_recording(client, False))
-    return ExitCode.OK

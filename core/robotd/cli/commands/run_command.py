@@ -18,7 +18,6 @@ from robotd.cli.options import (
     FILE,
     FOLDER,
     PORT,
-    configure_logging,
     log_options,
     names,
     not_nan,
@@ -151,14 +150,12 @@ class RunOptions:
     help="Serve the program Foxglove at ws://127.0.0.1:PORT.",
 )
 @log_options
-@click.pass_context
-def run(ctx: click.Context, /, **options: Any) -> None:
+def run(**options: Any) -> ExitCode:
     """Serve the robot until Ctrl-C."""
-    configure_logging(ctx)
-    ctx.exit(run_robot(RunOptions(**options, ros_args=ros_args(ctx))))
+    return run_robot(RunOptions(**options, ros_args=ros_args()))
 
 
-def run_robot(options: RunOptions) -> int:
+def run_robot(options: RunOptions) -> ExitCode:
     """Serve the robot and return the exit status. Raises RobotdError before opening it."""
     installed = load_installed()
     installed.warn()
@@ -275,7 +272,7 @@ def _serve(
     options: RunOptions,
     faults: FaultSchedule | None,
     observation: _Observation,
-) -> int:
+) -> ExitCode:
     server = import_ros("serve")
     is_served = False
 
@@ -315,7 +312,7 @@ def _serve(
         if is_served or isinstance(error, InvalidArgument):
             raise
         raise RosUnavailable(str(error)) from error
-    return int(code)
+    return ExitCode(code)
 
 
 def _page_text(address: str) -> str:

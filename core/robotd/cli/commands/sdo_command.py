@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.group import ros_args
-from robotd.cli.options import configure_logging
 from robotd.cli.preflight import import_ros
-from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd.cli.robot_client import ROS_EPILOG, asks_robot
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd.ros.client.ros_client import RosClient
 
 INT64 = range(-(1 << 63), 1 << 63)  # of the request
 
@@ -34,9 +33,7 @@ class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 
 NUMBER = _Number()
 
 
-def _bus_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    bus = click.option("--bus", type=NUMBER, default=0, show_default=True, help="Fieldbus.")
-    return client_options(bus(command))
+bus_option = click.option("--bus", type=NUMBER, default=0, show_default=True, help="Fieldbus.")
 
 
 @click.group("sdo", epilog=ROS_EPILOG)
@@ -48,17 +45,12 @@ def sdo() -> None:
 @click.argument("node", type=NUMBER)
 @click.argument("index", type=NUMBER)
 @click.argument("sub", type=NUMBER, default=0)
-@_bus_option
-@click.pass_context
-def read(
-    ctx: click.Context, /, node: int, index: int, sub: int, bus: int, timeout_s: float
-) -> None:
+@bus_option
+@asks_robot
+def read(client: RosClient, node: int, index: int, sub: int, bus: int) -> object:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
-    configure_logging(ctx)
-    with robot_client(ros_args(ctx), timeout_s) as client:
-        read_object = import_ros("client.object_client").read_object
-        click.echo(read_object(client, master_id=bus, slave_id=node, index=index, subindex=sub))
-    ctx.exit(ExitCode.OK)
+    where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
+    return import_ros("client.object_client").read_object(client, **where)
 
 
 @sdo.command("write", epilog=ROS_EPILOG, context_settings={"ignore_unknown_options": True})
@@ -67,26 +59,15 @@ def read(
 @click.argument("sub", type=NUMBER)
 @click.argument("value", type=NUMBER)
 @click.option("--size", type=click.IntRange(1, 8), help="Bytes; by default as long as it reads.")
-@_bus_option
-@click.pass_context
+@bus_option
+@asks_robot
 def write(
-    ctx: click.Context,
-    /,
-    node: int,
-    index: int,
-    sub: int,
-    value: int,
-    size: int | None,
-    bus: int,
-    timeout_s: float,
-) -> None:
+    client: RosClient, node: int, index: int, sub: int, value: int, size: int | None, bus: int
+) -> object:
     """Write VALUE to object INDEX:SUB of NODE, and print the value read back.
 
     All axes have to be at rest. The drive obeys, whatever the limits of the robot are.
     """
-    configure_logging(ctx)
     where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
-    with robot_client(ros_args(ctx), timeout_s) as client:
-        write_object = import_ros("client.object_client").write_object
-        click.echo(write_object(client, **where, value=value, size=size or 0))
-    ctx.exit(ExitCode.OK)
+    objects = import_ros("client.object_client")
+    return objects.write_object(client, **where, value=value, size=size or 0)

@@ -12,7 +12,7 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
 from robotd.cli.installed import load_installed
-from robotd.cli.options import FILE, configure_logging, log_options
+from robotd.cli.options import FILE, log_options
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options
 from robotd.cli.time_scale import time_scale
@@ -41,75 +41,65 @@ def sim() -> None:
 )
 @time_scale
 @log_options
-@click.pass_context
 def run(
-    ctx: click.Context,
-    /,
-    file: Path | None,
-    robot: str | None,
-    recording: Path | None,
-    *,
-    time_scale: float | None,
-) -> None:
+    file: Path | None, robot: str | None, recording: Path | None, time_scale: float | None
+) -> ExitCode:
     """Run a scenario as a test: status 0 when it passes, else 1.
 
     Without ROS, and as fast as the computer goes unless --time-scale says otherwise.
     """
-    configure_logging(ctx)
-    if (file is None) is (recording is None):
-        raise click.UsageError("either a scenario or --from FILE is needed")
-    if recording is not None:
+    if file is not None and recording is None:
+        return run_scenario(file, robot, time_scale)
+    if recording is not None and file is None:
         from robotd.cli.recording_comparison import repeat_recording
 
-        ctx.exit(repeat_recording(recording, robot))
-    if file is not None:
-        ctx.exit(run_scenario(file, robot, time_scale))
+        return repeat_recording(recording, robot)
+    raise click.UsageError("either a scenario or --from FILE is needed")
 
 
 @sim.command("inject", epilog=ROS_EPILOG)
 @click.argument("fault")
 @click.argument("values", metavar="[KEY=VALUE]...", nargs=-1)
 @client_options
-@click.pass_context
-def inject(ctx: click.Context, /, fault: str, values: tuple[str, ...], *, timeout_s: float) -> None:
+def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     """Inject a fault into the running simulation.
 
     For example: robotd sim inject amp_alarm axis=2 at_s=1.5. The robot has to be run with
     --time-scale or --scenario.
     """
-    configure_logging(ctx)
-    inject_fault(ros_args(ctx), timeout_s, fault, values)
+    fields = dict(_value(word) for word in values)
+    if fault not in FAULTS:
+        raise click.BadParameter(f"{fault!r} is none of {', '.join(FAULTS)}")
+    # What belongs to every fault, and what to this kind.
+    common = {key: fields.pop(key) for key in list(fields) if key.split(".")[0] in ("at_s", "when")}
+    own = {f"{fault}.{key}": value for key, value in fields.items()} or {fault: True}
+    client = import_ros("client.simulation_client")
+    click.echo(client.inject(ros_args(), timeout_s, {**own, **common}))
 
 
 @sim.command("step", epilog=ROS_EPILOG)
 @click.argument("periods", type=click.IntRange(1, MAX_STEPS), default=1)
 @client_options
-@click.pass_context
-def step(ctx: click.Context, /, periods: int, *, timeout_s: float) -> None:
+def step(periods: int, timeout_s: float) -> None:
     """Run PERIODS control periods in the running simulation, then pause its time."""
-    configure_logging(ctx)
-    step_time(ros_args(ctx), timeout_s, periods)
+    click.echo(import_ros("client.simulation_client").step(ros_args(), timeout_s, periods))
 
 
 @sim.command("pause", epilog=ROS_EPILOG)
 @client_options
-@click.pass_context
-def pause(ctx: click.Context, /, *, timeout_s: float) -> None:
+def pause(timeout_s: float) -> None:
     """Pause the time of the running simulation."""
-    configure_logging(ctx)
-    pause_time(ros_args(ctx), timeout_s, paused=True)
+    click.echo(import_ros("client.simulation_client").pause(ros_args(), timeout_s, paused=True))
 
 
 @sim.command("resume", epilog=ROS_EPILOG)
 @client_options
-@click.pass_context
-def resume(ctx: click.Context, /, *, timeout_s: float) -> None:
+def resume(timeout_s: float) -> None:
     """Resume the time of the running simulation."""
-    configure_logging(ctx)
-    pause_time(ros_args(ctx), timeout_s, paused=False)
+    click.echo(import_ros("client.simulation_client").pause(ros_args(), timeout_s, paused=False))
 
 
-def run_scenario(file: Path, robot: str | None, scale: float | None) -> int:
+def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode:
     """Run it, print each step, and return the exit status."""
     scenario = load_scenario(file)
     robot = robot or scenario.robot
@@ -124,30 +114,6 @@ def run_scenario(file: Path, robot: str | None, scale: float | None) -> int:
         click.echo(f"{done.time_s:9.3f} s  {mark}  {done.step}")
     _tell(run.result)
     return ExitCode.FAILED if run.result.failures else ExitCode.OK
-
-
-def inject_fault(
-    arguments: Sequence[str], timeout_s: float, fault: str, words: Sequence[str]
-) -> None:
-    """Ask the running simulation for a fault. Raises OperationError with its rejection."""
-    values = dict(_value(word) for word in words)
-    if fault not in FAULTS:
-        raise click.BadParameter(f"{fault!r} is none of {', '.join(FAULTS)}")
-    # What belongs to every fault, and what to this kind.
-    common = {key: values.pop(key) for key in list(values) if key.split(".")[0] in ("at_s", "when")}
-    fields = {f"{fault}.{key}": value for key, value in values.items()} or {fault: True}
-    client = import_ros("client.simulation_client")
-    click.echo(client.inject(arguments, timeout_s, {**fields, **common}))
-
-
-def step_time(arguments: Sequence[str], timeout_s: float, periods: int) -> None:
-    """Run control periods and wait until they have run."""
-    click.echo(import_ros("client.simulation_client").step(arguments, timeout_s, periods))
-
-
-def pause_time(arguments: Sequence[str], timeout_s: float, *, paused: bool) -> None:
-    """Pause or resume simulated time."""
-    click.echo(import_ros("client.simulation_client").pause(arguments, timeout_s, paused=paused))
 
 
 def _value(word: str) -> tuple[str, Any]:

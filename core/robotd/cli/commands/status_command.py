@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import click
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.group import ros_args
 from robotd.cli.interrupt import Interrupt
 from robotd.cli.layout import columns, field, warning
-from robotd.cli.options import as_json, configure_logging
+from robotd.cli.options import as_json
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
@@ -27,20 +26,16 @@ REFRESH_HZ = 8
 @as_json
 @click.option("--watch", is_flag=True, help="Show the state as it changes, until Ctrl-C.")
 @client_options
-@click.pass_context
-def status(ctx: click.Context, /, *, as_json: bool, watch: bool, timeout_s: float) -> None:
+def status(*, as_json: bool, watch: bool, timeout_s: float) -> ExitCode:
     """Show connection, axes and tool pose of the running robot."""
-    configure_logging(ctx)
-    if watch:
-        if as_json:
-            raise click.UsageError("--watch and --json exclude each other")
-        ctx.exit(_watch(ros_args(ctx), timeout_s))
-    ctx.exit(_status(ros_args(ctx), timeout_s, as_json=as_json))
+    if watch and as_json:
+        raise click.UsageError("--watch and --json exclude each other")
+    return _watch(timeout_s) if watch else _status(timeout_s, as_json=as_json)
 
 
-def _status(ros_args: Sequence[str], timeout_s: float, *, as_json: bool) -> ExitCode:
+def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
     """Print the state; OK when the robot takes motion commands, else FAILED."""
-    with robot_client(ros_args, timeout_s) as client:
+    with robot_client(timeout_s) as client:
         report = import_ros("client.status_client").read_report(client)
     if as_json:
         click.echo(json.dumps(asdict(report), indent=2))
@@ -72,13 +67,13 @@ def _level(on: bool | None) -> str:
     return "unknown" if on is None else "on" if on else "off"
 
 
-def _watch(ros_args: Sequence[str], timeout_s: float) -> ExitCode:
+def _watch(timeout_s: float) -> ExitCode:
     """Show the state until Ctrl-C; OK if the robot was ready then, else FAILED."""
     from rich.live import Live
 
     from robotd.cli.status_view import view
 
-    with robot_client(ros_args, timeout_s, searches=True) as client:
+    with robot_client(timeout_s, searches=True) as client:
         live_status = import_ros("client.live_status").live_status
         with Interrupt() as interrupt, live_status(client) as status:
             report = status.report()
