@@ -14,7 +14,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Concatenate, Generic, ParamSpec, Protocol, TypeVar
 
@@ -28,6 +28,7 @@ MAX_BYTES = 4 * 2**20
 MAX_TEXT = 2000  # characters of an event's text
 OVERHEAD_BYTES = 600  # of an event besides its text and data, measured by tracemalloc
 OWN_PROCESS = "robotd"
+BAD_OUTCOMES = frozenset({"path_tolerance", "goal_tolerance", "fault", "stopped"})
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -80,6 +81,14 @@ class Event:
     sender: str = ""
     data: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def is_bad(self) -> bool:
+        """It may be a root cause: a fault, an error, a stop, a failed goal."""
+        if self.kind in (EventKind.RESULT, EventKind.STOP):
+            return self.data.get("outcome") in BAD_OUTCOMES
+        is_error = self.kind is EventKind.LOG and self.level is Level.ERROR
+        return is_error or self.kind is EventKind.FAULT
+
 
 class BoundedLog(Generic[Item]):
     """Items of bounded number and memory; the oldest are dropped first. Any thread.
@@ -96,8 +105,8 @@ class BoundedLog(Generic[Item]):
         self._items: deque[tuple[Item, int]] = deque()
         self._lock = threading.Lock()
 
-    def add(self, item: Item, size: int) -> None:
-        """Add ``item`` of ``size`` bytes."""
+    def append(self, item: Item, size: int) -> None:
+        """Append ``item`` of ``size`` bytes."""
         with self._lock:
             self._items.append((item, size))
             self.nbytes += size
@@ -113,7 +122,7 @@ class BoundedLog(Generic[Item]):
             return [item for item, _ in newest][::-1], self.added
 
 
-class EventLog:
+class EventLog(BoundedLog[Event]):
     """Bounded log of events. Any thread.
 
     Args:
@@ -124,14 +133,9 @@ class EventLog:
     """
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
+        super().__init__(MAX_EVENTS, MAX_BYTES)
         self.counts: Counter[tuple[EventKind, str]] = Counter()
         self._now_ns = now_ns
-        self._log: BoundedLog[Event] = BoundedLog(MAX_EVENTS, MAX_BYTES)
-
-    @property
-    def nbytes(self) -> int:
-        """Estimate of the memory in use."""
-        return self._log.nbytes
 
     def add(
         self,
@@ -144,30 +148,24 @@ class EventLog:
         data: Mapping[str, Any] | None = None,
         time_ns: int | None = None,
     ) -> None:
-        """Add an event; costs 4 us and never blocks for longer than another ``add``.
+        """Note an event; costs 4 us and never blocks for longer than another ``add``.
 
         Args:
-            kind, subject, text, level: see ``Event``; the text is cut at ``MAX_TEXT``.
+            kind, subject, text, level: see ``Event``.
             sender: None: the one of ``sent_by`` in this thread.
             data: not changed any more; "outcome" there is counted.
             time_ns: None: now.
         """
-        data = data or {}
-        event = Event(
-            self._now_ns() if time_ns is None else time_ns,
-            kind,
-            subject,
-            text[:MAX_TEXT],
-            level,
-            _sender.get() if sender is None else sender,
-            data,
-        )
-        self.counts[kind, str(data.get("outcome", ""))] += 1
-        self._log.add(event, OVERHEAD_BYTES + len(event.text) + _size(data))
+        time_ns = self._now_ns() if time_ns is None else time_ns
+        sender = _sender.get() if sender is None else sender
+        self.note(Event(time_ns, kind, subject, text, level, sender, data or {}))
 
-    def since(self, cursor: int) -> tuple[list[Event], int]:
-        """Return the events added after ``cursor`` that are still held, and the next cursor."""
-        return self._log.since(cursor)
+    def note(self, event: Event) -> None:
+        """Note an event; its text is cut at ``MAX_TEXT``."""
+        if len(event.text) > MAX_TEXT:
+            event = replace(event, text=event.text[:MAX_TEXT])
+        self.counts[event.kind, str(event.data.get("outcome", ""))] += 1
+        self.append(event, OVERHEAD_BYTES + len(event.text) + _size(event.data))
 
 
 class HasEvents(Protocol):

@@ -13,11 +13,12 @@ import aiohttp
 import pytest
 from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
+from prometheus_client import generate_latest
 from tests.page.viewer import TIMEOUT_S, connected, served_page, silent_viewer, wait_until
 
 from robotd.errors import OperationError
 from robotd.observation.foreign_requests import rejection
-from robotd.observation.metrics import metrics_text, registry
+from robotd.observation.metrics import registry
 from robotd.page.page_message import websocket_frames
 from robotd.page.page_server import PageServer
 from robotd.page.robot_source import RobotSource
@@ -108,7 +109,7 @@ def test_metrics_are_on_the_port_of_the_page(tmp_path: Path) -> None:
     with served_page(tmp_path) as (arm, server):
         assert ask(server, "/metrics")[0] == 503
         made = registry(arm.tap, arm.flight)
-        with PageServer(RobotSource(arm.tap, []), 0, lambda: metrics_text(made)) as other:
+        with PageServer(RobotSource(arm.tap, []), 0, lambda: generate_latest(made)) as other:
             status, text, _ = ask(other, "/metrics")
     assert status == 200
     assert "robotd_ready 1.0" in text

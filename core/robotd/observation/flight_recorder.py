@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 from robotd.clock import NANOSECONDS
 from robotd.errors import OperationError
-from robotd.events import Event, EventKind, Level
+from robotd.events import Event, EventKind
 from robotd.log import get_logger
 from robotd.observation.recorder_process import RecorderProcess
 from robotd.observation.tap import Tap
@@ -19,12 +18,9 @@ log = get_logger("recorder")
 EARLIER_EVENTS = 20  # from before the first frame: who commanded what
 END_TIMEOUT_S = 5.0  # for a file that is being written at the end
 SAVE_TIMEOUT_S = 30.0  # for the process that writes a file
-BAD_OUTCOMES = frozenset({"path_tolerance", "goal_tolerance", "fault"})
 ORIGINS = frozenset(
     {EventKind.COMMAND, EventKind.GOAL, EventKind.RESULT, EventKind.STOP, EventKind.FAULT}
 )
-
-MakeProcess = Callable[..., RecorderProcess]
 
 
 class FlightRecorder:
@@ -37,7 +33,6 @@ class FlightRecorder:
         tap: what is recorded.
         folder: where the files go.
         after_s: time recorded after a fault.
-        make_process: makes the process that writes a file; for tests.
 
     Attributes:
         saved: number of files written.
@@ -45,20 +40,13 @@ class FlightRecorder:
         last: path of the last file; None before the first.
     """
 
-    def __init__(
-        self,
-        tap: Tap,
-        folder: RecordingFolder,
-        after_s: float,
-        make_process: MakeProcess = RecorderProcess,
-    ) -> None:
+    def __init__(self, tap: Tap, folder: RecordingFolder, after_s: float) -> None:
         self.saved = 0
         self.failed = 0
         self.last: Path | None = None
         self._tap = tap
         self._folder = folder
         self._after_ns = round(after_s * NANOSECONDS)
-        self._make_process = make_process
         self._cursor = 0
         self._was_ready = False
         self._cause: Event | None = None
@@ -128,7 +116,7 @@ class FlightRecorder:
     def _save(self, word: str, cause: str) -> Path:
         tap = self._tap
         events = _recent(tap.events.since(0)[0], tap.frames.oldest_ns)
-        with self._make_process(tap, self._folder, word, cause) as process:
+        with RecorderProcess(tap, self._folder, word, cause) as process:
             process.send(events, tap.samples.since(0)[0])
             report = process.finish(SAVE_TIMEOUT_S)
         self.saved += 1
@@ -138,18 +126,12 @@ class FlightRecorder:
 
 def is_trigger(event: Event) -> bool:
     """Return True for an event that a recording is saved for."""
-    match event.kind:
-        case EventKind.FAULT:
-            return True
-        case EventKind.STOP:
-            return event.data.get("outcome") == "stopped"
-        case EventKind.RESULT:
-            return event.data.get("outcome") in BAD_OUTCOMES
-        case EventKind.COMMAND:
-            return event.subject == "quick_stop" and event.data.get("outcome") == "accepted"
-        case EventKind.LOG:
-            return event.level is Level.ERROR and event.subject != "recorder"
-    return False
+    if event.kind is EventKind.COMMAND:
+        return event.subject == "quick_stop" and event.data.get("outcome") == "accepted"
+    if event.kind is EventKind.RESULT and event.data.get("outcome") == "stopped":
+        return False  # the stop is an event of its own
+    is_own = event.kind is EventKind.LOG and event.subject == "recorder"
+    return event.is_bad and not is_own
 
 
 def _recent(events: list[Event], oldest_ns: int) -> list[Event]:

@@ -5,15 +5,13 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from socketserver import ThreadingMixIn
 from typing import TYPE_CHECKING
-from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
+from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 import numpy as np
 from prometheus_client import (
     CollectorRegistry,
     ProcessCollector,
-    generate_latest,
     make_wsgi_app,
 )
 from prometheus_client.core import (
@@ -22,6 +20,7 @@ from prometheus_client.core import (
     HistogramMetricFamily,
     Metric,
 )
+from prometheus_client.exposition import ThreadingWSGIServer
 
 from robotd.arrays import IntArray
 from robotd.clock import NANOSECONDS
@@ -180,17 +179,11 @@ def serve_metrics(made: CollectorRegistry, port: int) -> int:
         return answer_metrics(environ, start_response)
 
     try:
-        server = make_server(ADDRESS, port, answer, _Server, _RequestHandler)
+        server = make_server(ADDRESS, port, answer, ThreadingWSGIServer, _RequestHandler)
     except OSError as error:
         raise OperationError(f"--metrics {port}: {error.strerror or error}") from error
     threading.Thread(target=server.serve_forever, name="robotd-metrics", daemon=True).start()
     return server.server_port
-
-
-class _Server(ThreadingMixIn, WSGIServer):
-    """Server with a thread for each connection, so that a silent one stops no other."""
-
-    daemon_threads = True
 
 
 class _RequestHandler(WSGIRequestHandler):
@@ -200,11 +193,6 @@ class _RequestHandler(WSGIRequestHandler):
 
     def log_message(self, *_: object) -> None:
         """Log nothing."""
-
-
-def metrics_text(made: CollectorRegistry) -> bytes:
-    """Return the metrics in the text format of Prometheus. Any thread."""
-    return generate_latest(made)
 
 
 def registry(tap: Tap, flight: FlightRecorder) -> CollectorRegistry:

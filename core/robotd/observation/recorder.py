@@ -85,7 +85,9 @@ def observed(
 def _metrics(tap: Tap, flight: FlightRecorder, port: int | None) -> Callable[[], bytes] | None:
     """Count metrics, and serve them at ``port``; None: prometheus_client is not needed there."""
     try:
-        from robotd.observation.metrics import metrics_text, registry, serve_metrics
+        from prometheus_client import generate_latest
+
+        from robotd.observation.metrics import registry, serve_metrics
     except ImportError as error:
         if port is None:
             return None
@@ -94,4 +96,4 @@ def _metrics(tap: Tap, flight: FlightRecorder, port: int | None) -> Callable[[],
     made = registry(tap, flight)
     if port is not None:
         log.info("metrics", url=f"http://127.0.0.1:{serve_metrics(made, port)}/metrics")
-    return partial(metrics_text, made)
+    return partial(generate_latest, made)

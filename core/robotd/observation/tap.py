@@ -18,7 +18,7 @@ from robotd import log as robot_log
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.state import ConnectionState
 from robotd.errors import RobotdError
-from robotd.events import MAX_BYTES, BoundedLog, Event, EventKind, EventLog, Level
+from robotd.events import MAX_BYTES, BoundedLog, EventKind, EventLog, Level
 from robotd.log import get_logger
 from robotd.observation.change_detector import ChangeDetector
 from robotd.observation.io_sampler import QUEUE_BYTES, IoSampler
@@ -27,6 +27,7 @@ from robotd.observation.plot_history import HISTORY_BYTES, PlotHistory
 from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
 from robotd.recording.message_encoders import named_values, octets_message
 from robotd.recording.recording_writer import FIELDBUS, RecordingInfo
+from robotd.recording.writer_process import Sample
 from robotd.robot import Robot
 
 log = get_logger("tap")
@@ -41,8 +42,6 @@ MAX_MEMORY_BYTES = MEMORY_BYTES + HISTORY_BYTES + MAX_BYTES + SAMPLE_BYTES + QUE
 _BUS_STATES = {state: number for number, state in enumerate(BusState)}
 
 NamedValues = Mapping[str, Mapping[str, float]]
-Sample = tuple[int, str, bytes]
-"""Monotonic time, topic of the recording and its message."""
 
 
 class Tap:
@@ -121,7 +120,7 @@ class Tap:
             frames, self._cursor, _ = self.frames.since(self._cursor)
             self.history.add(frames)
             for event in self._detector.events(frames):
-                self._note(event)
+                self.events.note(event)
             if self.robot.connection.state is ConnectionState.COMMUNICATING:
                 self._sample()
             for read in self._readers:
@@ -131,17 +130,6 @@ class Tap:
             if not self._failing:
                 log.exception("the tap failed")
             self._failing = True
-
-    def _note(self, event: Event) -> None:
-        self.events.add(
-            event.kind,
-            event.subject,
-            event.text,
-            level=event.level,
-            sender="",
-            data=event.data,
-            time_ns=event.time_ns,
-        )
 
     def _sample(self) -> None:
         now_ns = self.robot.clock.now_ns()
@@ -159,7 +147,7 @@ class Tap:
         self._observed += 1
 
     def _add_sample(self, time_ns: int, topic: str, data: bytes) -> None:
-        self.samples.add((time_ns, topic, data), SAMPLE_OVERHEAD_BYTES + len(data))
+        self.samples.append((time_ns, topic, data), SAMPLE_OVERHEAD_BYTES + len(data))
 
     def _read_buses(self) -> dict[int, BusStatus]:
         buses: dict[int, BusStatus] = {}

@@ -13,7 +13,6 @@ from robotd.device.process_image import VALUES
 from robotd.events import Event, EventKind, Level
 from robotd.recording.recording_reader import Recording
 
-BAD_OUTCOMES = frozenset({"path_tolerance", "goal_tolerance", "fault"})
 CAUSE_WINDOW_S = 1.0  # before the symptom: its cause is the first bad event in it
 SHOWN_BEFORE_S, SHOWN_AFTER_S = 10.0, 5.0
 LATE_US = 1000.0  # lateness of the control loop that is worth a line
@@ -35,18 +34,10 @@ class Incident:
     events: tuple[Event, ...]
 
 
-def is_bad(event: Event) -> bool:
-    """Return True for an event that may be a root cause."""
-    if event.kind in (EventKind.RESULT, EventKind.STOP):
-        return event.data.get("outcome") in {*BAD_OUTCOMES, "stopped"}
-    is_error = event.kind is EventKind.LOG and event.level is Level.ERROR
-    return event.kind is EventKind.FAULT or is_error
-
-
 def find_incident(recording: Recording) -> Incident:
     """Find the root cause: the first bad event shortly before the symptom."""
     events = recording.events
-    bad = [event for event in events if is_bad(event)]
+    bad = [event for event in events if event.is_bad]
     saved_for = [event for event in events if event.text == recording.info.cause]
     symptom = next(iter(saved_for or bad), None)
     if symptom is None:
@@ -77,7 +68,7 @@ def explain(recording: Recording, meanings: Sequence[str] = ()) -> Iterator[str]
         yield from _cause_lines(recording, incident, incident.cause, meanings)
     yield ""
     yield "Events"
-    zero_ns = _zero_ns(recording, incident)
+    zero_ns = incident.cause.time_ns if incident.cause else recording.start_ns
     for event in incident.events:
         if event.level is not Level.DEBUG:
             sender = f"  [{event.sender}]" if event.sender not in ("", "robotd") else ""
@@ -98,11 +89,8 @@ def joint_values(recording: Recording, axis: int, time_ns: int) -> dict[str, flo
 
 def _title(recording: Recording) -> str:
     info = recording.info
-    frames = recording.frames
-    time_ns = int(frames["start_ns"][0]) if len(frames) else 0
-    began = time.strftime(
-        "%Y-%m-%d %H:%M:%S", time.localtime((time_ns + info.offset_ns) / NANOSECONDS)
-    )
+    start_s = (recording.start_ns + info.offset_ns) / NANOSECONDS
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(start_s))
     variant = f" ({info.variant})" if info.variant else ""
     return (
         f"{info.robot}{variant} on {info.backend}, {began}, {recording.duration_s:.1f} s"
@@ -175,10 +163,3 @@ def _command(events: Sequence[Event], cause: Event) -> Event | None:
         if is_end and found is not None and event.data.get("id") == found.data.get("id"):
             found = None
     return found
-
-
-def _zero_ns(recording: Recording, incident: Incident) -> int:
-    if incident.cause is not None:
-        return incident.cause.time_ns
-    frames = recording.frames
-    return int(frames["start_ns"][0]) if len(frames) else 0

@@ -10,7 +10,7 @@ import numpy as np
 from robotd.clock import NANOSECONDS
 from robotd.errors import OperationError
 from robotd.events import EventKind
-from robotd.recording.explanation import Incident, find_incident, is_bad
+from robotd.recording.explanation import Incident, find_incident
 from robotd.recording.frame_ring import Frames
 from robotd.recording.recording_reader import Recording
 
@@ -52,8 +52,8 @@ def plot_incident(recording: Recording, path: Path) -> None:
 
 def _window(recording: Recording, incident: Incident) -> tuple[Frames, int]:
     frames = recording.frames
-    if incident.cause is None or len(frames) == 0:
-        return frames, int(frames["start_ns"][0]) if len(frames) else 0
+    if incident.cause is None:
+        return frames, recording.start_ns
     zero_ns = incident.cause.time_ns
     offsets = frames["start_ns"] - zero_ns
     near = (offsets >= -BEFORE_S * NANOSECONDS) & (offsets <= AFTER_S * NANOSECONDS)
@@ -86,7 +86,7 @@ def _mark_events(panel: Any, incident: Incident, zero_ns: int, times_s: Any) -> 
         at_s = (event.time_ns - zero_ns) / NANOSECONDS
         if not np.min(times_s) <= at_s <= np.max(times_s):
             continue
-        if is_bad(event):
+        if event.is_bad:
             panel.axvline(at_s, color="red", linewidth=1.0)
         elif event.kind is EventKind.GOAL:
             panel.axvline(at_s, color="green", linewidth=1.0)

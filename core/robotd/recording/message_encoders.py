@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.device.process_image import FLAGS, NUMBERS
-from robotd.events import Event, Level
+from robotd.events import Event, EventKind, Level
 from robotd.recording.cdr_stream import CdrReader, CdrWriter
 
 LEVELS = {Level.DEBUG: 10, Level.INFO: 20, Level.WARNING: 30, Level.ERROR: 40}
@@ -109,7 +109,7 @@ def log_message(event: Event, time_ns: int) -> bytes:
     writer.string(f"{event.kind}/{event.subject}")
     writer.string(event.text)
     writer.string(event.sender)
-    plain = {name: value for name, value in event.data.items() if not _is_array(value)}
+    plain = {name: value for name, value in event.data.items() if not isinstance(value, np.ndarray)}
     writer.string(json.dumps(plain, default=_json_value))
     writer.number("I", 0)
     return writer.payload()
@@ -117,8 +117,6 @@ def log_message(event: Event, time_ns: int) -> bytes:
 
 def read_log_message(data: bytes, time_ns: int) -> Event:
     """Return the event of ``log_message`` at monotonic ``time_ns``. Raises ValueError."""
-    from robotd.events import EventKind
-
     reader = CdrReader(data)
     reader.time_ns()
     number = int(reader.number("B"))
@@ -182,10 +180,6 @@ def string_message(text: str) -> bytes:
     writer = CdrWriter()
     writer.string(text)
     return writer.payload()
-
-
-def _is_array(value: object) -> bool:
-    return isinstance(value, np.ndarray)
 
 
 def _octets(values: NDArray[Any]) -> NDArray[np.uint8]:

@@ -54,6 +54,11 @@ class Recording:
     outputs: tuple[tuple[int, bytes], ...]
 
     @property
+    def start_ns(self) -> int:
+        """Time of the first frame; 0 without one."""
+        return int(self.frames["start_ns"][0]) if len(self.frames) else 0
+
+    @property
     def duration_s(self) -> float:
         """Time from the first frame to the last."""
         if len(self.frames) < 2:

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import IO, Any
 
 from robotd.clock import NANOSECONDS
+from robotd.recording.recording_folder import PARTIAL
 from robotd.recording.recording_reader import RecordingError
 from robotd.recording.recording_writer import CHUNK_BYTES
 
 DAMAGED = ".damaged"  # suffix of the original file
-PARTIAL = ".part"
 
 
 @dataclass(frozen=True)

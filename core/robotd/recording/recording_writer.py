@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 CHUNK_BYTES = 64 * 1024
-PAUSE_MESSAGES = 16  # written between two calls of ``pause``: 0.1 ms
 STATES_PERIOD_NS = 5_000_000_000  # of the axis states while they do not change
 INFO = "robotd"  # name of the metadata record
 FORMAT = 1
@@ -118,25 +117,16 @@ class RecordingWriter:
         stream: file opened for binary writing; closed by ``close``.
         info: metadata of the recording.
         urdf: text of the robot's URDF; "" for none.
-        pause: called every ``PAUSE_MESSAGES`` messages; lets the control loop go first.
 
     Raises:
         OSError: the disk is full or the file cannot be written; also from the other methods.
     """
 
-    def __init__(
-        self,
-        stream: IO[bytes],
-        info: RecordingInfo,
-        urdf: str = "",
-        pause: Callable[[], None] = lambda: None,
-    ) -> None:
+    def __init__(self, stream: IO[bytes], info: RecordingInfo, urdf: str = "") -> None:
         from mcap.writer import CompressionType, Writer
 
         self.info = info
         self._stream = stream
-        self._pause = pause
-        self._written = 0
         self._offset_ns = info.offset_ns
         self._templates = templates_of(info.axes)
         self._last_due_ns = self._last_stamp_ns = 0
@@ -182,19 +172,24 @@ class RecordingWriter:
         ]
         messages.sort(key=lambda message: message[0])
         for time_ns, topic, data in messages:
-            self._add(topic, time_ns, data)
+            self.message(topic, time_ns, data)
 
     def event(self, event: Event) -> None:
         """Add an event, with the trajectory of a goal."""
         time_ns = event.time_ns
-        self._add(EVENTS, time_ns, log_message(event, time_ns + self._offset_ns))
+        self.message(EVENTS, time_ns, log_message(event, time_ns + self._offset_ns))
         if event.kind is EventKind.GOAL and "positions" in event.data:
             start_ns = int(event.data.get("start_ns", time_ns)) + self._offset_ns
-            self._add(GOALS, time_ns, trajectory_message(event.data, start_ns))
+            self.message(GOALS, time_ns, trajectory_message(event.data, start_ns))
 
     def message(self, topic: str, time_ns: int, data: bytes) -> None:
-        """Add a message of inputs, outputs or fieldbus, which is encoded already."""
-        self._add(topic, time_ns, data)
+        """Add a message that is encoded already."""
+        log_time = time_ns + self._offset_ns
+        if self._description:
+            # At the time of the first message: an earlier one would prolong the recording.
+            description, self._description = self._description, b""
+            self._writer.add_message(self._channels[DESCRIPTION], log_time, description, log_time)
+        self._writer.add_message(self._channels[topic], log_time, data, log_time)
 
     def flush(self) -> None:
         """Hand the complete chunks to the operating system."""
@@ -232,17 +227,6 @@ class RecordingWriter:
             for time_ns, each in zip(times[chosen].tolist(), data, strict=True)
         ]
 
-    def _add(self, topic: str, monotonic_ns: int, data: bytes) -> None:
-        log_time = monotonic_ns + self._offset_ns
-        if self._description:
-            # At the time of the first message: an earlier one would prolong the recording.
-            description, self._description = self._description, b""
-            self._writer.add_message(self._channels[DESCRIPTION], log_time, description, log_time)
-        self._writer.add_message(self._channels[topic], log_time, data, log_time)
-        self._written += 1
-        if self._written % PAUSE_MESSAGES == 0:
-            self._pause()
-
     def _register_schema(self, name: str) -> int:
         schema = types.SCHEMAS[name].encode()
         return int(self._writer.register_schema(name, "ros2msg", schema))
@@ -252,17 +236,12 @@ class RecordingWriter:
         return int(self._writer.register_channel(topic, "cdr", schema, metadata))
 
 
-def create_recording(
-    path: Path,
-    info: RecordingInfo,
-    urdf: str = "",
-    pause: Callable[[], None] = lambda: None,
-) -> RecordingWriter:
+def create_recording(path: Path, info: RecordingInfo, urdf: str = "") -> RecordingWriter:
     """Create the file ``path``, which must not exist, and its folder. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     stream = path.open("xb")
     try:
-        return RecordingWriter(stream, info, urdf, pause)
+        return RecordingWriter(stream, info, urdf)
     except BaseException:
         stream.close()
         raise
