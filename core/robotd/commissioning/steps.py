@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from robotd.commissioning.commissioned_axis import CommissionedAxis
 from robotd.commissioning.findings import (
     Finding,
     in_words,
@@ -18,8 +18,6 @@ from robotd.commissioning.findings import (
     judge_limits,
     judge_scale,
 )
-from robotd.descriptor.joint_settings import JointSettings
-from robotd.device.bus_status import BusNode
 from robotd.errors import OperationError
 from robotd.plugin.hookspecs import AxisKeys
 
@@ -27,22 +25,6 @@ JOG = {"rad": math.radians(1.0), "m": 1e-3}
 SLOW = {"rad": 0.02, "m": 2e-3}  # rad/s or m/s
 FASTER = {"rad": 0.1, "m": 0.01}
 SPEED_UNIT = {"rad": "°", "m": "mm"}
-
-
-class Axis(Protocol):
-    """Measurements of the axis; ``CommissionedAxis``."""
-
-    @property
-    def joint(self) -> JointSettings: ...
-
-    @property
-    def can_home(self) -> bool: ...
-
-    def position(self) -> float: ...
-
-    def node(self, number: int) -> BusNode | None: ...
-
-    def powered(self) -> AbstractContextManager[None]: ...
 
 
 class Operator(Protocol):
@@ -88,7 +70,7 @@ class Bench:
         keys: of ``drive``.
     """
 
-    axis: Axis
+    axis: CommissionedAxis
     operator: Operator
     drive: Mapping[str, Any]
     keys: AxisKeys

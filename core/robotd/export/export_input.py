@@ -1,4 +1,4 @@
-"""Input of all exports: a robot's ROS parameters and resolved topic names."""
+"""Input of all exports: a robot's ROS parameters, resolved topic names, and URDF."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from typing import Any
 import yaml
 
 from robotd.descriptor import RobotDescriptor
+from robotd.descriptor.files import read_limited
 from robotd.errors import DescriptorError
+
+MAX_URDF_BYTES = 8_000_000
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,16 @@ class ExportInput:
         if topic := self.topic(node, name, default):
             return topic
         raise self.rejection(f"{self.descriptor.name}: parameter {node}.{name} is empty")
+
+    def urdf(self) -> str:
+        """Return the text of the robot's URDF. Raises DescriptorError: missing or not UTF-8."""
+        path = self.descriptor.urdf
+        if path is None:
+            raise self.rejection(f"{self.descriptor.name} has no urdf")
+        try:
+            return read_limited(path, MAX_URDF_BYTES).decode()
+        except UnicodeDecodeError as error:
+            raise self.rejection(f"{path} is not UTF-8: {error.reason}") from None
 
     def rejection(self, reason: str) -> DescriptorError:
         """Return an error about the descriptor, ready to be raised."""

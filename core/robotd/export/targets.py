@@ -8,12 +8,11 @@ from robotd.export.export_input import ExportInput
 from robotd.export.isaac import topic_map
 from robotd.export.moveit import move_group_parameters
 from robotd.export.nav2 import navigation_parameters
-from robotd.export.urdf_export import urdf
 
 EXPORTS: Mapping[str, Callable[[ExportInput], str]] = {
     "moveit": move_group_parameters,
     "nav2": navigation_parameters,
     "isaac": topic_map,
-    "urdf": urdf,
+    "urdf": ExportInput.urdf,
 }
 """Export functions by target. Each raises DescriptorError where it does not apply."""

@@ -43,7 +43,7 @@ def engine_status(
         fault: why the device is not ready; "" where it was not started, or stopped on purpose.
         step: what a start-up is doing; it goes before the fault.
     """
-    values = {"state": state.value, "ready": _yes_no(ready), "backend": backend}
+    values = {"state": state.value, "ready": "yes" if ready else "no", "backend": backend}
     if ready and fault:
         return Status("engine", Level.ERROR, fault, values)
     if ready:
@@ -64,11 +64,12 @@ def axis_status(
     """Status of one axis; a servo that should be on warns when off."""
     if state is not ConnectionState.COMMUNICATING:
         return unknown_status(part, state)
-    level, message = _judge_axis(axis, image, used=used)
+    servo = "on" if image.servo_on[axis] else "off"
+    level, message = next(_complaints(axis, image, used=used), (Level.OK, f"servo {servo}"))
     error = image.position_command[axis] - image.position[axis]
     values = {
         "axis": str(axis),
-        "servo": "on" if image.servo_on[axis] else "off",
+        "servo": servo,
         "alarm code": str(image.alarm_code[axis]),
         "mode": CommandMode(image.mode[axis]).name.lower(),
         "operation": Operation(image.operation[axis]).name.lower(),
@@ -175,10 +176,6 @@ def _node_fault(node: BusNode) -> str:
     return f"{what or 'has a fault'}: {node.fault}" if node.fault else what
 
 
-def _judge_axis(axis: int, image: ProcessImage, *, used: bool) -> tuple[Level, str]:
-    return next(_complaints(axis, image, used=used), (Level.OK, _servo(axis, image)))
-
-
 def _complaints(axis: int, image: ProcessImage, *, used: bool) -> Iterator[tuple[Level, str]]:
     """Yield the problems of an axis, the worst first."""
     if fault := image.fault(axis):
@@ -189,14 +186,6 @@ def _complaints(axis: int, image: ProcessImage, *, used: bool) -> Iterator[tuple
         yield Level.WARN, "on the positive limit switch"
     if used and not image.servo_on[axis]:
         yield Level.WARN, "servo off"
-
-
-def _servo(axis: int, image: ProcessImage) -> str:
-    return "servo on" if image.servo_on[axis] else "servo off"
-
-
-def _yes_no(value: bool) -> str:
-    return "yes" if value else "no"
 
 
 def _number(value: float) -> str:

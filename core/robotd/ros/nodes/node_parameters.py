@@ -13,7 +13,6 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robotd.descriptor import RobotDescriptor
 from robotd.export.export_input import ExportInput
-from robotd.export.urdf_export import urdf
 from robotd.node_settings.parameter_reader import ParameterReader, WrongType
 from robotd.ros.middleware import overrides_of, remapped_action
 
@@ -59,7 +58,7 @@ class Parameters(ParameterReader):
 
     def _own_description(self) -> str:
         """Return the robot's URDF. Raises DescriptorError where it cannot be read."""
-        return urdf(ExportInput(self._descriptor)) if self._descriptor.urdf else ""
+        return ExportInput(self._descriptor).urdf() if self._descriptor.urdf else ""
 
     def _given(self, name: str) -> bool:
         return name in overrides_of(self._node) or super()._given(name)
