@@ -17,8 +17,9 @@ import pytest
 from tests.page.viewer import TIMEOUT_S, connected, served_page, wait_until
 from tests.unit.observation.harness import Observed
 
-from robotd.page.control_server import MAX_CONTROLLERS, MAX_MESSAGE_BYTES
+from robotd.page.control_server import MAX_CONTROLLERS
 from robotd.page.page_server import PageServer
+from robotd.page.viewers import MAX_MESSAGE_BYTES
 
 
 class Controller:

@@ -1,4 +1,4 @@
-"""The command line: one module per command in ``commands``."""
+"""The command line; the commands are in ``commands``."""
 
 from robotd.cli.main import main
 

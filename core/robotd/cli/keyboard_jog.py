@@ -45,13 +45,15 @@ def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
             keys = JogKeys(len(jog.identities), speed)
             try:
                 with suppress(OSError), Live(auto_refresh=False) as live:  # of a lost terminal
-                    sender, screen = _Sender(jog, keys), _Screen(live, jog, keys)
+                    sender, shown_s = _Sender(jog, keys), 0.0
                     while not (keys.ended or interrupt.happened or key_input.lost):
                         client.spin()
                         now_s = time.monotonic()
                         keys.feed(key_input.read(), now_s)
                         sender.send(now_s)
-                        screen.show(now_s)
+                        if now_s - shown_s >= SHOW_S:
+                            shown_s = now_s
+                            live.update(jog_view(jog.state(), keys), refresh=True)
             finally:
                 jog.jog(keys.joint, 0.0, keys.speed)
                 jog.wait_at_rest()
@@ -76,21 +78,6 @@ class _Sender:
         if is_due or (joint, velocity) != (self._joint, self._velocity):
             self._jog.jog(joint, velocity, self._keys.speed)
             self._joint, self._velocity, self._sent_s = joint, velocity, now_s
-
-
-class _Screen:
-    """Positions, the chosen joint and its speed, ten times a second."""
-
-    def __init__(self, live: Live, jog: JogClient, keys: JogKeys) -> None:
-        self._live, self._jog, self._keys = live, jog, keys
-        self._shown_s = 0.0
-
-    def show(self, now_s: float) -> None:
-        """Draw the present state. Raises OSError where the terminal is gone."""
-        if now_s - self._shown_s >= SHOW_S:
-            self._shown_s = now_s
-            state = self._jog.state()
-            self._live.update(jog_view(state, self._keys), refresh=True)
 
 
 def jog_view(state: JogState, keys: JogKeys) -> Group:

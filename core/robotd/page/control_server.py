@@ -28,7 +28,7 @@ from robotd.page.control_jog import (
     jog_velocities,
 )
 from robotd.page.page_message import websocket_frames
-from robotd.page.viewers import Viewer
+from robotd.page.viewers import Viewer, accept
 from robotd.robot import Robot
 from robotd.scenario import FaultSchedule
 
@@ -37,7 +37,6 @@ log = get_logger("page")
 MAX_CONTROLLERS = 4
 MAX_RUNNING = 4  # commands of one controller
 MAX_WORKERS = MAX_CONTROLLERS * (MAX_RUNNING + 2)  # two for the jogs of each
-MAX_MESSAGE_BYTES = 1024
 TOKEN_BYTES = 24
 TOKEN_TIMEOUT_S = 5.0
 PING_S = 5.0  # a controller that does not answer within 1.5 of it is dropped
@@ -108,13 +107,7 @@ class PageControl:
 
     async def answer(self, request: web.Request) -> web.StreamResponse:
         """Serve one controller until its connection ends."""
-        socket = web.WebSocketResponse(
-            heartbeat=PING_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES, timeout=1.0
-        )
-        if not socket.can_prepare(request):
-            return web.Response(status=426, text="robotd: a WebSocket is served here\n")
-        await socket.prepare(request)
-        transport = request.transport
+        socket, transport = await accept(request, PING_S)
         if transport is None or not await self._has_token(socket):
             return socket
         if len(self._controllers) >= MAX_CONTROLLERS:

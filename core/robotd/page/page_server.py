@@ -19,7 +19,7 @@ from robotd.page.connection_guard import ConnectionGuard
 from robotd.page.control_server import PageControl
 from robotd.page.live_samples import RATE_HZ
 from robotd.page.request_checks import add_headers, check_request
-from robotd.page.viewers import SEND_BUFFER_BYTES, Viewer
+from robotd.page.viewers import MAX_MESSAGE_BYTES, SEND_BUFFER_BYTES, Viewer, accept
 
 log = get_logger("page")
 
@@ -121,7 +121,7 @@ class PageServer:
         self._loop = loop = asyncio.get_running_loop()
         guard = ConnectionGuard(MAX_CONNECTIONS, REQUEST_TIMEOUT_S)
         application = web.Application(
-            middlewares=[guard.note_request, check_request], client_max_size=1024
+            middlewares=[guard.note_request, check_request], client_max_size=MAX_MESSAGE_BYTES
         )
         application.on_response_prepare.append(add_headers)
         for path in BUNDLE:
@@ -174,13 +174,7 @@ class PageServer:
         return [viewer for channel in self._channels.values() for viewer in channel.viewers]
 
     async def _answer_viewer(self, request: web.Request) -> web.StreamResponse:
-        response = web.WebSocketResponse(
-            heartbeat=self._heartbeat_s, compress=False, max_msg_size=1024, timeout=1.0
-        )
-        if not response.can_prepare(request):
-            return web.Response(status=426, text="robotd: a WebSocket is served here\n")
-        await response.prepare(request)
-        transport = request.transport
+        response, transport = await accept(request, self._heartbeat_s)
         if transport is None:
             return response
         if len(self._viewers()) >= self._max_viewers:

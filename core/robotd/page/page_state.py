@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -46,8 +46,8 @@ def state_of(tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int) 
         "paused": speed.paused,
         "axes": _axes(robot),
         "goals": goals,
-        "inputs": _inputs(robot),
-        "outputs": _outputs(robot),
+        "inputs": _hexadecimal(robot.io.input_bytes, robot.io.sizes[0]),
+        "outputs": _hexadecimal(robot.io.output_bytes, robot.io.sizes[1]),
         "buses": [_bus(number, status) for number, status in tap.buses.items()],
         "missed": robot.control_loop.stats.missed,
         "viewers": viewers,
@@ -159,17 +159,9 @@ def _bus(number: int, status: BusStatus) -> dict[str, Any]:
     }
 
 
-def _inputs(robot: Robot) -> str:
-    """Return the input image in hexadecimal digits; "" while it is not known."""
-    size = min(robot.io.sizes[0], MAX_IO_BYTES)
+def _hexadecimal(read: Callable[[int, int], bytes], size: int) -> str:
+    """Return an image of ``size`` bytes in hexadecimal digits; "" while it is not known."""
+    size = min(size, MAX_IO_BYTES)
     with suppress(RobotdError):
-        return robot.io.input_bytes(0, size).hex() if size else ""
-    return ""
-
-
-def _outputs(robot: Robot) -> str:
-    """Return the output image in hexadecimal digits; "" while it is not known."""
-    size = min(robot.io.sizes[1], MAX_IO_BYTES)
-    with suppress(RobotdError):
-        return robot.io.output_bytes(0, size).hex() if size else ""
+        return read(0, size).hex() if size else ""
     return ""

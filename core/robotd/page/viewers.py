@@ -12,7 +12,24 @@ from robotd.log import get_logger
 log = get_logger("page")
 
 MAX_WAITING_BYTES = 2**20  # of a viewer, besides the first messages: six seconds of 128 axes
+MAX_MESSAGE_BYTES = 1024  # from a viewer
 SEND_BUFFER_BYTES = 65536  # of the socket, beyond ``MAX_WAITING_BYTES``
+
+
+async def accept(
+    request: web.Request, heartbeat_s: float
+) -> tuple[web.WebSocketResponse, asyncio.Transport | None]:
+    """Accept a WebSocket; without its transport where the client has gone already.
+
+    Raises HTTPUpgradeRequired, the answer to a request that asks for no WebSocket.
+    """
+    socket = web.WebSocketResponse(
+        heartbeat=heartbeat_s, compress=False, max_msg_size=MAX_MESSAGE_BYTES, timeout=1.0
+    )
+    if not socket.can_prepare(request):
+        raise web.HTTPUpgradeRequired(text="robotd: a WebSocket is served here\n")
+    await socket.prepare(request)
+    return socket, request.transport
 
 
 class Viewer:

@@ -1,1 +1,1 @@
-"""The commands of robotd, one module per command."""
+"""The commands of robotd."""
