@@ -12,8 +12,7 @@ import click
 
 from robotd.cli.check_report import CheckReport
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_installed
-from robotd.descriptor import load_robot_descriptor
+from robotd.cli.installed import load_robot
 from robotd.device.capabilities import Capability
 from robotd.device.state import ConnectionState
 from robotd.errors import PluginError
@@ -59,7 +58,7 @@ def _check_here(name: str, robot: str) -> ExitCode:
     )
     if backend is not None:
         report.run("description", lambda: _description(backend))
-        context = report.run("options", lambda: _context(backend, robot))
+        context = report.run("options", lambda: backend.context(load_robot(robot)))
         if context is not None:
             _check_drivers(report, backend, context)
     return report.end()
@@ -73,11 +72,6 @@ def _origins(name: str) -> str:
 def _description(backend: Backend) -> str:
     can = ", ".join(sorted(backend.capabilities))
     return f"{backend.info.summary}; API {backend.info.api_version} (this is {API_VERSION}); {can}"
-
-
-def _context(backend: Backend, robot: str) -> DeviceContext[Any]:
-    search_path = load_installed().search_path
-    return backend.context(load_robot_descriptor(robot, search_path=search_path))
 
 
 def _check_drivers(report: CheckReport, backend: Backend, context: DeviceContext[Any]) -> None:

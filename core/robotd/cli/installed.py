@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robotd.cli.layout import warn
-from robotd.descriptor import Override, RobotDescriptor, default_search_path
+from robotd.descriptor import (
+    Override,
+    RobotDescriptor,
+    default_search_path,
+    load_robot_descriptor,
+)
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
@@ -50,6 +55,11 @@ def load_installed() -> Installed:
     plugins, failures = load_plugins()
     robots, nodes = register_all(plugins)
     return Installed((*default_search_path(), *robots.folders), nodes, failures)
+
+
+def load_robot(robot: str, variant: str | None = None) -> RobotDescriptor:
+    """Load a robot, also one of a plugin, by name or file. Raises DescriptorError."""
+    return load_robot_descriptor(robot, variant, load_installed().search_path)
 
 
 def check_backend_overrides(overrides: Iterable[Override], backend: str) -> None:

@@ -20,6 +20,15 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 PORT = click.IntRange(0, 65535)  # 0: any free one
 
 
+class NumberRange(click.FloatRange):
+    """Range of numbers; NaN is in none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if math.isnan(number := super().convert(value, param, ctx)):
+            self.fail("nan is not a number", param, ctx)
+        return number
+
+
 def names(ctx: click.Context, option: click.Parameter, value: str | None) -> list[str] | None:
     """Parse ``a,b`` into ``[a, b]``; None when the option is absent."""
     if value is None:
@@ -28,13 +37,6 @@ def names(ctx: click.Context, option: click.Parameter, value: str | None) -> lis
     if not words:
         raise click.BadParameter("no name given")
     return list(dict.fromkeys(words))
-
-
-def not_nan(ctx: click.Context, option: click.Parameter, value: float | None) -> float | None:
-    """Reject NaN, which passes every range check."""
-    if value is not None and math.isnan(value):
-        raise click.BadParameter("nan is not a number")
-    return value
 
 
 def overrides(

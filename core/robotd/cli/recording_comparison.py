@@ -7,9 +7,8 @@ from pathlib import Path
 import click
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_installed
+from robotd.cli.installed import load_robot
 from robotd.cli.layout import columns
-from robotd.descriptor import load_robot_descriptor
 from robotd.errors import OperationError
 from robotd.observation.motion_comparison import Difference, compare
 from robotd.observation.recorded_commands import CommandRepeater
@@ -24,8 +23,7 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
     """
     recording = read_recording(path)
     info = recording.info
-    search_path = load_installed().search_path
-    descriptor = load_robot_descriptor(robot or info.robot, info.variant or None, search_path)
+    descriptor = load_robot(robot or info.robot, info.variant or None)
     if descriptor.axes != len(info.axes):
         text = f"{path} has {len(info.axes)} axes, {descriptor.name} has {descriptor.axes}"
         raise OperationError(text)

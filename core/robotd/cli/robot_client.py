@@ -11,7 +11,7 @@ import click
 
 from robotd.cli.exit_codes import Rejected, RosUnavailable
 from robotd.cli.group import ros_args
-from robotd.cli.options import Command, log_options, not_nan
+from robotd.cli.options import Command, NumberRange, log_options
 from robotd.cli.preflight import import_ros
 from robotd.errors import OperationError
 
@@ -27,8 +27,7 @@ def client_options(command: Command) -> Command:
         "--timeout",
         "timeout_s",
         metavar="SECONDS",
-        type=click.FloatRange(0.1, 600),
-        callback=not_nan,
+        type=NumberRange(0.1, 600),
         default=5.0,
         show_default=True,
         help="How long the robot may take to answer.",

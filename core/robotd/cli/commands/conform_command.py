@@ -12,9 +12,8 @@ import click
 
 import robotd
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_installed
+from robotd.cli.installed import load_robot
 from robotd.cli.options import FILE, log_options
-from robotd.descriptor import load_robot_descriptor
 from robotd.errors import PluginError
 from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
 from robotd.plugin.manager import find_backend
@@ -55,7 +54,7 @@ def conform(
     if is_foreign(find_backend(backend)[0]):
         probe_backend(backend)
     if robot is not None:
-        load_robot_descriptor(robot, search_path=load_installed().search_path)
+        load_robot(robot)
     arguments = [
         f"--robotd-backend={backend}",
         *([f"--robotd-robot={robot}"] if robot else []),

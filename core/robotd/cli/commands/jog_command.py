@@ -9,7 +9,7 @@ import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import not_nan
+from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 from robotd.errors import unknown_name
@@ -36,8 +36,7 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
 @click.option(
     "--speed",
     metavar="SPEED",
-    type=click.FloatRange(0.0, min_open=True),
-    callback=not_nan,
+    type=NumberRange(0.0, min_open=True),
     help="Highest speed on the way; 0.1 rad/s or m/s by default.",
 )
 @click.option("--action", metavar="NAME", help="The arm's action, where several arms run.")

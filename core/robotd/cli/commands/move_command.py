@@ -9,7 +9,7 @@ import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import not_nan
+from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.progress import Progress
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
@@ -44,8 +44,7 @@ def parse_targets(
     "--time",
     "time_s",
     metavar="SECONDS",
-    type=click.FloatRange(0.01, 3600),
-    callback=not_nan,
+    type=NumberRange(0.01, 3600),
     default=2.0,
     show_default=True,
     help="Duration of the motion.",

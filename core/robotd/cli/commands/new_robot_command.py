@@ -11,12 +11,11 @@ import click
 
 from robotd.cli.commands.check_command import check_robot
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_installed
-from robotd.cli.options import FOLDER, names, not_nan
+from robotd.cli.installed import load_robot
+from robotd.cli.options import FOLDER, NumberRange, names
 from robotd.cli.package_templates import package_words, write_files, write_package
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import client_options, robot_client
-from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.files import read_limited
 from robotd.descriptor.from_urdf import Choices, bus_robot_files, robot_files
 from robotd.descriptor.from_urdf.joint_roles import GripperDrive
@@ -80,8 +79,7 @@ Examples:
     "--wheel-radius",
     "wheel_radius_m",
     metavar="METRES",
-    type=click.FloatRange(0, min_open=True),
-    callback=not_nan,
+    type=NumberRange(0, min_open=True),
     help="Radius of the wheels; by default that of their cylinders in the URDF.",
 )
 @click.option("--no-base", is_flag=True, help="No joint is a wheel.")
@@ -99,8 +97,7 @@ Examples:
     "--ramp-time",
     "ramp_s",
     metavar="SECONDS",
-    type=click.FloatRange(0.01, 60),
-    callback=not_nan,
+    type=NumberRange(0.01, 60),
     default=0.25,
     show_default=True,
     help="Time to full speed, which gives the accelerations.",
@@ -151,7 +148,7 @@ def _show_next(name: str, folder: Path, package: Path | None) -> None:
 
 def _extension(name: str, base: str) -> bytes:
     """Return the ``robot.yaml`` of a robot that extends ``base``, which is installed."""
-    load_robot_descriptor(base, search_path=load_installed().search_path)
+    load_robot(base)
     lines = (
         f"# {name} is {base}, except for what is stated here: mappings merge key by key, scalars",
         "# and lists replace, null restores a default (docs/reference/descriptor.md).",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.options import not_nan
+from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, asks_robot
 
@@ -69,7 +69,7 @@ def reset(client: RosClient) -> object:
 
 
 @click.command("speed", epilog=ROS_EPILOG)
-@click.argument("percent", type=click.FloatRange(0, 100), callback=not_nan)
+@click.argument("percent", type=NumberRange(0, 100))
 @asks_robot
 def speed(client: RosClient, percent: float) -> object:
     """Set the speed of all motion of the running robot, 0 to 100 %.

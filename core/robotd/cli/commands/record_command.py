@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import not_nan
+from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
@@ -27,8 +27,7 @@ TICK_S = 0.1
     "--time",
     "time_s",
     metavar="SECONDS",
-    type=click.FloatRange(0.1),
-    callback=not_nan,
+    type=NumberRange(0.1),
     help="Stop after this time; by default with Ctrl-C.",
 )
 @client_options

@@ -18,9 +18,9 @@ from robotd.cli.options import (
     FILE,
     FOLDER,
     PORT,
+    NumberRange,
     log_options,
     names,
-    not_nan,
     robot_options,
 )
 from robotd.cli.preflight import import_ros, process_age_s
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 TIME_SLICE_S = 1e-4  # the shortest: goals and services are answered sooner
-RATE_HZ = click.FloatRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
+RATE_HZ = NumberRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,6 @@ class RunOptions:
     "rate_hz",
     metavar="HZ",
     type=RATE_HZ,
-    callback=not_nan,
     help="Short for --set cycle.rate_hz=HZ.",
 )
 @click.option(

@@ -11,12 +11,11 @@ import click
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.group import ros_args
-from robotd.cli.installed import load_installed
+from robotd.cli.installed import load_robot
 from robotd.cli.options import FILE, log_options
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options
 from robotd.cli.time_scale import time_scale
-from robotd.descriptor import load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import load_backend
 from robotd.scenario import FAULTS, Result, ScenarioRun, load_scenario
@@ -105,8 +104,7 @@ def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode
     robot = robot or scenario.robot
     if robot is None:
         raise DescriptorError("names no robot, and none is given by --robot", path=file)
-    search_path = load_installed().search_path
-    descriptor = load_robot_descriptor(robot, scenario.variant, search_path)
+    descriptor = load_robot(robot, scenario.variant)
     backend = load_backend(scenario.backend)
     run = ScenarioRun(scenario, descriptor, backend, math.inf if scale is None else scale)
     for done in run.steps():
