@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -78,31 +78,18 @@ def robot_options(command: Command) -> Command:
 
 def log_options(command: Command) -> Command:
     """Add the options of logging; they take effect before the command runs."""
+    option = partial(
+        click.option, show_default=True, callback=_keep, expose_value=False, is_eager=True
+    )
+    levels, formats = click.Choice(log.LEVELS), click.Choice([*map(str, log.LogFormat)])
 
+    @option("--log-level", type=levels, default="info", help="'debug' shows tracebacks too.")
+    @option("--log-format", type=formats, default="console", help="Lines for people, or JSON.")
     @wraps(command)
     def configured(*args: Any, **options: Any) -> Any:
         configure_logging()
         return command(*args, **options)
 
-    for name, choices, default, text in (
-        (
-            "--log-format",
-            [*map(str, log.LogFormat)],
-            "console",
-            "Lines for people, or JSON.",
-        ),
-        ("--log-level", log.LEVELS, "info", "'debug' shows tracebacks too."),
-    ):
-        configured = click.option(
-            name,
-            type=click.Choice(choices),
-            default=default,
-            show_default=True,
-            callback=_keep,
-            expose_value=False,
-            is_eager=True,
-            help=text,
-        )(configured)
     return configured
 
 

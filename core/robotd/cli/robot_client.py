@@ -66,7 +66,7 @@ def asks_robot(ask: Command) -> Command:
     def command(timeout_s: float, **arguments: Any) -> None:
         with robot_client(timeout_s) as client:
             answer = ask(client, **arguments)
-        if answer is not None:
-            click.echo(answer)
+            if answer is not None:
+                click.echo(answer)
 
     return command
