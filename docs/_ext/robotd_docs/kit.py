@@ -13,7 +13,7 @@ from sphinx.util.docutils import SphinxDirective
 import robotd.testing.conformance
 from robotd_docs.markdown import table
 
-JOINTED = "jointed"  # the fixture of checks that need joints
+JOINTS = "joints"  # the fixture of checks that need joints
 INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one
 MUTANTS = Path(__file__).parents[3] / "tests" / "conformance" / "mutants"
 FOLDER = Path(robotd.testing.conformance.__file__).parent
@@ -86,7 +86,7 @@ def _needs(check: ast.FunctionDef, tree: ast.Module) -> str:
     capabilities = re.findall(r"Capability\.(\w+)", " ".join(marks))
     needs = [f"`{name.lower()}`" for name in capabilities]
     arguments = {each.arg: ast.unparse(each.annotation or each) for each in check.args.args}
-    if JOINTED in arguments:
+    if JOINTS in arguments:
         needs.append("joints")
     if INJECTOR in arguments.values() or f"{INJECTOR}OrSkip" in ast.unparse(check):
         needs.append("fault injector")

@@ -56,6 +56,7 @@ class Harness:
         fault_injector: None where the backend offers none.
         period_s, feedback_s: control period, and time between two measured values.
         clock: of the device.
+        all, joints: all axes, and those of the joints.
         stepped: time is simulated.
     """
 
@@ -79,6 +80,7 @@ class Harness:
         self.image = self.robot.image
         self.count = len(self.robot.axes)
         self.all = list(range(self.count))
+        self.joints = list(self.robot.joint_axes)
         self._recorder = Recorder()
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
         self._running = False
@@ -293,10 +295,9 @@ class Harness:
             velocities: give velocities too (those of a smooth path), so that it is cubic.
             path: tolerances on the way, other than the descriptor's.
         """
-        joints = list(self.robot.joint_axes)
-        start = self.image.position_command[joints].copy()
+        start = self.image.position_command[self.joints].copy()
         points = [list(start + row) for row in rows]
-        slopes = np.gradient(np.array([np.zeros(len(joints)), *rows]), [0.0, *times_s], axis=0)
+        slopes = np.gradient(np.array([np.zeros(len(self.joints)), *rows]), [0.0, *times_s], axis=0)
         slopes[-1] = 0.0
         request = TrajectoryRequest.from_rows(
             self.robot.joint_names,

@@ -87,10 +87,10 @@ def test_the_device_says_at_once_why_it_is_silent(make_harness: MakeHarness) -> 
     said()
 
 
-def test_a_dead_bus_ends_a_trajectory(jointed: Harness, injector: FaultInjector) -> None:
-    harness = jointed
-    way = harness.travel()[list(harness.robot.joint_axes)]
-    with harness.following([1.5], [way]) as execution:
+def test_a_dead_bus_ends_a_trajectory(
+    harness: Harness, joints: list[int], injector: FaultInjector
+) -> None:
+    with harness.following([1.5], [harness.travel()[joints]]) as execution:
         harness.pass_time(0.4)
         injector.freeze(True)
         try:

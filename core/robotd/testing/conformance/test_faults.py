@@ -86,12 +86,12 @@ def test_an_axis_in_alarm_refuses_to_move(harness: Harness, injector: FaultInjec
     assert abs(harness.image.position[0] - start[0]) <= SETTLED_RAD
 
 
-def test_an_alarm_ends_a_trajectory_with_its_reason(jointed: Harness) -> None:
-    harness, injector = jointed, FaultInjectorOrSkip.of(jointed)
-    way = harness.travel()[list(harness.robot.joint_axes)]
-    with harness.following([1.5], [way]) as execution:
+def test_an_alarm_ends_a_trajectory_with_its_reason(
+    harness: Harness, joints: list[int], injector: FaultInjector
+) -> None:
+    with harness.following([1.5], [harness.travel()[joints]]) as execution:
         harness.pass_time(0.4)
-        injector.trip(harness.robot.joint_axes[0], ALARM)
+        injector.trip(joints[0], ALARM)
         harness.until(lambda: execution.done, "the trajectory ends")
     assert execution.outcome is Outcome.FAULT
     named = "controller alarm" if harness.can(Capability.CONTROLLER_ALARM) else "amplifier alarm"
@@ -119,13 +119,14 @@ def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(
     assert abs(harness.image.position[0] - start) <= SETTLED_RAD
 
 
-def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(jointed: Harness) -> None:
+def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(
+    harness: Harness, joints: list[int], injector: FaultInjector
+) -> None:
     """After a tolerance failure the command returns to the measured position."""
-    harness, injector = jointed, FaultInjectorOrSkip.of(jointed)
-    axis, name = harness.robot.joint_axes[0], harness.robot.joint_names[0]
-    way = harness.travel()[list(harness.robot.joint_axes)]
+    axis, name = joints[0], harness.robot.joint_names[0]
+    way, path = harness.travel()[joints], [JointTolerance(name, STUCK_RAD)]
     injector.block(axis, True)
-    with harness.following([1.2], [way], path=[JointTolerance(name, STUCK_RAD)]) as execution:
+    with harness.following([1.2], [way], path=path) as execution:
         harness.until(lambda: execution.done, "the goal of the blocked joint ends")
     assert execution.outcome in (Outcome.PATH_TOLERANCE, Outcome.FAULT), execution.message
     assert name in execution.message

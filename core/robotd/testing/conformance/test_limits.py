@@ -18,9 +18,8 @@ POINTS = 60
 
 
 @pytest.mark.needs(Capability.SIMULATED)
-def test_a_trajectory_at_the_limits_is_followed(jointed: Harness) -> None:
+def test_a_trajectory_at_the_limits_is_followed(harness: Harness, joints: list[int]) -> None:
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
-    harness, joints = jointed, list(jointed.robot.joint_axes)
     times_s, rows = fastest_way(harness)
     problems: list[str] = []
 
@@ -46,7 +45,7 @@ def test_a_trajectory_at_the_limits_is_followed(jointed: Harness) -> None:
 def fastest_way(harness: Harness) -> tuple[list[float], list[np.ndarray]]:
     """Return times and rows of a cosine at the limits of each joint."""
     limits = harness.robot.follower.limits
-    start = harness.image.position_command[list(harness.robot.joint_axes)]
+    start = harness.image.position_command[harness.joints]
     up, down = limits.upper - start, start - limits.lower
     speed, ramp = SPEED * limits.velocity, RAMP * limits.acceleration
     way = np.minimum(2.0 * speed**2 / ramp, ROOM * np.maximum(up, down))

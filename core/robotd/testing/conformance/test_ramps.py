@@ -132,8 +132,7 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(
 
 
 @pytest.mark.parametrize("stop", STOPS)
-def test_a_stop_ends_a_trajectory(jointed: Harness, stop: Stop) -> None:
-    harness, joints = jointed, list(jointed.robot.joint_axes)
+def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Stop) -> None:
     way = harness.travel()[joints]
     with harness.following([2.0], [way]) as execution:
         harness.pass_time(0.8)

@@ -23,10 +23,6 @@ STOP_MORE, STOP_REACTION_S = 2.0, 0.15  # a stop may brake more gently where its
 MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 
 
-def joint_travel(harness: Harness, share: float = 1.0) -> np.ndarray:
-    return harness.travel(share)[list(harness.robot.joint_axes)]
-
-
 def check_smooth(harness: Harness, motion: Callable[[], Recording]) -> None:
     """Commands and measured values of ``motion`` change no faster than the limits allow."""
     judge(harness, motion, lambda recording: jumps_of(harness, recording))
@@ -38,7 +34,7 @@ def jumps_of(harness: Harness, recording: Recording) -> list[str]:
     more = MORE if harness.stepped else MORE_IN_REAL_TIME
     _, speeds = recording.slope(recording.position, 2 * harness.period_s)
     _, ramps = recording.slope(recording.velocity_command, 0.02)
-    for joint, axis in enumerate(harness.robot.joint_axes):
+    for joint, axis in enumerate(harness.joints):
         speed, ramp = np.abs(speeds[:, axis]).max(), np.abs(ramps[:, axis]).max()
         if speed > more * limits.velocity[joint] + 0.01:
             found.append(f"{limits.names[joint]}: {speed:.3g} rad/s on the way")
@@ -47,13 +43,12 @@ def jumps_of(harness: Harness, recording: Recording) -> list[str]:
     return found
 
 
-def test_a_trajectory_arrives(jointed: Harness) -> None:
-    harness, joints = jointed, list(jointed.robot.joint_axes)
+def test_a_trajectory_arrives(harness: Harness, joints: list[int]) -> None:
 
     def motion() -> Recording:
-        goal = harness.image.position_command[joints] + joint_travel(harness)
+        goal = harness.image.position_command[joints] + harness.travel()[joints]
         with harness.recording() as recording:
-            execution = harness.follow([1.2], [joint_travel(harness)])
+            execution = harness.follow([1.2], [harness.travel()[joints]])
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
         harness.rest()
         assert harness.image.position[joints] == pytest.approx(goal, abs=SETTLED_RAD)
@@ -62,8 +57,8 @@ def test_a_trajectory_arrives(jointed: Harness) -> None:
     check_smooth(harness, motion)
 
 
-def test_the_joints_are_on_the_path(jointed: Harness) -> None:
-    harness, way = jointed, joint_travel(jointed)
+def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None:
+    way = harness.travel()[joints]
     phases = np.linspace(0.0, np.pi, 13)[1:]
     rows = [way * np.sin(phase) for phase in phases]
     times_s = [0.25 * (index + 1) for index in range(len(rows))]
@@ -86,13 +81,12 @@ def test_the_joints_are_on_the_path(jointed: Harness) -> None:
     judge(harness, motion, problems)
 
 
-def test_bare_axes_do_not_move_with_the_joints(jointed: Harness) -> None:
-    harness = jointed
-    others = [axis for axis in harness.all if axis not in harness.robot.joint_axes]
+def test_bare_axes_do_not_move_with_the_joints(harness: Harness, joints: list[int]) -> None:
+    others = [axis for axis in harness.all if axis not in joints]
     if not others:
         pytest.skip(f"the robot {harness.robot.descriptor.name} has no axis that is no joint")
     with harness.recording() as recording:
-        harness.follow([0.8], [joint_travel(harness)])
+        harness.follow([0.8], [harness.travel()[joints]])
     start = recording.position[0, others]
     assert np.abs(recording.position[:, others] - start).max() <= SETTLED_RAD
     assert np.isfinite(recording.position_command).all()
@@ -105,9 +99,8 @@ def test_a_stream_begins_where_the_command_stands(harness: Harness) -> None:
     assert np.abs(recording.position - start).max() <= SETTLED_RAD
 
 
-def test_the_end_of_a_trajectory_is_held(jointed: Harness) -> None:
-    harness = jointed
-    harness.follow([0.8], [joint_travel(harness, 0.5)])
+def test_the_end_of_a_trajectory_is_held(harness: Harness, joints: list[int]) -> None:
+    harness.follow([0.8], [harness.travel(0.5)[joints]])
     harness.rest()
     with harness.recording() as recording:
         harness.pass_time(0.4)
@@ -115,13 +108,11 @@ def test_the_end_of_a_trajectory_is_held(jointed: Harness) -> None:
     assert np.ptp(recording.position_command, 0).max() <= SETTLED_RAD
 
 
-def test_a_canceled_trajectory_stops_within_the_limits(jointed: Harness) -> None:
-    harness = jointed
-
+def test_a_canceled_trajectory_stops_within_the_limits(harness: Harness, joints: list[int]) -> None:
     def motion() -> Recording:
         with (
             harness.recording() as recording,
-            harness.following([1.2], [joint_travel(harness)]) as execution,
+            harness.following([1.2], [harness.travel()[joints]]) as execution,
         ):
             harness.pass_time(0.6)
             execution.cancel()
@@ -133,10 +124,11 @@ def test_a_canceled_trajectory_stops_within_the_limits(jointed: Harness) -> None
     check_smooth(harness, motion)
 
 
-def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(jointed: Harness) -> None:
+def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(
+    harness: Harness, joints: list[int]
+) -> None:
     """The joints' limits say how long a stop takes, not the goal's own acceleration."""
-    harness, joints = jointed, list(jointed.robot.joint_axes)
-    with harness.following([GENTLE_S], [joint_travel(harness)]) as execution:
+    with harness.following([GENTLE_S], [harness.travel()[joints]]) as execution:
         harness.pass_time(0.4 * GENTLE_S)
         speed = np.abs(harness.image.velocity_command[joints])
         ramp_s = float((speed / harness.robot.follower.limits.acceleration).max())
@@ -151,11 +143,9 @@ def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(jointed: Harness) -
     assert rest_s <= STOP_MORE * ramp_s + STOP_REACTION_S
 
 
-def test_a_new_goal_takes_over_without_a_jump(jointed: Harness) -> None:
-    harness = jointed
-
+def test_a_new_goal_takes_over_without_a_jump(harness: Harness, joints: list[int]) -> None:
     def motion() -> Recording:
-        way = joint_travel(harness)
+        way = harness.travel()[joints]
         with harness.recording() as recording, harness.following([1.2], [way]) as first:
             harness.pass_time(0.5)
             with harness.following([1.0], [-0.3 * way]) as second:
@@ -167,9 +157,8 @@ def test_a_new_goal_takes_over_without_a_jump(jointed: Harness) -> None:
     check_smooth(harness, motion)
 
 
-def test_no_joint_leaps_after_the_cycle_has_stood(jointed: Harness) -> None:
+def test_no_joint_leaps_after_the_cycle_has_stood(harness: Harness, joints: list[int]) -> None:
     """``AxisDriver.underrun`` says where a joint is by then."""
-    harness, joints = jointed, list(jointed.robot.joint_axes)
     periods = count()
 
     def stand_once(image: ProcessImage) -> None:
@@ -178,7 +167,7 @@ def test_no_joint_leaps_after_the_cycle_has_stood(jointed: Harness) -> None:
 
     with (
         harness.recording() as recording,
-        harness.following([1.2], [joint_travel(harness)]) as execution,
+        harness.following([1.2], [harness.travel()[joints]]) as execution,
         harness.each_period(stand_once),
     ):
         harness.until(lambda: execution.done, "the trajectory ends")
@@ -192,16 +181,15 @@ def test_no_joint_leaps_after_the_cycle_has_stood(jointed: Harness) -> None:
         assert speed <= LEAP * meant, f"{name}: {speed:.3g} rad/s on a path of {meant:.3g}"
 
 
-def test_trajectories_may_follow_at_once_on_each_other(jointed: Harness) -> None:
-    harness, way = jointed, joint_travel(jointed, 0.3)
+def test_trajectories_may_follow_at_once_on_each_other(harness: Harness, joints: list[int]) -> None:
+    way = harness.travel(0.3)[joints]
     for sign in (1.0, -1.0, 1.0):
         execution = harness.follow([0.5], [sign * way])
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
 
-def test_an_axis_takes_moves_after_a_trajectory(jointed: Harness) -> None:
-    harness = jointed
-    harness.follow([0.5], [joint_travel(harness, 0.3)])
+def test_an_axis_takes_moves_after_a_trajectory(harness: Harness, joints: list[int]) -> None:
+    harness.follow([0.5], [harness.travel(0.3)[joints]])
     harness.rest()
     targets = harness.image.position_command - harness.travel(0.3)
     harness.move(harness.all, targets)
