@@ -15,6 +15,7 @@ from robotd_docs.markdown import table
 
 JOINTS = "joints"  # the fixture of checks that need joints
 INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one
+USES_INJECTOR = re.compile(r"\bharness\.(injector|trip)\b")
 MUTANTS = Path(__file__).parents[3] / "tests" / "conformance" / "mutants"
 FOLDER = Path(robotd.testing.conformance.__file__).parent
 
@@ -88,7 +89,7 @@ def _needs(check: ast.FunctionDef, tree: ast.Module) -> str:
     arguments = {each.arg: ast.unparse(each.annotation or each) for each in check.args.args}
     if JOINTS in arguments:
         needs.append("joints")
-    if INJECTOR in arguments.values() or f"{INJECTOR}OrSkip" in ast.unparse(check):
+    if INJECTOR in arguments.values() or USES_INJECTOR.search(ast.unparse(check)):
         needs.append("fault injector")
     return ", ".join(needs)
 

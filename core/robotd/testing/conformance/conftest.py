@@ -14,7 +14,7 @@ from robotd.plugin.foreign_process import note_step
 from robotd.testing.busy_computer import BusyComputer
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.kit_report import Report
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, KitTarget
+from robotd.testing.conformance.kit_target import KitTarget
 from robotd.testing.conformance.surroundings import surroundings
 from robotd.testing.conformance.time_limits import TimeLimits
 
@@ -128,7 +128,7 @@ def start_harness(make_harness: MakeHarness) -> MakeHarness:
 @pytest.fixture
 def injector(harness: Harness) -> FaultInjector:
     """Fault injector of the shared harness; unsupported calls skip the check."""
-    return FaultInjectorOrSkip.of(harness)
+    return harness.injector
 
 
 @pytest.fixture

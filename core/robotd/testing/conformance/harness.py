@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from robotd.arrays import FloatArray
 from robotd.clock import Clock, MonotonicClock, wait_until
@@ -15,9 +16,10 @@ from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
-from robotd.errors import LateSetpoint, OperationError, RobotdError
+from robotd.errors import LateSetpoint, OperationError, RobotdError, Unsupported
 from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import Backend
@@ -75,6 +77,9 @@ class Harness:
         self._watch_reads()
         self.robot = Robot(descriptor, backend, self.clock, self.drivers)
         self.fault_injector = self.drivers.make_fault_injector()
+        self._faults = (
+            InjectedFaults(self.fault_injector, backend.name) if self.fault_injector else None
+        )
         self.period_s = 1.0 / descriptor.cycle.rate_hz
         self.feedback_s = max(self.period_s, self.drivers.axes.feedback_period_s)
         self.image = self.robot.image
@@ -84,7 +89,6 @@ class Harness:
         self._recorder = Recorder()
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
         self._running = False
-        self._faults: dict[tuple[Any, ...], tuple[Any, ...]] = {}
 
     @property
     def due_ns(self) -> int:
@@ -144,19 +148,22 @@ class Harness:
         self.undo_faults()
         self.robot.shutdown()
 
-    def note_fault(self, method: str, arguments: tuple[Any, ...]) -> None:
-        """Remember how to undo what the method of the fault injector did."""
-        if method in UNDONE_BY:
-            undo, count, last = UNDONE_BY[method]
-            key = (undo, *arguments[:count])
-            self._faults[key] = (*arguments[:count], *last)
+    @property
+    def injector(self) -> FaultInjector:
+        """Fault injector; without one, the check is skipped, as by a call that it does not have."""
+        if self._faults is None:
+            pytest.skip(f"the {self.robot.backend.name} backend has no fault injector")
+        return cast(FaultInjector, self._faults)
 
     def undo_faults(self) -> None:
-        """Put plugs back, let values arrive, free axes and outputs, whatever a check left."""
-        for (undo, *_), arguments in self._faults.items():
-            with suppress(RobotdError):
-                getattr(self.fault_injector, undo)(*arguments)
-        self._faults.clear()
+        """Undo what a check has left behind by ``injector``."""
+        if self._faults is not None:
+            self._faults.undo()
+
+    def trip(self, code: int) -> None:
+        """Trip the drive of axis 0 with alarm ``code``; wait until it is shown."""
+        self.injector.trip(0, code)
+        self.until(lambda: bool(self.image.amp_alarm[0]), "the alarm is shown", 1.0)
 
     @property
     def healthy(self) -> bool:
@@ -335,6 +342,41 @@ class Harness:
     def may_rescale(self) -> bool:
         """Return True when a change of scale or home can be undone."""
         return self.can(Capability.SIMULATED) or self.robot.descriptor.parameters_file is not None
+
+
+class InjectedFaults:
+    """Fault injector that notes its faults, and whose unsupported calls skip the check.
+
+    Args:
+        injector: of the backend.
+        backend: its name.
+    """
+
+    def __init__(self, injector: FaultInjector, backend: str) -> None:
+        self._injector, self._backend = injector, backend
+        self._undoing: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        method = getattr(self._injector, name)
+
+        def call(*arguments: Any) -> Any:
+            try:
+                result = method(*arguments)
+            except Unsupported as error:
+                pytest.skip(str(Unsupported(error.feature, self._backend)))
+            if name in UNDONE_BY:
+                undo, count, last = UNDONE_BY[name]
+                self._undoing[undo, *arguments[:count]] = last
+            return result
+
+        return call
+
+    def undo(self) -> None:
+        """Put plugs back, let values arrive, free axes and outputs, whatever a check left."""
+        for (undo, *arguments), last in self._undoing.items():
+            with suppress(RobotdError):
+                getattr(self._injector, undo)(*arguments, *last)
+        self._undoing.clear()
 
 
 MakeHarness = Callable[..., Harness]

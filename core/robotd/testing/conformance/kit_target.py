@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +16,6 @@ from robotd.descriptor import (
     parse_override,
 )
 from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.errors import Unsupported
 from robotd.plugin.manager import Backend, load_backend, load_plugins, register_all
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
@@ -108,38 +106,3 @@ def _find(robot: str | Path, overrides: Sequence[str]) -> RobotDescriptor:
         overrides=[parse_override(text) for text in overrides],
     )
     return descriptor.model_copy(update={"groups": {}})
-
-
-class FaultInjectorOrSkip:
-    """Fault injector whose unsupported calls skip the check."""
-
-    def __init__(self, injector: FaultInjector, harness: Harness) -> None:
-        self._fault_injector = injector
-        self._harness = harness
-
-    @classmethod
-    def of(cls, harness: Harness) -> FaultInjector:
-        """Return the injector of ``harness``; skip the check without one."""
-        if harness.fault_injector is None:
-            pytest.skip(f"the {harness.robot.backend.name} backend has no fault injector")
-        return cast(FaultInjector, cls(harness.fault_injector, harness))
-
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        method = getattr(self._fault_injector, name)
-
-        def call(*arguments: Any) -> Any:
-            try:
-                result = method(*arguments)
-            except Unsupported as error:
-                backend = self._harness.robot.backend.name
-                pytest.skip(str(Unsupported(error.feature, backend)))
-            self._harness.note_fault(name, arguments)
-            return result
-
-        return call
-
-
-def trip(harness: Harness, injector: FaultInjector, code: int) -> None:
-    """Trip the drive of axis 0 with alarm ``code``; wait until it is shown."""
-    injector.trip(0, code)
-    harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)

@@ -14,7 +14,6 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import Unsupported
 from robotd.testing.conformance.harness import Harness, MakeHarness
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 CALLS = 20
 
@@ -53,7 +52,7 @@ def test_values_follow_the_motion(harness: Harness) -> None:
 
 def test_a_dead_bus_does_not_look_alive(start_harness: MakeHarness) -> None:
     harness = start_harness()
-    injector, connection = FaultInjectorOrSkip.of(harness), harness.robot.connection
+    injector, connection = harness.injector, harness.robot.connection
     injector.freeze(True)
     stale_s = connection.settings.stale_after_s
     harness.until(lambda: not connection.ready, "the engine is not ready", 3 * stale_s + 0.2)

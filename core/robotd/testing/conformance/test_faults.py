@@ -14,7 +14,6 @@ from robotd.device.state import Operation
 from robotd.errors import NotReady
 from robotd.motion import JointTolerance
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, trip
 
 ALARM = 0x32
 A_WORD = re.compile(r"[^\W\d_]{3}")
@@ -22,19 +21,17 @@ STUCK_RAD = 0.05  # path tolerance of a blocked joint
 FREED_RAD = 0.01  # that a joint may move when it is freed
 
 
-def test_an_alarm_is_shown_with_its_code(harness: Harness, injector: FaultInjector) -> None:
-    trip(harness, injector, ALARM)
+def test_an_alarm_is_shown_with_its_code(harness: Harness) -> None:
+    harness.trip(ALARM)
     group = harness.alarm_group(0)
     assert (harness.image.alarm_code[group] == ALARM).all()
     assert not np.delete(harness.image.amp_alarm, group).any()
     assert not np.delete(harness.image.alarm_code, group).any()
 
 
-def test_the_reason_of_an_alarm_comes_and_goes_with_it(
-    harness: Harness, injector: FaultInjector
-) -> None:
+def test_the_reason_of_an_alarm_comes_and_goes_with_it(harness: Harness) -> None:
     assert not any(harness.image.reason), "a reason without an alarm"
-    trip(harness, injector, ALARM)
+    harness.trip(ALARM)
     harness.periods(5)
     assert "\n" not in harness.image.reason[0], "a reason is part of a line"
     assert not any(harness.image.reason[1:]), "the reason is shown on another axis too"
@@ -77,8 +74,8 @@ def test_an_alarm_ends_the_motion_of_its_axis_alone(
     assert others.max(initial=0.0) <= SETTLED_RAD
 
 
-def test_an_axis_in_alarm_refuses_to_move(harness: Harness, injector: FaultInjector) -> None:
-    trip(harness, injector, ALARM)
+def test_an_axis_in_alarm_refuses_to_move(harness: Harness) -> None:
+    harness.trip(ALARM)
     start = harness.image.position.copy()
     with pytest.raises(NotReady):
         harness.move([0], start + harness.travel())
@@ -158,7 +155,7 @@ def test_clearing_without_an_alarm_has_no_effect(harness: Harness) -> None:
 
 def test_a_drive_that_is_lost_is_offline(start_harness: MakeHarness) -> None:
     harness = start_harness()
-    FaultInjectorOrSkip.of(harness).disconnect(0)
+    harness.injector.disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
     assert not harness.image.offline[1:].any()
     assert not any(harness.image.reason[1:])
@@ -169,7 +166,7 @@ def test_a_drive_that_is_lost_is_offline(start_harness: MakeHarness) -> None:
 @pytest.mark.needs(Capability.HOT_CONNECT)
 def test_a_drive_that_is_back_stays_off(start_harness: MakeHarness) -> None:
     harness = start_harness()
-    injector = FaultInjectorOrSkip.of(harness)
+    injector = harness.injector
     injector.disconnect(0)
     harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
     injector.reconnect(0)

@@ -10,7 +10,6 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip, trip
 
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
 HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
@@ -52,7 +51,7 @@ def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
 
 def test_a_blocked_axis_is_measured_where_it_is(start_harness: MakeHarness) -> None:
     harness = start_harness()
-    injector = FaultInjectorOrSkip.of(harness)
+    injector = harness.injector
     start = harness.image.position.copy()
     shaft = injector.position(0)
     injector.block(0, True)
@@ -74,7 +73,7 @@ def test_a_blocked_axis_is_measured_where_it_is(start_harness: MakeHarness) -> N
 
 def test_a_jump_of_the_encoder_is_seen(start_harness: MakeHarness) -> None:
     harness = start_harness(enable=False)
-    injector = FaultInjectorOrSkip.of(harness)
+    injector = harness.injector
     before = harness.image.position.copy()
     injector.jump_encoder(0, 0.02)
     harness.periods(5)
@@ -123,10 +122,8 @@ def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -
 
 
 @pytest.mark.parametrize("code", CODES)
-def test_a_code_is_shown_in_full_with_a_reason(
-    harness: Harness, injector: FaultInjector, code: int
-) -> None:
-    trip(harness, injector, code)
+def test_a_code_is_shown_in_full_with_a_reason(harness: Harness, code: int) -> None:
+    harness.trip(code)
     harness.periods(5)
     assert harness.image.alarm_code[0] == code
     reason = harness.image.reason[0]
@@ -135,24 +132,24 @@ def test_a_code_is_shown_in_full_with_a_reason(
     assert reason.lower().rstrip(".!") not in EMPTY_WORDS, f"{reason!r} says nothing"
 
 
-def test_the_code_is_that_of_the_present_alarm(harness: Harness, injector: FaultInjector) -> None:
+def test_the_code_is_that_of_the_present_alarm(harness: Harness) -> None:
     for code in CODES:
-        trip(harness, injector, code)
+        harness.trip(code)
         harness.periods(5)
         assert harness.image.alarm_code[0] == code
         harness.robot.axes.clear_alarm(0)
         harness.until(lambda: not harness.image.amp_alarm[0], "the alarm is cleared", 1.0)
 
 
-def test_an_alarm_stays_however_long_it_takes(harness: Harness, injector: FaultInjector) -> None:
-    trip(harness, injector, CODES[0])
+def test_an_alarm_stays_however_long_it_takes(harness: Harness) -> None:
+    harness.trip(CODES[0])
     harness.pass_time(LONG_STEPPED_S if harness.stepped else LONG_S)
     assert harness.image.amp_alarm[0], "the alarm went away by itself"
     assert harness.image.alarm_code[0] == CODES[0]
 
 
-def test_switching_on_clears_no_alarm(harness: Harness, injector: FaultInjector) -> None:
-    trip(harness, injector, CODES[0])
+def test_switching_on_clears_no_alarm(harness: Harness) -> None:
+    harness.trip(CODES[0])
     try:
         harness.drivers.axes.servo(0, True, 1.0)
     except Exception:  # noqa: BLE001 - rejected, in whatever words

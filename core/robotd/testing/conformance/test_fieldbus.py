@@ -14,7 +14,6 @@ from robotd.device.drivers import FieldbusDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import OperationError
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)
 
@@ -80,7 +79,7 @@ def test_what_is_told_of_it_is_text(harness: Harness) -> None:
 def test_a_lost_slave_is_shown(start_harness: MakeHarness) -> None:
     harness = start_harness()
     driver = fieldbus_of(harness)
-    FaultInjectorOrSkip.of(harness).disconnect(0)
+    harness.injector.disconnect(0)
 
     def lost() -> bool:
         nodes = [node for bus in range(driver.buses) for node in driver.status(bus).nodes]
@@ -142,7 +141,7 @@ def test_the_lost_node_is_the_one_that_was_lost(start_harness: MakeHarness) -> N
         if harness.count < 2:
             pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
         driver = fieldbus_of(harness)
-        FaultInjectorOrSkip.of(harness).disconnect(axis)
+        harness.injector.disconnect(axis)
         harness.until(partial(is_offline, harness, axis), "the drive is offline", 3.0)
         harness.periods(5)
         found = [

@@ -11,7 +11,6 @@ from robotd.arrays import BoolArray
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.kit_target import FaultInjectorOrSkip
 
 SWITCHES = ("negative_limit", "positive_limit", "home_switch")
 WAIT_S = 2.0  # until a switch is shown, on any fieldbus
@@ -59,7 +58,7 @@ def test_a_switch_moves_no_axis_and_defines_no_home(
 def test_a_switch_that_is_closed_at_the_start_is_shown(start_harness: MakeHarness) -> None:
     harness = start_harness(enable=False)
     harness.robot.connection.stop_communication()
-    FaultInjectorOrSkip.of(harness).press_switch(0, "negative_limit", True)
+    harness.injector.press_switch(0, "negative_limit", True)
     harness.robot.connection.start_communication()
     harness.until(lambda: harness.robot.connection.ready, "the engine is ready again")
     harness.periods(5)
