@@ -17,6 +17,8 @@ STALL_S = 0.03  # a thread that wakes up so late, and others with it
 CALM_S = 1.0  # without a stall, before a further attempt
 PATIENCE_S = 60.0  # for the computer to be calm
 PERIOD_S = 0.005
+UNDECIDED = "the computer was too busy to judge: values were late"
+"""A test that skips itself with this reason is repeated at once."""
 
 
 class StallMonitor:
@@ -67,10 +69,10 @@ class Target(Protocol):
 
 
 class BusyComputer:
-    """A plugin of pytest that repeats a failed test, up to ``ATTEMPTS`` times.
+    """A plugin of pytest that repeats a failed or undecided test, up to ``ATTEMPTS`` times.
 
-    Only in real time, and only when the computer stalled meanwhile: then control loops and
-    simulated drives came late, too. What is at fault itself fails every attempt.
+    A failed one only in real time, and only when the computer stalled meanwhile: then control
+    loops and simulated drives came late, too. What is at fault itself fails every attempt.
 
     Attributes:
         repeated: names of the tests that were repeated.
@@ -86,14 +88,16 @@ class BusyComputer:
         reports: list[pytest.TestReport] = []
         where = {"nodeid": item.nodeid, "location": item.location}
         item.ihook.pytest_runtest_logstart(**where)
-        for attempt in range(ATTEMPTS):
+        for _ in range(ATTEMPTS):
             self._target.begin(item)
             with StallMonitor() as stalls:
                 reports = runtestprotocol(item, log=False, nextitem=nextitem)
+            if any(map(_is_undecided, reports)):
+                continue
             stalled = self._target.real_time and stalls.longest_s > STALL_S
             if not (stalled and any(report.failed for report in reports)):
                 break
-            if attempt == 0:
+            if item.name not in self.repeated:
                 self.repeated.append(item.name)
             self._target.clear(item)
             _wait_calm()
@@ -128,6 +132,10 @@ class RealTimeFolders:
         """End all fixtures; what that raises follows from the failure."""
         with suppress(Exception):
             item.session._setupstate.teardown_exact(None)  # noqa: SLF001 — no public way
+
+
+def _is_undecided(report: pytest.TestReport) -> bool:
+    return isinstance(report.longrepr, tuple) and UNDECIDED in report.longrepr[2]
 
 
 def _wait_calm() -> None:

@@ -137,3 +137,33 @@ def test_a_further_attempt_gets_new_fixtures(
     pytest.main([*arguments, "-pno:cacheprovider"], plugins=[busy, reports])
     assert reports.outcomes == {"test_needs_a_new_robot": ["passed"]}
     assert busy.repeated == ["test_needs_a_new_robot"]
+
+
+UNDECIDED_CHECKS = """
+import pytest
+from itertools import count
+from robotd.testing.busy_computer import UNDECIDED
+attempts = count(1)
+def test_undecided_once():
+    if next(attempts) == 1:
+        pytest.skip(UNDECIDED)
+def test_never_decided():
+    pytest.skip(UNDECIDED)
+def test_skipped():
+    assert next(attempts) == 3
+    pytest.skip("no joints")
+"""
+
+
+def test_what_is_undecided_is_repeated_and_skipped_in_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(globals(), "CHECKS", UNDECIDED_CHECKS)
+    outcomes, busy, target = run(tmp_path, monkeypatch, stall_s=0.0)
+    assert outcomes == {
+        "test_undecided_once": ["passed"],
+        "test_never_decided": ["skipped"],
+        "test_skipped": ["skipped"],
+    }
+    assert busy.repeated == []
+    assert target.cleared == 0

@@ -143,6 +143,12 @@ class Harness:
             self.robot.axes.servo(axis, True)
         self.until(lambda: bool(self.image.servo_on.all()), "all servos are on")
 
+    def disable(self) -> None:
+        """Switch every servo off."""
+        for axis in self.all:
+            self.robot.axes.servo(axis, False)
+        self.until(lambda: not self.image.servo_on.any(), "all servos are off")
+
     def stop(self) -> None:
         """Undo faults and shut everything down; the harness is done with."""
         self.undo_faults()
@@ -264,11 +270,18 @@ class Harness:
         ramp = min(RAMP_RAD_S2, 0.5 * limits.acceleration)
         return Profile(speed, ramp, ramp)
 
-    def move(self, axes: Sequence[int], targets: FloatArray, share: float = 1.0) -> None:
-        """Start moves of ``axes`` to ``targets[axis]`` (n_axes,)."""
-        self.robot.axes.move(
-            [Move(axis, float(targets[axis]), self.profile(axis, share)) for axis in axes]
-        )
+    def move(
+        self, axes: Sequence[int], targets: FloatArray, profiles: Sequence[Profile] | None = None
+    ) -> None:
+        """Start moves of ``axes`` to ``targets[axis]`` (n_axes,), by ``profiles[axis]``."""
+        chosen = profiles or [self.profile(axis) for axis in self.all]
+        self.robot.axes.move([Move(axis, float(targets[axis]), chosen[axis]) for axis in axes])
+
+    def move_all(self, share: float = 1.0, *, speed: float = 1.0) -> FloatArray:
+        """Start moves of all axes by ``travel(share)``; return their targets (n_axes,)."""
+        targets = self.image.position_command + self.travel(share)
+        self.move(self.all, targets, [self.profile(axis, speed) for axis in self.all])
+        return targets
 
     def rest(self, axes: Sequence[int] | None = None) -> None:
         """Wait until ``axes`` (all) execute nothing and stand still.

@@ -14,6 +14,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import Unsupported
 from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.recorded_motion import record_move
 
 CALLS = 20
 
@@ -38,9 +39,7 @@ def test_their_time_goes_on(harness: Harness) -> None:
 
 def test_values_follow_the_motion(harness: Harness) -> None:
     stale_s = harness.robot.connection.settings.stale_after_s
-    with harness.recording() as recording:
-        harness.move(harness.all, harness.image.position_command + harness.travel())
-        harness.rest()
+    recording = record_move(harness)
     for axis in harness.all:
         fast = np.abs(recording.velocity_command[:, axis]) > 0.5 * harness.profile(axis).velocity
         assert fast.any(), "the commanded velocity does not show the motion"

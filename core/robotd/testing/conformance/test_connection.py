@@ -87,8 +87,7 @@ def test_it_works_again_after_it_was_closed(make_harness: MakeHarness) -> None:
     harness = make_harness()
     for _ in range(2):
         harness.start()
-        targets = harness.image.position_command + harness.travel(0.3)
-        harness.move(harness.all, targets)
+        targets = harness.move_all(0.3)
         harness.rest()
         assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
         harness.robot.connection.close()
@@ -135,7 +134,7 @@ def test_servos_are_off_after_communication_stopped(start_harness: MakeHarness) 
 
 def test_closing_while_axes_move_is_orderly(start_harness: MakeHarness) -> None:
     harness = start_harness()
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.pass_time(0.15)
     harness.robot.shutdown()
     assert harness.robot.connection.state is ConnectionState.SHUTDOWN

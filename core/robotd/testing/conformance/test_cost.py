@@ -68,7 +68,7 @@ def test_read_does_not_block(harness: Harness) -> None:
 def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
     def measure() -> list[float]:
         harness.rest()
-        harness.move(harness.all, harness.image.position_command + harness.travel(), 0.3)
+        harness.move_all(speed=0.3)
         return reads(harness)
 
     check(harness, "read", measure)

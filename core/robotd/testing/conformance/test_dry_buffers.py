@@ -11,8 +11,8 @@ from robotd.api import LateSetpoint
 from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
-from robotd.testing.conformance.attempts import judge, record_stream
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.recorded_motion import judge, record_stream
 from robotd.testing.conformance.recording import Recording
 
 RAMP_S, CRUISE_S = 0.3, 0.1
@@ -167,19 +167,13 @@ def leaps(harness: Harness, recording: Recording, velocity: FloatArray) -> list[
 
 def judge_reports(harness: Harness, *, moving: bool, stalls: bool) -> None:
     """Fail where a stream is reported to have run dry."""
-    streams: list[StalledStream] = []
-
-    def motion() -> Recording:
-        streams.append(StalledStream(harness, moving=moving, stalls=stalls))
-        return record_stream(harness, streams[-1], streams[-1].duration_s)
-
-    def problems(recording: Recording) -> list[str]:
-        stream = streams[-1]
+    stream = StalledStream(harness, moving=moving, stalls=stalls)
+    recording = record_stream(harness, stream, stream.duration_s)
+    problems = list(stream.failures)
+    if stream.reported or stream.false_reports:
         where = "while setpoints came in time" if moving else "at rest, where any pace will do"
-        said = [f"stream_ran_dry said so {where}"]
-        return stream.failures + (said if stream.reported or stream.false_reports else [])
-
-    judge(harness, motion, problems)
+        problems.append(f"stream_ran_dry said so {where}")
+    judge(harness, recording, problems)
 
 
 def test_a_stream_in_time_is_not_reported_dry(make_harness: MakeHarness) -> None:
@@ -195,23 +189,13 @@ def test_buffers_that_ran_dry_in_motion_are_reported(make_harness: MakeHarness) 
     harness = started(make_harness)
     if harness.drivers.axes.stream_buffer_s == 0.0:
         pytest.skip("the device holds no setpoints ahead (stream_buffer_s is 0)")
-    streams: list[StalledStream] = []
-
-    def motion() -> Recording:
-        streams.append(StalledStream(harness, moving=True, stalls=True))
-        return record_stream(harness, streams[-1], streams[-1].duration_s)
-
-    def problems(recording: Recording) -> list[str]:
-        stream = streams[-1]
-        off = np.abs(harness.image.position_command - stream.end)
-        return [
-            *stream.problems(),
-            *leaps(harness, recording, stream.velocity),
-            *(
-                f"axis {axis}: {off[axis]:.4f} rad off the last setpoint"
-                for axis in harness.all
-                if off[axis] > SETTLED_RAD
-            ),
-        ]
-
-    judge(harness, motion, problems)
+    stream = StalledStream(harness, moving=True, stalls=True)
+    recording = record_stream(harness, stream, stream.duration_s)
+    off = np.abs(harness.image.position_command - stream.end)
+    problems = stream.problems() + leaps(harness, recording, stream.velocity)
+    problems += [
+        f"axis {axis}: {off[axis]:.4f} rad off the last setpoint"
+        for axis in harness.all
+        if off[axis] > SETTLED_RAD
+    ]
+    judge(harness, recording, problems)

@@ -13,14 +13,9 @@ from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 MORE = 1.3
 
 
-def disable(harness: Harness) -> None:
-    for axis in harness.all:
-        harness.robot.axes.servo(axis, False)
-    harness.rest()
-
-
 def test_enabling_does_not_move_the_axis(harness: Harness) -> None:
-    disable(harness)
+    harness.disable()
+    harness.rest()
     start = harness.image.position.copy()
     with harness.recording() as recording:
         harness.enable()
@@ -31,7 +26,8 @@ def test_enabling_does_not_move_the_axis(harness: Harness) -> None:
 def test_enabling_after_a_move_by_hand_does_not_jump(
     harness: Harness, injector: FaultInjector
 ) -> None:
-    disable(harness)
+    harness.disable()
+    harness.rest()
     for axis, delta in zip(harness.all, harness.travel(), strict=True):
         injector.move_by_hand(axis, float(delta))
     harness.periods(5)
@@ -46,7 +42,8 @@ def test_enabling_after_a_move_by_hand_does_not_jump(
 
 
 def test_a_move_by_hand_is_seen(harness: Harness, injector: FaultInjector) -> None:
-    disable(harness)
+    harness.disable()
+    harness.rest()
     start, delta = harness.image.position.copy(), harness.travel(0.5)
     for axis in harness.all:
         injector.move_by_hand(axis, float(delta[axis]))
@@ -87,7 +84,8 @@ def test_enabling_an_axis_in_motion_changes_nothing(harness: Harness) -> None:
 
 
 def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
-    disable(harness)
+    harness.disable()
+    harness.rest()
     start = harness.image.position.copy()
     with pytest.raises(NotReady):
         harness.move([0], start + harness.travel())

@@ -62,8 +62,7 @@ def test_an_alarm_of_the_controller_is_one_alarm(harness: Harness, injector: Fau
 def test_an_alarm_ends_the_motion_of_its_axis_alone(
     harness: Harness, injector: FaultInjector
 ) -> None:
-    targets = harness.image.position_command + harness.travel()
-    harness.move(harness.all, targets)
+    targets = harness.move_all()
     harness.pass_time(0.2)
     injector.trip(0, ALARM)
     harness.rest()
@@ -138,8 +137,7 @@ def test_it_works_again_after_an_alarm(harness: Harness, injector: FaultInjector
     injector.trip(0, ALARM)
     harness.rest()
     harness.enable()
-    targets = harness.image.position_command + harness.travel(0.3)
-    harness.move(harness.all, targets)
+    targets = harness.move_all(0.3)
     harness.rest()
     assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
 

@@ -21,7 +21,7 @@ EMPTY_WORDS = {"alarm", "error", "fault", "failed", "unknown", "none", "n/a"}
 
 def test_time_stamps_never_go_back(harness: Harness) -> None:
     stamps: list[int] = []
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     with harness.each_period(lambda image: stamps.append(image.fresh_ns)):
         harness.pass_time(0.5)
     steps = np.diff(stamps)
@@ -108,7 +108,7 @@ def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -
     if np.isnan(harness.image.torque).all():
         pytest.skip(f"the {harness.robot.backend.name} backend measures no torque")
     shown, exerted = [], []
-    harness.move(harness.all, harness.image.position_command + harness.travel(), 0.5)
+    harness.move_all(speed=0.5)
     for _ in range(100):
         harness.periods(2)
         shown.append(harness.image.torque.copy())

@@ -17,7 +17,7 @@ ROUNDS = 3
 def run_once(make_harness: MakeHarness) -> None:
     harness = make_harness()
     harness.start()
-    harness.move(harness.all, harness.image.position_command + harness.travel(0.1))
+    harness.move_all(0.1)
     harness.rest()
     harness.stop()
 

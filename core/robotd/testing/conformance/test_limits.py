@@ -7,9 +7,8 @@ import pytest
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.capabilities import Capability
-from robotd.testing.conformance.attempts import judge
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
-from robotd.testing.conformance.recording import Recording
+from robotd.testing.conformance.recorded_motion import judge
 
 SPEED, RAMP = 0.95, 0.8  # shares of the limits
 ROOM = 0.8  # share of the way to the nearer position limit
@@ -21,25 +20,18 @@ POINTS = 60
 def test_a_trajectory_at_the_limits_is_followed(harness: Harness, joints: list[int]) -> None:
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
     times_s, rows = fastest_way(harness)
-    problems: list[str] = []
-
-    def motion() -> Recording:
-        with harness.recording() as recording:
-            execution = harness.follow(times_s, rows, velocities=True)
-        problems[:] = [] if execution.outcome is Outcome.SUCCEEDED else [execution.message]
-        harness.rest()
-        return recording
-
-    def found(recording: Recording) -> list[str]:
-        error = np.abs(recording.position - recording.position_command)[:, joints].max(0)
-        allowed = SETTLED_RAD + LAG_S * harness.robot.follower.limits.velocity
-        return problems + [
-            f"{name}: {error[joint]:.3f} behind the command at {SPEED:.0%} of its velocity limit"
-            for joint, name in enumerate(harness.robot.joint_names)
-            if error[joint] > allowed[joint]
-        ]
-
-    judge(harness, motion, found)
+    with harness.recording() as recording:
+        execution = harness.follow(times_s, rows, velocities=True)
+    harness.rest()
+    problems = [] if execution.outcome is Outcome.SUCCEEDED else [execution.message]
+    error = np.abs(recording.position - recording.position_command)[:, joints].max(0)
+    allowed = SETTLED_RAD + LAG_S * harness.robot.follower.limits.velocity
+    problems += [
+        f"{name}: {error[joint]:.3f} behind the command at {SPEED:.0%} of its velocity limit"
+        for joint, name in enumerate(harness.robot.joint_names)
+        if error[joint] > allowed[joint]
+    ]
+    judge(harness, recording, problems)
 
 
 def fastest_way(harness: Harness) -> tuple[list[float], list[np.ndarray]]:

@@ -61,7 +61,7 @@ def test_the_home_position_of_one_axis(start_harness: MakeHarness) -> None:
     harness = several(start_harness())
     if not harness.may_rescale():
         pytest.skip("would change the home position for good")
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.rest()
     before, was_done = harness.image.position.copy(), harness.image.home_done.copy()
     if harness.can(Capability.SIMULATED):

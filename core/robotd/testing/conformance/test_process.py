@@ -38,7 +38,7 @@ def test_it_is_left_as_it_is(
 ) -> None:
     before = at_start | hooks()
     harness = start_harness()
-    harness.move(harness.all, harness.image.position_command + harness.travel(0.2))
+    harness.move_all(0.2)
     harness.rest()
     during = surroundings() | hooks()
     harness.stop()

@@ -6,46 +6,33 @@ import numpy as np
 import pytest
 
 from robotd.device.state import Operation
-from robotd.testing.conformance.attempts import judge, steep_ramps
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
-from robotd.testing.conformance.recording import Recording
+from robotd.testing.conformance.recorded_motion import judge, record_move, steep_ramps
 
 SPAN_S = 0.02  # over which ramps are measured
 MORE = 1.1  # what a measured value may be above its limit
 
 
-def record_move(harness: Harness, share: float = 1.0) -> tuple[Recording, np.ndarray]:
-    distance = harness.travel()
-    with harness.recording() as recording:
-        harness.move(harness.all, harness.image.position_command + distance, share)
-        harness.rest()
-    return recording, distance
-
-
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_a_move_keeps_to_its_velocity(harness: Harness, share: float) -> None:
-    def problems(recording: Recording) -> list[str]:
-        tops = np.abs(recording.velocity).max(0)
-        limits = [harness.profile(axis, share).velocity for axis in harness.all]
-        return [
-            f"axis {axis}: {top:.3g} rad/s, commanded {limit:.3g}"
-            for axis, (top, limit) in enumerate(zip(tops, limits, strict=True))
-            if not 0.8 * limit <= top <= MORE * limit
-        ]
-
-    judge(harness, lambda: record_move(harness, share)[0], problems)
+    recording = record_move(harness, share)
+    tops = np.abs(recording.velocity).max(0)
+    limits = [harness.profile(axis, share).velocity for axis in harness.all]
+    problems = [
+        f"axis {axis}: {top:.3g} rad/s, commanded {limit:.3g}"
+        for axis, (top, limit) in enumerate(zip(tops, limits, strict=True))
+        if not 0.8 * limit <= top <= MORE * limit
+    ]
+    judge(harness, recording, problems)
 
 
 def test_a_move_keeps_to_its_ramps(harness: Harness) -> None:
-    judge(
-        harness,
-        lambda: record_move(harness)[0],
-        lambda found: steep_ramps(harness, found, SPAN_S, MORE),
-    )
+    recording = record_move(harness)
+    judge(harness, recording, steep_ramps(harness, recording, SPAN_S, MORE))
 
 
 def test_a_second_is_a_second(harness: Harness) -> None:
-    recording, distance = record_move(harness, 0.3)
+    distance, recording = harness.travel(), record_move(harness, 0.3)
     for axis in harness.all:
         profile = harness.profile(axis, 0.3)
         shortest_s = (
@@ -58,8 +45,8 @@ def test_a_second_is_a_second(harness: Harness) -> None:
 
 
 def test_a_move_ends_at_its_target_without_overshoot(harness: Harness) -> None:
-    start = harness.image.position.copy()
-    recording, distance = record_move(harness)
+    start, distance = harness.image.position.copy(), harness.travel()
+    recording = record_move(harness)
     for axis in harness.all:
         way = (recording.position[:, axis] - start[axis]) * np.sign(distance[axis])
         assert way.max() <= abs(distance[axis]) + SETTLED_RAD
@@ -67,7 +54,7 @@ def test_a_move_ends_at_its_target_without_overshoot(harness: Harness) -> None:
 
 
 def test_a_move_shows_what_it_does(harness: Harness) -> None:
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.until(
         lambda: bool((harness.image.operation == Operation.POSITION).all()), "all axes move"
     )
@@ -77,17 +64,14 @@ def test_a_move_shows_what_it_does(harness: Harness) -> None:
 
 
 def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
-    def motion() -> Recording:
-        start, distance = harness.image.position_command.copy(), harness.travel()
-        with harness.recording() as recording:
-            harness.move(harness.all, start + distance)
-            harness.pass_time(0.2)
-            harness.move(harness.all, start - 0.2 * distance)
-            harness.rest()
-        assert np.abs(harness.image.position - (start - 0.2 * distance)).max() <= SETTLED_RAD
-        return recording
-
-    judge(harness, motion, lambda recording: steep_ramps(harness, recording, SPAN_S, MORE))
+    start, distance = harness.image.position_command.copy(), harness.travel()
+    with harness.recording() as recording:
+        harness.move(harness.all, start + distance)
+        harness.pass_time(0.2)
+        harness.move(harness.all, start - 0.2 * distance)
+        harness.rest()
+    assert np.abs(harness.image.position - (start - 0.2 * distance)).max() <= SETTLED_RAD
+    judge(harness, recording, steep_ramps(harness, recording, SPAN_S, MORE))
 
 
 def test_a_move_to_where_it_stands_ends(harness: Harness) -> None:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from robotd.control.trajectory_execution import Outcome
-from robotd.device.axes import Jog, Move
+from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver
 from robotd.motion.profile import Profile
-from robotd.testing.conformance.attempts import judge
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.recorded_motion import judge
 from robotd.testing.conformance.recording import Recording
 
 SPAN_S = 0.02  # over which ramps are measured
@@ -62,34 +62,22 @@ def ramp_problems(
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
 def test_a_move_has_the_ramps_of_its_profile(harness: Harness, gentle: str) -> None:
     profiles = [uneven(harness, axis, gentle) for axis in harness.all]
-
-    def motion() -> Recording:
-        targets = harness.image.position_command + harness.travel()
-        with harness.recording() as recording:
-            moves = [Move(axis, float(targets[axis]), profiles[axis]) for axis in harness.all]
-            harness.robot.axes.move(moves)
-            harness.rest()
-        return recording
-
-    judge(harness, motion, lambda recording: ramp_problems(recording, profiles))
+    with harness.recording() as recording:
+        harness.move(harness.all, harness.image.position_command + harness.travel(), profiles)
+        harness.rest()
+    judge(harness, recording, ramp_problems(recording, profiles))
 
 
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
 def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
     profiles = [uneven(harness, axis, gentle) for axis in harness.all]
-
-    def motion() -> Recording:
-        targets = harness.image.position_command + harness.travel()
-        moves = [Move(axis, float(targets[axis]), profiles[axis]) for axis in harness.all]
-        harness.robot.axes.move(moves)
-        harness.pass_time(0.15)
-        with harness.recording() as recording:
-            harness.periods(3)
-            harness.robot.axes.stop(harness.all)
-            harness.rest()
-        return recording
-
-    judge(harness, motion, lambda recording: ramp_problems(recording, profiles, rising=False))
+    harness.move(harness.all, harness.image.position_command + harness.travel(), profiles)
+    harness.pass_time(0.15)
+    with harness.recording() as recording:
+        harness.periods(3)
+        harness.robot.axes.stop(harness.all)
+        harness.rest()
+    judge(harness, recording, ramp_problems(recording, profiles, rising=False))
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
@@ -99,36 +87,29 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(
 ) -> None:
     harness = start_harness()
     harness.set_velocity_mode()
-    profiles = [
-        replace(profile, velocity=JOG_SHARE * profile.velocity)
-        for profile in (uneven(harness, axis, gentle) for axis in harness.all)
-    ]
+    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
 
-    def jogs() -> list[Jog]:
-        """Velocity commands towards zero, away from the position limits."""
-        signs = np.where(harness.image.position > 0.0, -1.0, 1.0)
-        return [
-            Jog(axis, replace(profile, velocity=float(signs[axis]) * profile.velocity))
-            for axis, profile in enumerate(profiles)
-        ]
+    def jog(velocities: np.ndarray) -> None:
+        harness.robot.axes.jog(
+            [
+                Jog(axis, replace(profile, velocity=float(velocities[axis])))
+                for axis, profile in enumerate(profiles)
+            ]
+        )
 
-    def motion(stop: Callable[[], None]) -> Callable[[], Recording]:
-        def run() -> Recording:
-            with harness.recording() as recording:
-                harness.robot.axes.jog(jogs())
-                harness.pass_time(0.45)
-                stop()
-                harness.rest()
-            return recording
-
-        return run
-
-    still = [Profile(0.0, each.acceleration, each.deceleration) for each in profiles]
-    for stop in (
+    speeds = JOG_SHARE * np.array([profile.velocity for profile in profiles])
+    stops: list[Callable[[], None]] = [
         lambda: harness.robot.axes.stop(harness.all),
-        lambda: harness.robot.axes.jog([Jog(axis, still[axis]) for axis in harness.all]),
-    ):
-        judge(harness, motion(stop), lambda recording: ramp_problems(recording, profiles))
+        lambda: jog(0.0 * speeds),
+    ]
+    for stop in stops:
+        with harness.recording() as recording:
+            # Towards zero, away from the position limits.
+            jog(np.where(harness.image.position > 0.0, -speeds, speeds))
+            harness.pass_time(0.45)
+            stop()
+            harness.rest()
+        judge(harness, recording, ramp_problems(recording, profiles))
 
 
 @pytest.mark.parametrize("stop", STOPS)
@@ -147,7 +128,7 @@ def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Sto
 
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_returns_at_once(harness: Harness, stop: Stop) -> None:
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.pass_time(0.2)
     began_ns, began_s = harness.clock.now_ns(), time.perf_counter()
     stop(harness.drivers.axes, harness.all)
@@ -187,21 +168,19 @@ def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) 
     limits = harness.robot.axes.limits
     for far in (0.8, 2.5, 4.0, 9.0, -4.0, 0.0):
         targets = np.array([min(max(far, 0.95 * each.lower), 0.95 * each.upper) for each in limits])
-        speeds = [min(0.9 * each.velocity, 8.0) for each in limits]
         ramps = [min(0.9 * each.acceleration, 20.0) for each in limits]
-        harness.robot.axes.move(
-            [
-                Move(axis, float(targets[axis]), Profile(speeds[axis], ramps[axis], ramps[axis]))
-                for axis in harness.all
-            ]
-        )
+        profiles = [
+            Profile(min(0.9 * each.velocity, 8.0), ramp, ramp)
+            for each, ramp in zip(limits, ramps, strict=True)
+        ]
+        harness.move(harness.all, targets, profiles)
         harness.rest()
         assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
         assert harness.image.position_command == pytest.approx(targets, abs=SETTLED_RAD)
 
 
 def test_a_standing_axis_does_not_drift(harness: Harness) -> None:
-    harness.move(harness.all, harness.image.position_command + harness.travel(0.3))
+    harness.move_all(0.3)
     harness.rest()
     with harness.recording() as recording:
         harness.pass_time(LONG_STEPPED_S if harness.stepped else LONG_S)

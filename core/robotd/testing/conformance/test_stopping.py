@@ -17,7 +17,7 @@ def stop_moving(
     harness: Harness, stop: Callable[[Sequence[int]], None]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Start moves, ``stop`` all axes at full speed: speeds then, times to rest, distances."""
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.pass_time(0.25)
     with harness.recording() as recording:
         # A device may stop an axis within less than a period: one sample has to be from before.
@@ -53,7 +53,7 @@ def test_a_quick_stop_is_no_slower_than_a_stop(harness: Harness) -> None:
 
 
 def test_a_stopped_move_is_not_complete(harness: Harness) -> None:
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.pass_time(0.2)
     harness.robot.axes.stop(harness.all)
     harness.rest()
@@ -61,8 +61,7 @@ def test_a_stopped_move_is_not_complete(harness: Harness) -> None:
 
 
 def test_a_stop_leaves_other_axes_alone(harness: Harness) -> None:
-    targets = harness.image.position_command + harness.travel()
-    harness.move(harness.all, targets)
+    targets = harness.move_all()
     harness.pass_time(0.2)
     harness.robot.axes.stop([0])
     harness.rest()
@@ -89,9 +88,7 @@ def test_a_stopped_axis_takes_the_next_move(harness: Harness) -> None:
 
 def test_a_servo_goes_off_and_on_after_a_quick_stop(harness: Harness) -> None:
     stop_moving(harness, harness.robot.axes.quick_stop)
-    for axis in harness.all:
-        harness.robot.axes.servo(axis, False)
-    assert not harness.image.servo_on.any()
+    harness.disable()
     start = harness.image.position.copy()
     harness.enable()
     harness.pass_time(0.3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import count
 
 import numpy as np
@@ -10,8 +9,8 @@ import pytest
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.process_image import ProcessImage
-from robotd.testing.conformance.attempts import judge
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
+from robotd.testing.conformance.recorded_motion import judge
 from robotd.testing.conformance.recording import Recording
 
 LAG_S = 0.03  # granted between the path and the measured position
@@ -23,13 +22,8 @@ STOP_MORE, STOP_REACTION_S = 2.0, 0.15  # a stop may brake more gently where its
 MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 
 
-def check_smooth(harness: Harness, motion: Callable[[], Recording]) -> None:
-    """Commands and measured values of ``motion`` change no faster than the limits allow."""
-    judge(harness, motion, lambda recording: jumps_of(harness, recording))
-
-
-def jumps_of(harness: Harness, recording: Recording) -> list[str]:
-    """Describe positions beyond the limits of each joint."""
+def check_smooth(harness: Harness, recording: Recording) -> None:
+    """Commands and measured values change no faster than the limits of each joint allow."""
     limits, found = harness.robot.follower.limits, []
     more = MORE if harness.stepped else MORE_IN_REAL_TIME
     _, speeds = recording.slope(recording.position, 2 * harness.period_s)
@@ -40,21 +34,17 @@ def jumps_of(harness: Harness, recording: Recording) -> list[str]:
             found.append(f"{limits.names[joint]}: {speed:.3g} rad/s on the way")
         if ramp > more * limits.acceleration[joint] + 0.01:
             found.append(f"{limits.names[joint]}: {ramp:.3g} rad/s² on the way")
-    return found
+    judge(harness, recording, found)
 
 
 def test_a_trajectory_arrives(harness: Harness, joints: list[int]) -> None:
-
-    def motion() -> Recording:
-        goal = harness.image.position_command[joints] + harness.travel()[joints]
-        with harness.recording() as recording:
-            execution = harness.follow([1.2], [harness.travel()[joints]])
-        assert execution.outcome is Outcome.SUCCEEDED, execution.message
-        harness.rest()
-        assert harness.image.position[joints] == pytest.approx(goal, abs=SETTLED_RAD)
-        return recording
-
-    check_smooth(harness, motion)
+    goal = harness.image.position_command[joints] + harness.travel()[joints]
+    with harness.recording() as recording:
+        execution = harness.follow([1.2], [harness.travel()[joints]])
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    harness.rest()
+    assert harness.image.position[joints] == pytest.approx(goal, abs=SETTLED_RAD)
+    check_smooth(harness, recording)
 
 
 def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None:
@@ -63,22 +53,12 @@ def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None
     rows = [way * np.sin(phase) for phase in phases]
     times_s = [0.25 * (index + 1) for index in range(len(rows))]
     limits = SETTLED_RAD + 1.5 * LAG_S * np.abs(way) * np.pi / times_s[-1]
-    errors = np.zeros(len(way))
-
-    def motion() -> Recording:
-        with harness.recording() as recording:
-            execution = harness.follow(times_s, rows, velocities=True)
-        assert execution.outcome is Outcome.SUCCEEDED, execution.message
-        errors[:] = execution.max_error
-        return recording
-
-    def problems(recording: Recording) -> list[str]:
-        names = harness.robot.joint_names
-        return [
-            f"{names[each]}: {errors[each]:.3g} rad" for each in np.flatnonzero(errors > limits)
-        ]
-
-    judge(harness, motion, problems)
+    with harness.recording() as recording:
+        execution = harness.follow(times_s, rows, velocities=True)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    names, errors = harness.robot.joint_names, execution.max_error
+    beyond = np.flatnonzero(errors > limits)
+    judge(harness, recording, [f"{names[each]}: {errors[each]:.3g} rad" for each in beyond])
 
 
 def test_bare_axes_do_not_move_with_the_joints(harness: Harness, joints: list[int]) -> None:
@@ -109,19 +89,16 @@ def test_the_end_of_a_trajectory_is_held(harness: Harness, joints: list[int]) ->
 
 
 def test_a_canceled_trajectory_stops_within_the_limits(harness: Harness, joints: list[int]) -> None:
-    def motion() -> Recording:
-        with (
-            harness.recording() as recording,
-            harness.following([1.2], [harness.travel()[joints]]) as execution,
-        ):
-            harness.pass_time(0.6)
-            execution.cancel()
-            harness.until(lambda: execution.done, "the trajectory is stopped")
-        assert execution.outcome is Outcome.CANCELED
-        harness.rest()
-        return recording
-
-    check_smooth(harness, motion)
+    with (
+        harness.recording() as recording,
+        harness.following([1.2], [harness.travel()[joints]]) as execution,
+    ):
+        harness.pass_time(0.6)
+        execution.cancel()
+        harness.until(lambda: execution.done, "the trajectory is stopped")
+    assert execution.outcome is Outcome.CANCELED
+    harness.rest()
+    check_smooth(harness, recording)
 
 
 def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(
@@ -144,17 +121,14 @@ def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(
 
 
 def test_a_new_goal_takes_over_without_a_jump(harness: Harness, joints: list[int]) -> None:
-    def motion() -> Recording:
-        way = harness.travel()[joints]
-        with harness.recording() as recording, harness.following([1.2], [way]) as first:
-            harness.pass_time(0.5)
-            with harness.following([1.0], [-0.3 * way]) as second:
-                harness.until(lambda: second.done, "the second trajectory ends")
-        assert first.outcome is Outcome.PREEMPTED
-        assert second.outcome is Outcome.SUCCEEDED, second.message
-        return recording
-
-    check_smooth(harness, motion)
+    way = harness.travel()[joints]
+    with harness.recording() as recording, harness.following([1.2], [way]) as first:
+        harness.pass_time(0.5)
+        with harness.following([1.0], [-0.3 * way]) as second:
+            harness.until(lambda: second.done, "the second trajectory ends")
+    assert first.outcome is Outcome.PREEMPTED
+    assert second.outcome is Outcome.SUCCEEDED, second.message
+    check_smooth(harness, recording)
 
 
 def test_no_joint_leaps_after_the_cycle_has_stood(harness: Harness, joints: list[int]) -> None:

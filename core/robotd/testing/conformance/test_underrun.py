@@ -8,9 +8,8 @@ import pytest
 from robotd.api import Underrun
 from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
-from robotd.testing.conformance.attempts import judge, record_stream
 from robotd.testing.conformance.harness import Harness, MakeHarness
-from robotd.testing.conformance.recording import Recording
+from robotd.testing.conformance.recorded_motion import judge, record_stream
 
 RAMP_S, CRUISE_S, GAP_S = 0.4, 0.1, 0.06
 MIN_GAP_PERIODS = 10
@@ -76,21 +75,13 @@ def test_an_axis_without_setpoints_does_what_underrun_says(make_harness: MakeHar
     harness.start()
     underrun = harness.drivers.axes.underrun
     share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0
-    streams: list[InterruptedStream] = []
-
-    def motion() -> Recording:
-        stream = InterruptedStream(harness)
-        streams.append(stream)
-        return record_stream(harness, stream, stream.duration_s)
-
-    def problems(recording: Recording) -> list[str]:
-        stream = streams[-1]
-        wanted, found = share * stream.velocity, stream.slopes()
-        return [
-            f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
-            f" {wanted[axis]:.3g} rad/s"
-            for axis in harness.all
-            if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
-        ]
-
-    judge(harness, motion, problems)
+    stream = InterruptedStream(harness)
+    recording = record_stream(harness, stream, stream.duration_s)
+    wanted, found = share * stream.velocity, stream.slopes()
+    problems = [
+        f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
+        f" {wanted[axis]:.3g} rad/s"
+        for axis in harness.all
+        if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
+    ]
+    judge(harness, recording, problems)

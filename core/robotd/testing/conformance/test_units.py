@@ -13,9 +13,8 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.motion.profile import Profile
-from robotd.testing.conformance.attempts import judge
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.recording import Recording
+from robotd.testing.conformance.recorded_motion import judge, record_move
 
 LAG_S = 0.03  # granted between a commanded and a measured value
 
@@ -75,30 +74,20 @@ def test_the_measured_position_is_that_of_the_shaft(
 
 
 def test_the_velocity_is_the_slope_of_the_position(harness: Harness) -> None:
-    def motion() -> Recording:
-        with harness.recording() as recording:
-            harness.move(harness.all, harness.image.position_command + harness.travel())
-            harness.rest()
-        return recording
-
-    def problems(recording: Recording) -> list[str]:
-        times_s, slope = recording.slope(recording.position, 0.02)
-        found = []
-        for axis in harness.all:
-            measured = np.interp(times_s, recording.time_s, recording.velocity[:, axis])
-            profile, error = harness.profile(axis), np.abs(measured - slope[:, axis]).max()
-            if error > 0.05 * profile.velocity + LAG_S * profile.acceleration:
-                found.append(f"axis {axis}: measured {error:.3g} rad/s beside the slope")
-        return found
-
-    judge(harness, motion, problems)
+    recording = record_move(harness)
+    times_s, slope = recording.slope(recording.position, 0.02)
+    problems = []
+    for axis in harness.all:
+        measured = np.interp(times_s, recording.time_s, recording.velocity[:, axis])
+        profile, error = harness.profile(axis), np.abs(measured - slope[:, axis]).max()
+        if error > 0.05 * profile.velocity + LAG_S * profile.acceleration:
+            problems.append(f"axis {axis}: measured {error:.3g} rad/s beside the slope")
+    judge(harness, recording, problems)
 
 
 def test_the_commands_in_the_image_are_those_that_were_given(harness: Harness) -> None:
-    with harness.recording() as recording:
-        targets = harness.image.position_command + harness.travel()
-        harness.move(harness.all, targets)
-        harness.rest()
+    targets = harness.image.position_command + harness.travel()
+    recording = record_move(harness)
     assert recording.position_command[-1] == pytest.approx(targets, abs=SETTLED_RAD)
     for axis in harness.all:
         profile = harness.profile(axis)
@@ -109,7 +98,7 @@ def test_the_commands_in_the_image_are_those_that_were_given(harness: Harness) -
 
 
 def test_torque_is_finite_or_not_known(harness: Harness) -> None:
-    harness.move(harness.all, harness.image.position_command + harness.travel(0.3))
+    harness.move_all(0.3)
     harness.periods(10)
     assert not np.isinf(harness.image.torque).any()
     harness.rest()
@@ -180,7 +169,7 @@ def test_homing_makes_the_position_zero_and_moves_nothing(start_harness: MakeHar
     harness = start_harness()
     if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.rest()
     injector = harness.fault_injector
     for axis in harness.all:
@@ -200,11 +189,9 @@ def rescalable(start_harness: MakeHarness) -> Harness:
     harness = start_harness()
     if not harness.may_rescale():
         pytest.skip(NO_WAY_BACK)
-    harness.move(harness.all, harness.image.position_command + harness.travel())
+    harness.move_all()
     harness.rest()
-    for axis in harness.all:
-        harness.robot.axes.servo(axis, False)
-    harness.until(lambda: not harness.image.servo_on.any(), "all servos are off")
+    harness.disable()
     return harness
 
 

@@ -1,4 +1,4 @@
-"""Timed motions for checks, repeated on a busy computer."""
+"""Recorded motions of checks, and verdicts on them."""
 
 from __future__ import annotations
 
@@ -7,27 +7,28 @@ from collections.abc import Callable
 import pytest
 
 from robotd.device.process_image import ProcessImage
+from robotd.testing.busy_computer import UNDECIDED
 from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.recording import Recording
 
-ATTEMPTS = 3
 
+def judge(harness: Harness, recording: Recording, problems: list[str]) -> None:
+    """Fail with the ``problems`` of ``recording``, unless values came late: then repeat the check.
 
-def judge(
-    harness: Harness, motion: Callable[[], Recording], problems: Callable[[Recording], list[str]]
-) -> None:
-    """Run ``motion``; what ``problems`` finds in its recording is a failure.
-
-    In real time it is tried again when the control loop or the device's values came late: then
-    setpoints came late, or values do not belong to their times, which is no fault of the backend.
+    In real time setpoints come late as well, or values do not belong to their times, which is no
+    fault of the backend.
     """
-    for _ in range(ATTEMPTS):
-        recording = motion()
-        found = problems(recording)
-        if not (found and recording.was_late(harness.feedback_s)):
-            assert not found, "; ".join(found)
-            return
-    pytest.skip(f"the computer was too busy to judge: values were late {ATTEMPTS} times")
+    if problems and recording.was_late(harness.feedback_s):
+        pytest.skip(UNDECIDED)
+    assert not problems, "; ".join(problems)
+
+
+def record_move(harness: Harness, share: float = 1.0) -> Recording:
+    """Move all axes by ``travel``, at ``share`` of their speed, until they are at rest."""
+    with harness.recording() as recording:
+        harness.move_all(speed=share)
+        harness.rest()
+    return recording
 
 
 def record_stream(
