@@ -30,7 +30,7 @@ SERVICE_QOS = QoSProfile(depth=1000)
 
 HANDLER_SHARE = 0.2  # a move takes 0.2 ms: 1000 messages a second
 
-ServiceHandler = Callable[[Any, Any], Any]
+ServiceHandler = Callable[[Any, Any], str | None]
 
 
 def add_service(
@@ -51,49 +51,46 @@ def add_service(
         service_type: class of the service; ``success`` and ``message`` of its response are used
             for errors where it has them.
         name: as for ``Node.create_service``.
-        handler: ``handler(request, response)`` fills the response and returns it. A RobotdError
-            becomes ``success=False`` with its text; anything else is logged with its traceback
-            and answered ``internal error: ...``.
+        handler: ``handler(request, response)`` fills the response; a text that it returns is the
+            message of a success. A RobotdError becomes ``success=False`` with its text; anything
+            else is logged with its traceback and answered ``internal error: ...``.
         blocking: True runs the handler in a worker, several at a time, so it guards what it
             shares; False runs it in the executor thread, for handlers that only read memory.
         urgent: a blocking handler that must not wait behind others, such as a stop.
     """
-    if not blocking:
+    service = node.create_service(
+        service_type, name, lambda request, _: request, qos_profile=SERVICE_QOS
+    )
+    responses = ServiceResponses(node, service)
 
-        def answer_now(request: Any, _: Any) -> Any:
-            with host.callback_guard():
-                return _answer(service_type, name, handler, request)
+    def answer(request: Any, header: Any) -> None:
+        with host.sent_by_request(header):
+            response = _answer(service_type, name, handler, request)
+        responses.send(response, header)
 
-        service = node.create_service(service_type, name, answer_now, qos_profile=SERVICE_QOS)
-        responses = ServiceResponses(node, service)
-        responses.defer(responses.send)
-        return service
-    return _add_deferred_service(node, host, service_type, name, handler, urgent=urgent)
+    def on_request(request: Any, header: Any) -> None:
+        with host.callback_guard():
+            if not blocking:
+                responses.send(_answer(service_type, name, handler, request), header)
+                return
+            try:
+                host.submit(answer, request, header, urgent=urgent)
+            except RobotdError as error:
+                responses.send(_rejection(service_type, name, str(error)), header)
 
-
-def text_answer(handle: Callable[[Any], str]) -> ServiceHandler:
-    """Return a handler that answers success with the text of ``handle(request)``."""
-
-    def answer(request: Any, response: Any) -> Any:
-        response.success, response.message = True, handle(request)
-        return response
-
-    return answer
+    responses.defer(on_request)
+    return service
 
 
 def named_values(handle: Callable[[dict[str, Any]], str]) -> ServiceHandler:
     """Return a handler of SetParametersAtomically that calls ``handle`` with values by name.
 
-    Its text, or that of the RobotdError that it raises, becomes the reason of the response.
+    Its text becomes the reason of the response.
     """
 
-    def answer(request: Any, response: Any) -> Any:
+    def answer(request: Any, response: Any) -> None:
         fields = {each.name: parameter_value_to_python(each.value) for each in request.parameters}
-        try:
-            response.result.reason, response.result.successful = handle(fields), True
-        except RobotdError as error:
-            response.result.reason, response.result.successful = str(error), False
-        return response
+        response.result.reason, response.result.successful = handle(fields), True
 
     return answer
 
@@ -136,51 +133,20 @@ def add_subscription(
     return subscription
 
 
-def _add_deferred_service(
-    node: Node,
-    host: RosHost,
-    service_type: Any,
-    name: str,
-    handler: ServiceHandler,
-    *,
-    urgent: bool,
-) -> Service:
-    service = node.create_service(
-        service_type, name, lambda request, _: request, qos_profile=SERVICE_QOS
-    )
-    responses = ServiceResponses(node, service)
-    send = responses.send
-
-    def answer(request: Any, header: Any) -> None:
-        with host.sent_by_request(header):
-            response = _answer(service_type, name, handler, request)
-        send(response, header)
-
-    def answer_later(request: Any, header: Any) -> None:
-        with host.callback_guard():
-            try:
-                host.submit(answer, request, header, urgent=urgent)
-            except RobotdError as error:
-                send(_rejection(service_type, name, str(error)), header)
-
-    responses.defer(answer_later)
-    return service
-
-
 def _answer(service_type: Any, name: str, handler: ServiceHandler, request: Any) -> Any:
     """Return the handler's response, or a rejection for its exception. Never raises."""
+    response = service_type.Response()
     try:
-        response = handler(request, service_type.Response())
+        text = handler(request, response)
     except RobotdError as error:
         log.info("service rejected", service=name, reason=str(error))
         return _rejection(service_type, name, str(error))
     except Exception as error:
         log.exception("service handler raised", service=name)
         return _rejection(service_type, name, f"internal error: {error}")
-    if isinstance(response, service_type.Response):
-        return response
-    log.error("service handler returned no response", service=name, returned=repr(response))
-    return _rejection(service_type, name, "internal error: the handler returned no response")
+    if isinstance(text, str):
+        response.success, response.message = True, text
+    return response
 
 
 def _rejection(service_type: Any, name: str, message: str) -> Any:

@@ -26,7 +26,7 @@ from robotd.ros.nodes.odometry_topics import OdometryTopics
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.robot_description import publish_description
 from robotd.ros.nodes.trajectory_conversions import stamp_ns
-from robotd.ros.services import add_service, add_subscription, text_answer
+from robotd.ros.services import add_service, add_subscription
 
 COMMAND_DEPTH = 1  # only the newest twist means anything
 ECHO_DEPTH = 10
@@ -64,8 +64,7 @@ class BaseController(Node):
         self._take_commands(host, settings)
         self._publish_state(settings, robot)
         publish_description(self, settings.description)
-        reset = text_answer(self._reset_odometry)
-        add_service(self, host, Trigger, "~/reset_odometry", reset, blocking=False)
+        add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
         self._odom_frame = settings.odom_frame
         add_subscription(self, host, PoseWithCovarianceStamped, "~/set_pose", self._set_pose, 1)
 
@@ -125,7 +124,7 @@ class BaseController(Node):
         heading = math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
         self._base.reset_odometry(Pose(pose.position.x, pose.position.y, heading))
 
-    def _reset_odometry(self, request: Any) -> str:
+    def _reset_odometry(self, request: Any, response: Any) -> str:
         self._base.reset_odometry()
         return "odometry set to zero"
 

@@ -65,7 +65,7 @@ class TrajectoryQuery:
     def __init__(self, node: Node, group: JointGroup, clock: Clock) -> None:
         self._group, self._clock, self._ros_clock = group, clock, node.get_clock()
 
-    def answer(self, request: Any, response: Any) -> Any:
+    def answer(self, request: Any, response: Any) -> None:
         """Fill the response of a ``QueryTrajectoryState``; time zero means now."""
         asked_ns = stamp_ns(request.time)
         now_ns = self._clock.now_ns()
@@ -73,10 +73,9 @@ class TrajectoryQuery:
         state = self._group.follower.state_at(time_ns)
         if state is None or not np.isfinite(state.position).all():
             response.message = "no trajectory runs: the motion is decided by a stream, or unknown"
-            return response
+            return
         response.success = True
         response.name = list(self._group.joint_names)
         response.position = state.position.tolist()
         response.velocity = state.velocity.tolist()
         response.acceleration = state.acceleration.tolist()
-        return response

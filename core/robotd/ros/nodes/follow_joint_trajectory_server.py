@@ -13,7 +13,7 @@ from robotd.ros.host import RosHost
 from robotd.ros.nodes.constraint_parameters import ConstraintParameters
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.trajectory_action import TrajectoryAction
-from robotd.ros.services import add_service, text_answer
+from robotd.ros.services import add_service
 
 NAME = "follow_joint_trajectory_server"
 
@@ -30,14 +30,14 @@ class FollowJointTrajectoryServer(Node):
         self._robot = robot
         settings = read_settings(self, robot.descriptor, read_trajectory_server)
         if settings.gripper:
-            add_service(self, host, SetBool, settings.gripper, text_answer(self._set_gripper))
+            add_service(self, host, SetBool, settings.gripper, self._set_gripper)
         self._constraints = ConstraintParameters(self, robot.groups, settings.constraints)
         self._actions = [
             TrajectoryAction(self, robot, host, robot.groups[group], action)
             for group, action in settings.actions.items()
         ]
 
-    def _set_gripper(self, request: Any) -> str:
+    def _set_gripper(self, request: Any, response: Any) -> str:
         if self._robot.gripper is not None:
             self._robot.gripper.command(request.data)
         return "gripper closes" if request.data else "gripper opens"

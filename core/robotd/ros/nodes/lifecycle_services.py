@@ -48,22 +48,19 @@ class LifecycleServices:
         ):
             add_service(node, host, service_type, f"~/{name}", handler, blocking=False)
 
-    def _change(self, request: Any, response: Any) -> Any:
+    def _change(self, request: Any, response: Any) -> None:
         wanted = request.transition
         try:
             response.success = self.lifecycle.change(wanted.id, wanted.label)
         except RobotdError as error:  # the response has no field for it
             log.warning("transition rejected", reason=str(error))
             response.success = False
-        return response
 
-    def _get_state(self, request: Any, response: Any) -> Any:
+    def _get_state(self, request: Any, response: Any) -> None:
         response.current_state = _state(self.lifecycle.state)
-        return response
 
-    def _get_transitions(self, request: Any, response: Any) -> Any:
+    def _get_transitions(self, request: Any, response: Any) -> None:
         response.available_transitions = _descriptions(available(self.lifecycle.state))
-        return response
 
     def _publish(self, transition: Transition) -> None:
         event = msg.TransitionEvent(
@@ -75,14 +72,12 @@ class LifecycleServices:
         publish_if_alive(self._publisher, event)
 
 
-def _get_states(request: Any, response: Any) -> Any:
+def _get_states(request: Any, response: Any) -> None:
     response.available_states = [_state(state) for state in State]
-    return response
 
 
-def _get_graph(request: Any, response: Any) -> Any:
+def _get_graph(request: Any, response: Any) -> None:
     response.available_transitions = _descriptions(GRAPH)
-    return response
 
 
 def _descriptions(transitions: Iterable[Transition]) -> list[Any]:

@@ -14,7 +14,7 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.ready_topic import publish_if_alive
 from robotd.ros.qos import LATCHED
-from robotd.ros.services import add_service, text_answer
+from robotd.ros.services import add_service
 
 TOPIC = "~/io"
 RATE_HZ = 50.0
@@ -42,7 +42,7 @@ class NamedIo:
         }
         self._levels: dict[tuple[str, str], bool | None] | None = None  # not published yet
         for name in io.outputs:
-            handler = text_answer(partial(self._set, name))
+            handler = partial(self._set, name)
             add_service(node, host, SetBool, f"~/outputs/{name}", handler)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "named I/O", self.publish, first=True)
@@ -60,6 +60,6 @@ class NamedIo:
         lines = (f"{kind} {name}: {WORDS[level]}" for (kind, name), level in levels.items())
         publish_if_alive(self._overview, String(data="\n".join(lines)))
 
-    def _set(self, name: str, request: Any) -> str:
+    def _set(self, name: str, request: Any, response: Any) -> str:
         self._io.set_output(name, request.data)
         return f"{name}: {WORDS[bool(request.data)]}"

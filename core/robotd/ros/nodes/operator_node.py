@@ -21,7 +21,7 @@ from robotd.ros.nodes.owner_topic import OwnerTopic
 from robotd.ros.nodes.ready_topic import publish_if_alive
 from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
 from robotd.ros.qos import LATCHED
-from robotd.ros.services import add_service, add_subscription, named_values, text_answer
+from robotd.ros.services import add_service, add_subscription, named_values
 
 
 class OperatorNode(Node):
@@ -46,8 +46,8 @@ class _SpeedServices:
         self._robot = robot
         self._publisher = node.create_publisher(Float64, "~/speed", LATCHED)
         add_service(node, host, SetParametersAtomically, "~/set_speed", named_values(self._set))
-        add_service(node, host, Trigger, "~/pause", text_answer(self._pause), urgent=True)
-        add_service(node, host, Trigger, "~/resume", text_answer(self._resume))
+        add_service(node, host, Trigger, "~/pause", self._pause, urgent=True)
+        add_service(node, host, Trigger, "~/resume", self._resume)
         add_subscription(node, host, Float64, "~/set_speed", self._set_by_message, 1)
         robot.axes.speed.on_change(self._publish)
 
@@ -65,11 +65,11 @@ class _SpeedServices:
     def _set_by_message(self, message: Any) -> None:
         self._robot.set_speed(message.data)
 
-    def _pause(self, request: Any) -> str:
+    def _pause(self, request: Any, response: Any) -> str:
         self._robot.pause()
         return self._robot.axes.speed.text
 
-    def _resume(self, request: Any) -> str:
+    def _resume(self, request: Any, response: Any) -> str:
         self._robot.resume()
         return self._robot.axes.speed.text
 
@@ -83,12 +83,12 @@ class _StopServices:
     def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
         self._robot = robot
         self._publisher = node.create_publisher(String, "~/stopped", LATCHED)
-        add_service(node, host, Trigger, "~/stop", text_answer(self._stop), urgent=True)
-        add_service(node, host, Trigger, "~/reset", text_answer(self._reset))
+        add_service(node, host, Trigger, "~/stop", self._stop, urgent=True)
+        add_service(node, host, Trigger, "~/reset", self._reset)
         add_subscription(node, host, Empty, "~/stop", self._engage, 1)
         robot.axes.stop_latch.on_change(self._publish)
 
-    def _stop(self, request: Any) -> str:
+    def _stop(self, request: Any, response: Any) -> str:
         self._robot.stop("by a client of the stop service")
         return "stopped, at rest"
 
@@ -96,7 +96,7 @@ class _StopServices:
         """Executor thread: the control loop brings everything to rest."""
         self._robot.axes.stop_latch.engage("by a message on the stop topic")
 
-    def _reset(self, request: Any) -> str:
+    def _reset(self, request: Any, response: Any) -> str:
         return self._robot.reset()
 
     def _publish(self, reason: str) -> None:
@@ -112,9 +112,9 @@ class _RecoveryService:
         self._lock = threading.Lock()
         self._publisher = node.create_publisher(String, "~/recovery", LATCHED)
         self._publisher.publish(String())
-        add_service(node, host, Trigger, "~/recover", text_answer(self._recover))
+        add_service(node, host, Trigger, "~/recover", self._recover)
 
-    def _recover(self, request: Any) -> str:
+    def _recover(self, request: Any, response: Any) -> str:
         with self._lock:
             self._lines = []
             try:

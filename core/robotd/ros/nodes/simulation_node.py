@@ -24,7 +24,7 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher
 from robotd.ros.node_registry import SIMULATION_NODE
-from robotd.ros.services import add_service, named_values, text_answer
+from robotd.ros.services import add_service, named_values
 from robotd.scenario import FaultSchedule, nested, validate_fault
 
 CLOCK_RATE_HZ = 500.0  # in simulated time
@@ -72,7 +72,7 @@ class _TimeServices:
         control_loop, rate_hz = robot.control_loop, robot.descriptor.cycle.rate_hz
         control_loop.every(rate_hz, "clocks of the nodes", self._follow, first=True)
         control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
-        add_service(node, host, SetBool, "~/pause", text_answer(self._pause))
+        add_service(node, host, SetBool, "~/pause", self._pause)
         add_service(node, host, SetParametersAtomically, "~/step", named_values(self._step))
 
     def _follow(self, image: ProcessImage) -> None:
@@ -87,7 +87,7 @@ class _TimeServices:
         self._message.stamp(self._time.now_ns())
         self._message.publish()
 
-    def _pause(self, request: Any) -> str:
+    def _pause(self, request: Any, response: Any) -> str:
         if request.data:
             self._time.pause()
         else:

@@ -21,7 +21,7 @@ from robotd.ros.nodes.axis_state_topic import RATE_HZ, AxisStateTopic
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.rejection_log import RejectionLog
-from robotd.ros.services import add_service, add_subscription, text_answer
+from robotd.ros.services import ServiceHandler, add_service, add_subscription
 
 COMMAND_DEPTH = 10
 MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log
@@ -44,9 +44,7 @@ class WmxCoreMotionNode(Node):
         self._connection = robot.connection
         self._rejections = RejectionLog()
         self._add_axis_services(host)
-        add_service(
-            self, host, LoadWmxParams, "wmx/params/load", text_answer(self._load_parameters)
-        )
+        add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)
         for message_type, topic, command in (
             (AxisVelocity, "wmx/axis/velocity", self._jog),
@@ -89,7 +87,7 @@ class WmxCoreMotionNode(Node):
         check: Callable[..., object] | None,
         command: Callable[..., None],
         note: Callable[[int], str] | None = None,
-    ) -> Callable[[Any, Any], Any]:
+    ) -> ServiceHandler:
         """Handler of a request that commands several axes.
 
         Args:
@@ -99,7 +97,7 @@ class WmxCoreMotionNode(Node):
             note: text after the "ok" of an axis.
         """
 
-        def handle(request: Any, response: Any) -> Any:
+        def handle(request: Any, response: Any) -> None:
             axes = list(request.index)
             self._axes.check_axes(axes)
             columns = {field: getattr(request, field) for field in fields}
@@ -109,7 +107,7 @@ class WmxCoreMotionNode(Node):
                     check(axis, *values)
             results = each(axes, lambda axis: command(axis, *rows[axis]))
             notes = {axis: note(axis) for axis in axes} if note else None
-            return axis_conversions.fill_outcome(response, self._axes.names, results, notes)
+            axis_conversions.fill_outcome(response, self._axes.names, results, notes)
 
         return handle
 
@@ -122,14 +120,14 @@ class WmxCoreMotionNode(Node):
     def _set_on(self, axis: int, data: int) -> None:
         self._axes.servo(axis, bool(data))
 
-    def _load_parameters(self, request: Any) -> str:
+    def _load_parameters(self, request: Any, response: Any) -> str:
         length = len(request.file_path)
         if not 1 <= length <= MAX_PATH:
             raise InvalidArgument(f"file_path has {length} characters, not 1 to {MAX_PATH}")
         note = self._connection.load_parameters(Path(request.file_path))
         return f"{request.file_path} loaded{f'; {note}' if note else ''}"
 
-    def _get_parameters(self, request: Any, response: Any) -> Any:
+    def _get_parameters(self, request: Any, response: Any) -> str:
         axes = list(request.index) or list(range(len(self._axes)))
         self._axes.arguments.check_numbers(axes)
         response.params_dump = [
@@ -139,9 +137,7 @@ class WmxCoreMotionNode(Node):
                 axis, self._connection.dump_parameters(axis)
             )
         ]
-        response.success = True
-        response.message = "ok"
-        return response
+        return "ok"
 
     def _execute_or_log(self, topic: str, command: Callable[[Any], None]) -> Callable[[Any], None]:
         def on_message(message: Any) -> None:
@@ -154,11 +150,11 @@ class WmxCoreMotionNode(Node):
 
         return on_message
 
-    def _stop(self, request: Any, response: Any) -> Any:
+    def _stop(self, request: Any, response: Any) -> None:
         axes = list(request.index)
         self._axes.check_axes(axes)
         self._axes.stop(axes)
-        return axis_conversions.fill_outcome(response, self._axes.names, dict.fromkeys(axes))
+        axis_conversions.fill_outcome(response, self._axes.names, dict.fromkeys(axes))
 
     def _jog(self, message: Any) -> None:
         self._axes.jog(axis_conversions.jogs(message))

@@ -15,7 +15,7 @@ from robotd.ros.host import RosHost
 from robotd.ros.nodes.lifecycle_services import LifecycleServices
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
-from robotd.ros.services import add_service, text_answer
+from robotd.ros.services import add_service
 
 READY = "wmx/engine/ready"
 
@@ -43,12 +43,11 @@ class WmxEngineNode(Node):
             (Trigger, "get_fault", self._get_fault, True),
             (Trigger, "scan_network", self._scan_network, True),
         ):
-            answer = text_answer(handler)
-            add_service(self, host, service_type, f"wmx/engine/{name}", answer, blocking=blocking)
+            add_service(self, host, service_type, f"wmx/engine/{name}", handler, blocking=blocking)
         self._ready = ReadyTopic(self, robot.connection, READY)
         self.rates_hz = {self.resolve_topic_name(READY): 1 / PERIOD_S}
 
-    def _set_device(self, request: Any) -> str:
+    def _set_device(self, request: Any, response: Any) -> str:
         self._check_unmanaged()
         if request.data:
             self._connection.open(request.path, request.name)
@@ -56,7 +55,7 @@ class WmxEngineNode(Node):
             self._connection.close()
         return self._connection.state.value
 
-    def _set_communication(self, request: Any) -> str:
+    def _set_communication(self, request: Any, response: Any) -> str:
         self._check_unmanaged()
         if request.data:
             self._connection.start_communication()
@@ -69,10 +68,10 @@ class WmxEngineNode(Node):
             what = "a lifecycle manager starts and stops this robot"
             raise NotReady(f"{what}: use {self.get_fully_qualified_name()}/change_state")
 
-    def _get_status(self, request: Any) -> str:
+    def _get_status(self, request: Any, response: Any) -> str:
         return self._connection.state.value
 
-    def _get_fault(self, request: Any) -> str:
+    def _get_fault(self, request: Any, response: Any) -> str:
         """Answer why axes cannot be commanded and what helps, a line each; empty when ready."""
         connection = self._connection
         if self._latch.inactive:
@@ -89,5 +88,5 @@ class WmxEngineNode(Node):
         namespace = self.get_namespace()
         return f"robotd recover{f' --ros-args -r __ns:={namespace}' if namespace != '/' else ''}"
 
-    def _scan_network(self, request: Any) -> str:
+    def _scan_network(self, request: Any, response: Any) -> str:
         return self._connection.scan_network()

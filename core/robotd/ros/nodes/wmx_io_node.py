@@ -30,34 +30,28 @@ class WmxIoNode(Node):
         ):
             add_service(self, host, service_type, f"wmx/io/{name}", handler, blocking=writes)
 
-    def _get_input_bit(self, request: Any, response: Any) -> Any:
+    def _get_input_bit(self, request: Any, response: Any) -> str:
         response.value = int(self._io.input_bit(request.byte, request.bit))
-        return _ok(response)
+        return "ok"
 
-    def _get_output_bit(self, request: Any, response: Any) -> Any:
+    def _get_output_bit(self, request: Any, response: Any) -> str:
         response.value = int(self._io.output_bit(request.byte, request.bit))
-        return _ok(response)
+        return "ok"
 
-    def _get_input_bytes(self, request: Any, response: Any) -> Any:
+    def _get_input_bytes(self, request: Any, response: Any) -> str:
         response.data = array("B", self._io.input_bytes(request.byte, request.length))
-        return _ok(response)
+        return "ok"
 
-    def _get_output_bytes(self, request: Any, response: Any) -> Any:
+    def _get_output_bytes(self, request: Any, response: Any) -> str:
         response.data = array("B", self._io.output_bytes(request.byte, request.length))
-        return _ok(response)
+        return "ok"
 
-    def _set_output_bit(self, request: Any, response: Any) -> Any:
+    def _set_output_bit(self, request: Any, response: Any) -> str:
         if request.value not in (0, 1):
             raise InvalidArgument(f"value {request.value} is not 0 or 1")
         self._io.set_output_bit(request.byte, request.bit, bool(request.value))
-        return _ok(response)
+        return "ok"
 
-    def _set_output_bytes(self, request: Any, response: Any) -> Any:
+    def _set_output_bytes(self, request: Any, response: Any) -> str:
         self._io.set_output_bytes(request.byte, bytes(request.data))
-        return _ok(response)
-
-
-def _ok(response: Any) -> Any:
-    response.success = True
-    response.message = "ok"
-    return response
+        return "ok"
