@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
@@ -12,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from robotd.clock import NANOSECONDS
 from robotd.descriptor import RobotDescriptor
-from robotd.errors import DescriptorError, InvalidArgument, RobotdError
+from robotd.errors import DescriptorError, InvalidArgument
 from robotd.motion.planar import Pose
 from robotd.node_settings.base_settings import BaseSettings, read_diff_drive
 from robotd.node_settings.mecanum_settings import read_mecanum_drive
@@ -42,16 +43,16 @@ class BaseController(Node):
 
     Args:
         name: of the node.
+        read: declares the parameters of the node.
         robot: has a base.
         host: of the node.
-        read: declares the parameters of the node.
 
     Raises:
         DescriptorError: the robot has no base of this kind, or a parameter is wrong; nothing was
             opened.
     """
 
-    def __init__(self, name: str, robot: Robot, host: RosHost, read: ReadSettings) -> None:
+    def __init__(self, name: str, read: ReadSettings, robot: Robot, host: RosHost) -> None:
         super().__init__(name, context=host.context)
         self._rejections = RejectionLog()
         settings = read_settings(self, robot.descriptor, read)
@@ -74,8 +75,10 @@ class BaseController(Node):
         if settings.echo:
             self._echo = self.create_publisher(Twist, settings.echo, ECHO_DEPTH)
         taken = TwistStamped if settings.stamped else Twist
-        handler = self._command_stamped if settings.stamped else self._command
-        subscription = add_subscription(self, host, taken, self._topic, handler, COMMAND_DEPTH)
+        self._is_stamped = settings.stamped
+        subscription = add_subscription(
+            self, host, taken, self._topic, self._command, COMMAND_DEPTH
+        )
         self._offered = TypeMismatchCheck(
             self,
             subscription,
@@ -89,27 +92,25 @@ class BaseController(Node):
         robot.control_loop.every(settings.rate_hz, "odometry", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
 
-    def _command_stamped(self, message: Any) -> None:
-        """Ignore a command that is older than the time-out; a zero stamp has no age."""
-        sent_ns = stamp_ns(message.header.stamp)
+    def _command(self, message: Any) -> None:
+        with self._rejections.noting(self._topic):
+            if self._is_stamped:
+                self._check_age(message.header)
+            twist = message.twist if self._is_stamped else message
+            lateral = twist.linear.y if self._base.wheels.moves_sideways else 0.0
+            self._base.command(twist.linear.x, twist.angular.z, lateral)
+            if self._echo:
+                self._echo.publish(twist)
+
+    def _check_age(self, header: Any) -> None:
+        """Reject a command that is older than the time-out; a zero stamp has no age."""
+        sent_ns = stamp_ns(header.stamp)
         age_s = (self.get_clock().now().nanoseconds - sent_ns) / NANOSECONDS
         limit_s = self._base.settings.command_timeout_s
         if sent_ns and age_s > limit_s:
-            text = f"the command is {age_s:.2f} s old, its time-out is {limit_s:g} s"
-            self._rejections.rejected(self._topic, (), text)
-            return
-        self._command(message.twist)
-
-    def _command(self, twist: Any) -> None:
-        lateral = twist.linear.y if self._base.wheels.moves_sideways else 0.0
-        try:
-            self._base.command(twist.linear.x, twist.angular.z, lateral)
-        except RobotdError as error:
-            self._rejections.rejected(self._topic, (), str(error))
-            return
-        self._rejections.accepted(self._topic, ())
-        if self._echo:
-            self._echo.publish(twist)
+            raise InvalidArgument(
+                f"the command is {age_s:.2f} s old, its time-out is {limit_s:g} s"
+            )
 
     def _set_pose(self, message: Any) -> None:
         """Raise InvalidArgument for another frame, a tilted pose or one that is not finite."""
@@ -129,22 +130,6 @@ class BaseController(Node):
         return "odometry set to zero"
 
 
-class DiffDriveController(BaseController):
-    """diff_drive_controller: a mobile base with two driven wheels."""
-
-    def __init__(self, robot: Robot, host: RosHost) -> None:
-        super().__init__("diff_drive_controller", robot, host, read_diff_drive)
-
-
-class MecanumDriveController(BaseController):
-    """mecanum_drive_controller: a mobile base with four mecanum wheels."""
-
-    def __init__(self, robot: Robot, host: RosHost) -> None:
-        super().__init__("mecanum_drive_controller", robot, host, read_mecanum_drive)
-
-
-class TricycleController(BaseController):
-    """tricycle_controller: a mobile base with a steered wheel."""
-
-    def __init__(self, robot: Robot, host: RosHost) -> None:
-        super().__init__("tricycle_controller", robot, host, read_tricycle)
+DiffDriveController = partial(BaseController, "diff_drive_controller", read_diff_drive)
+MecanumDriveController = partial(BaseController, "mecanum_drive_controller", read_mecanum_drive)
+TricycleController = partial(BaseController, "tricycle_controller", read_tricycle)

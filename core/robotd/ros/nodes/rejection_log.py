@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
+from robotd.errors import RobotdError
 from robotd.log import get_logger
 
 log = get_logger("commands")
@@ -56,3 +58,13 @@ class RejectionLog:
         if len(self._known) == MAX_KNOWN:
             self._known.clear()
         self._known.pop((topic, tuple(axes[:MAX_AXES])), None)
+
+    @contextmanager
+    def noting(self, topic: str, axes: Sequence[int] = ()) -> Iterator[None]:
+        """Note that a message is executed by the block, or the RobotdError that rejects it."""
+        try:
+            yield
+        except RobotdError as error:
+            self.rejected(topic, axes, str(error))
+        else:
+            self.accepted(topic, axes)

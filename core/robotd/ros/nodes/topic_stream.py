@@ -80,14 +80,9 @@ class TopicStream(Generic[Stream]):
                 self._stream, self._opening = stream, False
             try:
                 if command is not None:
-                    self._first(stream, command)
+                    with self._rejections.noting(self._topic):
+                        command(stream)
                 stream.wait()
             finally:
                 with self._lock:
                     self._stream = None
-
-    def _first(self, stream: Stream, command: Callable[[Stream], None]) -> None:
-        try:
-            command(stream)
-        except RobotdError as error:
-            self._rejections.rejected(self._topic, (), str(error))

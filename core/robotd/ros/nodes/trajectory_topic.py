@@ -13,7 +13,7 @@ from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
 from robotd.control.open_stream import chosen_columns
 from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.errors import InvalidArgument, RobotdError
+from robotd.errors import InvalidArgument
 from robotd.log import get_logger
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
@@ -102,7 +102,7 @@ class TrajectoryTopic:
 
     def _follow(self, message: Any, ticket: int) -> None:
         """Worker: execute a trajectory until it has ended; one that was stopped before ends."""
-        try:
+        with self._rejections.noting(self._topic):
             request = trajectory_request(message)
             start_ns = start_time_ns(message, self._ros_clock, self._clock)
             with self._group.follower.follow(request, None, start_ns, ticket) as execution:
@@ -113,7 +113,3 @@ class TrajectoryTopic:
                         execution.cancel()
                 execution.wait()
             log.info("trajectory ended", topic=self._topic, reason=execution.message)
-        except RobotdError as error:
-            self._rejections.rejected(self._topic, (), str(error))
-        else:
-            self._rejections.accepted(self._topic, ())

@@ -11,7 +11,7 @@ from wmx_ros2_message.msg import AxisPose, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
 from robotd.device.each_axis import each
-from robotd.errors import InvalidArgument, RobotdError
+from robotd.errors import InvalidArgument
 from robotd.node_settings.device_settings import read_core_motion
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
@@ -141,12 +141,8 @@ class WmxCoreMotionNode(Node):
 
     def _execute_or_log(self, topic: str, command: Callable[[Any], None]) -> Callable[[Any], None]:
         def on_message(message: Any) -> None:
-            try:
+            with self._rejections.noting(topic, message.index):
                 command(message)
-            except RobotdError as error:
-                self._rejections.rejected(topic, message.index, str(error))
-            else:
-                self._rejections.accepted(topic, message.index)
 
         return on_message
 
