@@ -24,7 +24,7 @@ from tests.ros.robot_process import Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 
-from robotd.ros.actions import RESULT_TIMEOUT_S
+from robotd.ros.middleware.action_server import RESULT_TIMEOUT_S
 
 pytestmark = pytest.mark.ros
 

@@ -8,6 +8,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Reliable; who subscribes later gets the newest message."""
 
+SERVICE = QoSProfile(depth=1000)
+"""The usual depth, 10, drops what exceeds it before the executor has taken it."""
+
 ROSOUT = QoSProfile(
     depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL, lifespan=Duration(seconds=10)
 )

@@ -22,11 +22,9 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import RateLimit, ServiceResponses
+from robotd.ros.qos import SERVICE
 
 log = get_logger("ros")
-
-# The usual depth, 10, drops what exceeds it before the executor has taken it.
-SERVICE_QOS = QoSProfile(depth=1000)
 
 HANDLER_SHARE = 0.2  # a move takes 0.2 ms: 1000 messages a second
 
@@ -59,7 +57,7 @@ def add_service(
         urgent: a blocking handler that must not wait behind others, such as a stop.
     """
     service = node.create_service(
-        service_type, name, lambda request, _: request, qos_profile=SERVICE_QOS
+        service_type, name, lambda request, _: request, qos_profile=SERVICE
     )
     responses = ServiceResponses(node, service)
 

@@ -6,7 +6,7 @@ benchmark that shows what breaks without it.
 
 import robotd.ros.middleware.type_support  # noqa: F401 - before the first message
 from robotd.ros.middleware.action_names import remapped_action
-from robotd.ros.middleware.action_server import RealTimeResultServer
+from robotd.ros.middleware.action_server import WorkerActionServer
 from robotd.ros.middleware.cdr import HotPublisher, Link
 from robotd.ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd.ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
@@ -27,10 +27,10 @@ __all__ = [
     "Link",
     "Participant",
     "RateLimit",
-    "RealTimeResultServer",
     "ServiceResponses",
     "StampClock",
     "TypeMismatchCheck",
+    "WorkerActionServer",
     "check_overrides",
     "destroy_node",
     "discovery_server",

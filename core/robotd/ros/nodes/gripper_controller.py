@@ -14,8 +14,8 @@ from robotd.errors import DescriptorError, InvalidArgument, RobotdError
 from robotd.log import get_logger
 from robotd.node_settings.command_settings import read_gripper_controller
 from robotd.robot import Robot
-from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
+from robotd.ros.middleware import WorkerActionServer
 from robotd.ros.nodes.node_parameters import read_settings
 
 log = get_logger("gripper")
@@ -104,7 +104,6 @@ class GripperAction:
     def _accepted(self, goal: Any) -> None:
         """Executor thread: hand the goal to a worker."""
         self._live += 1
-        begin(goal)
         try:
             self._host.submit(self._run, goal)
         except RobotdError as error:

@@ -16,8 +16,8 @@ from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.motion import Tolerances, TrajectoryRejected
 from robotd.robot import Robot
-from robotd.ros.actions import WorkerActionServer, begin
 from robotd.ros.host import RosHost
+from robotd.ros.middleware import WorkerActionServer
 from robotd.ros.nodes.trajectory_conversions import (
     TrajectoryFeedback,
     duration_s,
@@ -103,7 +103,6 @@ class TrajectoryAction:
         """Executor thread: hand the goal to a worker. The client has its answer already."""
         self._live += 1
         with self._host.callback_guard():
-            begin(goal)
             try:
                 ticket = self._group.motion.ticket()
                 self._host.submit(self._run, goal, ticket)
