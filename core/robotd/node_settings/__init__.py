@@ -11,13 +11,14 @@ from collections.abc import Callable, Collection, Mapping
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError
 from robotd.node_settings.arm_settings import read_manipulator_state, read_trajectory_server
-from robotd.node_settings.base_settings import read_diff_drive
+from robotd.node_settings.base_settings import read_diff_drive, read_mecanum_drive, read_tricycle
 from robotd.node_settings.command_settings import read_gripper_controller, read_joint_command
-from robotd.node_settings.device_settings import read_core_motion, read_engine
-from robotd.node_settings.mecanum_settings import read_mecanum_drive
+from robotd.node_settings.device_settings import (
+    read_core_motion,
+    read_engine,
+    read_state_publisher,
+)
 from robotd.node_settings.parameter_reader import ParameterReader
-from robotd.node_settings.state_publisher_settings import read_state_publisher
-from robotd.node_settings.tricycle_settings import read_tricycle
 
 _READERS: Mapping[str, Callable[[ParameterReader, RobotDescriptor], object]] = {
     "wmx_engine_node": read_engine,

@@ -1,14 +1,17 @@
-"""Settings of ``diff_drive_controller``, and what the nodes of all mobile bases have in common.
-
-The drive section of the robot under the node's parameters.
-"""
+"""Settings of the nodes of mobile bases: the drive section of the robot under their parameters."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from robotd.descriptor import DifferentialDrive, DriveSettings, RobotDescriptor
+from robotd.descriptor import (
+    DifferentialDrive,
+    DriveSettings,
+    MecanumDrive,
+    RobotDescriptor,
+    TricycleDrive,
+)
 from robotd.errors import DescriptorError
 from robotd.node_settings.arm_settings import FILE_MEANING
 from robotd.node_settings.device_settings import read_frame_prefix
@@ -18,6 +21,7 @@ RATE_HZ = 10
 LIMITED_TOPIC = "~/cmd_vel_out"
 TF_TOPIC = "tf"
 TF_MEANING = "publish odom → base on tf"
+LEVER = "kinematics.sum_of_robot_center_projection_on_X_Y_axis"
 
 Kind = TypeVar("Kind", bound=DriveSettings)
 
@@ -55,7 +59,6 @@ class BaseSettings(NamedTuple):
     parameters_file: Path | None
     stamped: bool
     commands: str
-    echo: str
     rate_hz: int
     wheel_speeds: str
     odometry: str
@@ -66,9 +69,10 @@ class BaseSettings(NamedTuple):
     pose_variances: tuple[float, ...]
     twist_variances: tuple[float, ...]
     description: str
+    echo: str = ""
 
 
-def drive_of(node: str, descriptor: RobotDescriptor, kind: type[Kind]) -> Kind:
+def _drive_of(node: str, descriptor: RobotDescriptor, kind: type[Kind]) -> Kind:
     """Return the drive of a robot. Raises DescriptorError: none, or of another kind."""
     drive = descriptor.drive
     if drive is None:
@@ -84,66 +88,20 @@ def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) ->
 
     Raises DescriptorError where the robot has no differential drive.
     """
-    drive = drive_of(parameters.node, descriptor, DifferentialDrive)
-    return read_base(
-        parameters,
-        descriptor,
-        drive=_drive(parameters, drive),
+    drive = _drive_of(parameters.node, descriptor, DifferentialDrive)
+    return BaseSettings(
+        drive=_diff_drive(parameters, drive),
         stamped=parameters.flag("use_stamped_vel", False, "take TwistStamped instead of Twist"),
         commands=parameters.topic("cmd_vel_topic", "commands", required=True),
         echo=parameters.topic("encoder_vel_topic", "echo of the commands", required=True),
         wheel_speeds=parameters.topic("encoder_omega_topic", "speeds of the wheels", required=True),
         odometry=parameters.topic("encoder_odometry_topic", "odometry", required=True),
         transform=TF_TOPIC if parameters.flag("publish_tf", False, TF_MEANING) else "",
+        **_common(parameters, descriptor),
     )
 
 
-def read_base(
-    parameters: ParameterReader,
-    descriptor: RobotDescriptor,
-    *,
-    drive: DriveSettings,
-    stamped: bool,
-    commands: str,
-    wheel_speeds: str,
-    odometry: str,
-    transform: str,
-    echo: str = "",
-) -> BaseSettings:
-    """Declare the parameters that all bases have; the others were read before."""
-    prefix = read_frame_prefix(parameters)
-    highest = int(descriptor.cycle.rate_hz)
-    limited = parameters.flag("publish_limited_velocity", False, f"publish {LIMITED_TOPIC}")
-    return BaseSettings(
-        drive=drive,
-        parameters_file=parameters.file("wmx_param_file_path", FILE_MEANING),
-        stamped=stamped,
-        commands=commands,
-        echo=echo,
-        rate_hz=parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz"),
-        wheel_speeds=wheel_speeds,
-        odometry=odometry,
-        transform=transform,
-        limited=LIMITED_TOPIC if limited else "",
-        odom_frame=prefix + parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
-        base_frame=prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
-        pose_variances=_variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
-        twist_variances=_variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
-        description=parameters.description(),
-    )
-
-
-def _variances(
-    parameters: ParameterReader, name: str, default: tuple[float, ...]
-) -> tuple[float, ...]:
-    """Declare six variances, at least 0."""
-    values = parameters.numbers(name, default, "variances of x, y, z, roll, pitch, yaw")
-    if min(values) < 0.0:
-        parameters.reject(name, f"{min(values)} is below 0")
-    return values
-
-
-def _drive(parameters: ParameterReader, drive: DifferentialDrive) -> DifferentialDrive:
+def _diff_drive(parameters: ParameterReader, drive: DifferentialDrive) -> DifferentialDrive:
     """Declare the parameters of geometry, ramps and limits; ``drive`` gives their defaults.
 
     ``acc_time`` and ``dec_time`` are the times between rest and the highest speed; a limit of
@@ -151,8 +109,8 @@ def _drive(parameters: ParameterReader, drive: DifferentialDrive) -> Differentia
     """
     parameters.same_as("drive.left_axis", "left_axis", drive.left_axis, "axis of the wheel")
     parameters.same_as("drive.right_axis", "right_axis", drive.right_axis, "axis of the wheel")
-    limits = read_limits(parameters, drive, "linear.x")
-    limits |= read_limits(parameters, drive, "angular.z", "angular_", "rad")
+    limits = _limits(parameters, drive, "linear.x")
+    limits |= _limits(parameters, drive, "angular.z", "angular_", "rad")
     acc_time = parameters.positive("acc_time", 1.0, "time from rest to the highest speed in s")
     dec_time = parameters.positive("dec_time", 1.0, "time from the highest speed to rest in s")
     for speed, ramp, time_s in (
@@ -182,7 +140,111 @@ def _drive(parameters: ParameterReader, drive: DifferentialDrive) -> Differentia
     )
 
 
-def read_limits(
+def read_mecanum_drive(parameters: ParameterReader, descriptor: RobotDescriptor) -> BaseSettings:
+    """Declare the parameters of ``mecanum_drive_controller``, with the names of ros2_controllers.
+
+    Raises DescriptorError where the robot has no mecanum drive.
+    """
+    drive = _drive_of(parameters.node, descriptor, MecanumDrive)
+    stamped = parameters.flag("use_stamped_vel", True, "take TwistStamped instead of Twist")
+    publishes_tf = parameters.flag("enable_odom_tf", True, "publish odom → base on ~/tf_odometry")
+    return BaseSettings(
+        drive=_mecanum_drive(parameters, drive),
+        stamped=stamped,
+        commands="~/reference" if stamped else "~/reference_unstamped",
+        wheel_speeds="~/wheel_speeds",
+        odometry="~/odometry",
+        transform="~/tf_odometry" if publishes_tf else "",
+        **_common(parameters, descriptor),
+    )
+
+
+def _mecanum_drive(parameters: ParameterReader, drive: MecanumDrive) -> MecanumDrive:
+    """Declare the parameters of geometry and limits; ``drive`` gives their defaults."""
+    lever = (drive.wheel_separation_m + drive.wheelbase_m) / 2
+    factor = parameters.positive(LEVER, lever, "half of track plus wheelbase in m") / lever
+    return drive.model_copy(
+        update={
+            "wheel_radius_m": parameters.positive(
+                "kinematics.wheels_radius", drive.wheel_radius_m, "radius of the wheels in m"
+            ),
+            "wheel_separation_m": drive.wheel_separation_m * factor,
+            "wheelbase_m": drive.wheelbase_m * factor,
+            "command_timeout_s": parameters.positive(
+                "reference_timeout", drive.command_timeout_s, "age of a command that stops, in s"
+            ),
+            **_limits(parameters, drive, "linear.x"),
+            **_limits(parameters, drive, "linear.y", "lateral_"),
+            **_limits(parameters, drive, "angular.z", "angular_", "rad"),
+        }
+    )
+
+
+def read_tricycle(parameters: ParameterReader, descriptor: RobotDescriptor) -> BaseSettings:
+    """Declare the parameters of ``tricycle_controller``, with the names of ros2_controllers.
+
+    Raises DescriptorError where the robot has no tricycle drive.
+    """
+    drive = _drive_of(parameters.node, descriptor, TricycleDrive)
+    return BaseSettings(
+        drive=_tricycle_drive(parameters, drive),
+        stamped=parameters.flag("use_stamped_vel", True, "take TwistStamped instead of Twist"),
+        commands="~/cmd_vel",
+        wheel_speeds="~/wheel_speeds",
+        odometry="~/odom",
+        transform=TF_TOPIC if parameters.flag("enable_odom_tf", True, TF_MEANING) else "",
+        **_common(parameters, descriptor),
+    )
+
+
+def _tricycle_drive(parameters: ParameterReader, drive: TricycleDrive) -> TricycleDrive:
+    """Declare the parameters of geometry and limits; ``drive`` gives their defaults."""
+    return drive.model_copy(
+        update={
+            "wheel_radius_m": parameters.positive(
+                "wheel_radius", drive.wheel_radius_m, "radius of the driven wheel in m"
+            ),
+            "wheelbase_m": parameters.positive(
+                "wheelbase", drive.wheelbase_m, "fixed axle to steered wheel in m"
+            ),
+            "command_timeout_s": parameters.positive(
+                "cmd_vel_timeout", drive.command_timeout_s, "age of a command that stops, in s"
+            ),
+            **_limits(parameters, drive, "linear.x"),
+            **_limits(parameters, drive, "angular.z", "angular_", "rad"),
+        }
+    )
+
+
+def _common(parameters: ParameterReader, descriptor: RobotDescriptor) -> dict[str, Any]:
+    """Declare the parameters that all bases have; return the settings by name."""
+    prefix = read_frame_prefix(parameters)
+    highest = int(descriptor.cycle.rate_hz)
+    limited = parameters.flag("publish_limited_velocity", False, f"publish {LIMITED_TOPIC}")
+    return {
+        "parameters_file": parameters.file("wmx_param_file_path", FILE_MEANING),
+        "rate_hz": parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz"),
+        "limited": LIMITED_TOPIC if limited else "",
+        "odom_frame": prefix
+        + parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
+        "base_frame": prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
+        "pose_variances": _variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
+        "twist_variances": _variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
+        "description": parameters.description(),
+    }
+
+
+def _variances(
+    parameters: ParameterReader, name: str, default: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Declare six variances, at least 0."""
+    values = parameters.numbers(name, default, "variances of x, y, z, roll, pitch, yaw")
+    if min(values) < 0.0:
+        parameters.reject(name, f"{min(values)} is below 0")
+    return values
+
+
+def _limits(
     parameters: ParameterReader, drive: DriveSettings, part: str, prefix: str = "", unit: str = "m"
 ) -> dict[str, Any]:
     """Declare velocity, acceleration, deceleration and jerk of one part of the twist.

@@ -14,11 +14,9 @@ from robotd.descriptor import (
     load_robot_descriptor,
 )
 from robotd.errors import DescriptorError
-from robotd.node_settings.base_settings import read_diff_drive
-from robotd.node_settings.mecanum_settings import read_mecanum_drive
+from robotd.node_settings.base_settings import read_diff_drive, read_mecanum_drive, read_tricycle
+from robotd.node_settings.device_settings import read_state_publisher
 from robotd.node_settings.parameter_reader import ParameterReader
-from robotd.node_settings.state_publisher_settings import read_state_publisher
-from robotd.node_settings.tricycle_settings import read_tricycle
 
 MECANUM = "mecanum_drive_controller"
 TRICYCLE = "tricycle_controller"

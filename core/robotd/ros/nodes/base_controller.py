@@ -15,10 +15,13 @@ from robotd.clock import NANOSECONDS
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError, InvalidArgument
 from robotd.motion.planar import Pose
-from robotd.node_settings.base_settings import BaseSettings, read_diff_drive
-from robotd.node_settings.mecanum_settings import read_mecanum_drive
+from robotd.node_settings.base_settings import (
+    BaseSettings,
+    read_diff_drive,
+    read_mecanum_drive,
+    read_tricycle,
+)
 from robotd.node_settings.parameter_reader import ParameterReader
-from robotd.node_settings.tricycle_settings import read_tricycle
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import TypeMismatchCheck

@@ -15,7 +15,7 @@ from robotd.descriptor.urdf import JointFrames, UrdfJoint, parse_urdf
 from robotd.device.process_image import ProcessImage
 from robotd.log import get_logger
 from robotd.node_settings.base_settings import TF_TOPIC
-from robotd.node_settings.state_publisher_settings import read_state_publisher
+from robotd.node_settings.device_settings import read_state_publisher
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher, StampClock
