@@ -7,7 +7,7 @@ benchmark that shows what breaks without it.
 import robotd.ros.middleware.type_support  # noqa: F401 - before the first message
 from robotd.ros.middleware.action_names import remapped_action
 from robotd.ros.middleware.action_server import WorkerActionServer
-from robotd.ros.middleware.cdr import HotPublisher, Link
+from robotd.ros.middleware.cdr import HotPublisher
 from robotd.ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd.ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
 from robotd.ros.middleware.exit_timer import exit_after
@@ -24,7 +24,6 @@ from robotd.ros.middleware.type_mismatch import TypeMismatchCheck
 __all__ = [
     "EventsExecutor",
     "HotPublisher",
-    "Link",
     "Participant",
     "RateLimit",
     "ServiceResponses",

@@ -15,7 +15,8 @@ Shown by: tests/ros/test_cdr.py, tools/bench/middleware.py.
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -180,15 +181,22 @@ class HotPublisher:
         depth: of its queue.
         template: the message with its constant strings and array lengths; not shared.
         views: paths that ``view`` is going to be asked for.
+        sources: arrays by path, copied to the beginning of its numbers by ``publish``.
 
     Raises:
         ValueError: a path does not exist or does not mean numbers of one type.
     """
 
     def __init__(
-        self, node: Node, topic: str, depth: int, template: Any, views: Iterable[str]
+        self,
+        node: Node,
+        topic: str,
+        depth: int,
+        template: Any,
+        views: Iterable[str] = (),
+        sources: Mapping[str, NDArray[Any]] = MappingProxyType({}),
     ) -> None:
-        paths = list(views)
+        paths = [*views, *sources]
         self.has_readers = False
         self._publisher = self._create(node, topic, depth, type(template))
         self.topic = str(self._publisher.topic_name)
@@ -200,6 +208,7 @@ class HotPublisher:
             log.warning("publishing ordinary messages", topic=self.topic, reason=str(error))
             self._message = PlainMessage(template, paths)
         self.view, self.stamp = self._message.view, self._message.stamp
+        self._links = [Link(self.view(path), array) for path, array in sources.items()]
 
     def _create(self, node: Node, topic: str, depth: int, message_type: type) -> Publisher:
         """Return the publisher; where the middleware has no such event, readers are assumed."""
@@ -215,6 +224,8 @@ class HotPublisher:
 
     def publish(self) -> None:
         """Send the message. Never raises for a destroyed publisher."""
+        for copy in self._links:
+            copy()
         try:
             self._publisher.publish(self._message.payload())
         except (InvalidHandle, RCLError) as error:

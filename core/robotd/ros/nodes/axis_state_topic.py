@@ -9,7 +9,7 @@ from wmx_ros2_message.msg import AxisState
 
 from robotd.device.process_image import ProcessImage
 from robotd.robot import Robot
-from robotd.ros.middleware import HotPublisher, Link, StampClock
+from robotd.ros.middleware import HotPublisher, StampClock
 
 TOPIC = "wmx/axis/state"
 RATE_HZ = 100.0
@@ -52,14 +52,11 @@ class AxisStateTopic:
         template = AxisState(header=Header(frame_id=prefix + FRAME), **zeros)
         self._connection, self._control_loop = robot.connection, robot.control_loop
         self._clock = StampClock(node.get_clock())
-        self._message = HotPublisher(node, TOPIC, DEPTH, template, FIELDS)
+        self._message = HotPublisher(node, TOPIC, DEPTH, template, sources=arrays)
         self.topic = self._message.topic
-        self._links = [Link(self._message.view(field), array) for field, array in arrays.items()]
 
     def publish(self, image: ProcessImage) -> None:
         if not self._connection.ready or not self._message.has_readers:
             return
-        for copy in self._links:
-            copy()
         self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
         self._message.publish()

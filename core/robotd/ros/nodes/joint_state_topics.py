@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from rclpy.node import Node
@@ -14,8 +13,9 @@ from std_msgs.msg import Float64MultiArray
 from robotd.arrays import FloatArray
 from robotd.device.gripper import Gripper
 from robotd.device.process_image import ProcessImage, columns
+from robotd.node_settings.arm_settings import ManipulatorStateSettings
 from robotd.robot import Robot
-from robotd.ros.middleware import HotPublisher, Link, StampClock
+from robotd.ros.middleware import HotPublisher, StampClock
 
 DEPTH = 10
 
@@ -36,24 +36,18 @@ class Fingers:
         self._open_m = open_m
         self._stroke_m = closed_m - open_m
 
+    @classmethod
+    def of(cls, robot: Robot, open_m: float, closed_m: float) -> Self | None:
+        """Return the fingers of ``robot``; None where there is no gripper."""
+        known = robot.descriptor.gripper
+        if robot.gripper is None or known is None:
+            return None
+        multipliers = np.array(known.multipliers or [1.0] * len(known.joints))
+        return cls(robot.gripper, open_m, closed_m, multipliers)
+
     def position_m(self, time_ns: int) -> float:
         """Position of the gripper at monotonic ``time_ns``."""
         return self._open_m + self._stroke_m * self._gripper.closed(time_ns)
-
-
-class _JointTopic:
-    """One topic and the copies that fill its message. Control loop thread."""
-
-    def __init__(self, message: HotPublisher, links: Sequence[Link], *, stamped: bool) -> None:
-        self.message, self.stamped = message, stamped
-        self._links = links
-
-    def publish(self, stamp_ns: int) -> None:
-        for copy in self._links:
-            copy()
-        if self.stamped:
-            self.message.stamp(stamp_ns)
-        self.message.publish()
 
 
 class JointStateTopics:
@@ -64,50 +58,38 @@ class JointStateTopics:
 
     Attributes:
         topics: their resolved names.
-
-    Args:
-        names: of the arm's joints in the robot's order, then of the fingers.
-        fingers: None where there is no gripper.
     """
 
-    def __init__(
-        self, node: Node, robot: Robot, names: Sequence[str], fingers: Fingers | None
-    ) -> None:
+    def __init__(self, node: Node, robot: Robot, settings: ManipulatorStateSettings) -> None:
         self.topics: list[str] = []
         self._node = node
         self._connection, self._control_loop = robot.connection, robot.control_loop
         self._slow = robot.axes.feedback_period_s > 0.0  # stamps are those of the values
         self._clock = StampClock(node.get_clock())
         self._joints = len(robot.joint_axes)
-        self._names = list(names)
-        self._fingers = fingers
+        self._names = list(settings.names)
+        self._fingers = Fingers.of(robot, settings.open_m, settings.closed_m)
         self._finger_m = 0.0
-        self._all: list[_JointTopic] = []
+        self._all: list[tuple[HotPublisher, bool]] = []  # and whether it is stamped
         self._positions: list[FloatArray] = []  # of each message
         self._index = columns(robot.joint_axes)
         self._measured: FloatArray = robot.image.measured[:, self._index]
         self._is_gathered = not isinstance(self._index, slice)  # the axes are not side by side
         if self._is_gathered:
             self._measured = np.ascontiguousarray(self._measured)
-
-    def add_joint_states(self, topic: str) -> None:
-        """Stamped JointState; effort in N·m, NaN where it is not known."""
-        self._add_joint_state(topic, ("position", "velocity", "effort"), stamped=True)
-
-    def add_unstamped(self, topic: str) -> None:
-        """JointState with a zero stamp; no effort, since its reader takes it as a command."""
-        self._add_joint_state(topic, ("position", "velocity"), stamped=False)
-
-    def add_positions(self, topic: str) -> None:
-        """Float64MultiArray of the positions, in the order of the names."""
-        template = Float64MultiArray(data=[0.0] * len(self._names))
-        self._add(topic, template, ("data",), stamped=False)
+        # Effort in N·m, NaN where it is not known; none for a reader that takes it as a command.
+        self._add_joint_state(settings.joint_states, ("position", "velocity", "effort"), True)
+        if settings.unstamped:
+            self._add_joint_state(settings.unstamped, ("position", "velocity"), False)
+        if settings.positions:
+            template = Float64MultiArray(data=[0.0] * len(self._names))
+            self._add(settings.positions, template, ("data",), False)
 
     def publish(self, image: ProcessImage) -> None:
         """Publish the image of the present period, stamped with the start of the period."""
         if not self._connection.ready:
             return
-        wanted = [topic for topic in self._all if topic.message.has_readers]
+        wanted = [each for each in self._all if each[0].has_readers]
         if not wanted:
             return
         if self._is_gathered:
@@ -116,8 +98,10 @@ class JointStateTopics:
         stamp_ns = self._clock.at_ns(self._control_loop.started_ns)
         if self._slow:
             stamp_ns -= max(0, image.stamp_ns - image.fresh_ns)
-        for topic in wanted:
-            topic.publish(stamp_ns)
+        for message, is_stamped in wanted:
+            if is_stamped:
+                message.stamp(stamp_ns)
+            message.publish()
 
     def _move_fingers(self, time_ns: int) -> None:
         fingers = self._fingers
@@ -127,20 +111,17 @@ class JointStateTopics:
         for positions in self._positions:
             np.multiply(fingers.multipliers, position_m, positions[self._joints :])
 
-    def _add_joint_state(self, topic: str, fields: tuple[str, ...], *, stamped: bool) -> None:
+    def _add_joint_state(self, topic: str, fields: tuple[str, ...], stamped: bool) -> None:
         rest = [0.0] * len(self._names)
         template = JointState(name=self._names, position=rest, velocity=rest)
         if "effort" in fields:
             template.effort = [math.nan] * len(rest)  # nothing measures the fingers' force
-        self._add(topic, template, fields, stamped=stamped)
+        self._add(topic, template, fields, stamped)
 
-    def _add(self, topic: str, template: Any, fields: tuple[str, ...], *, stamped: bool) -> None:
+    def _add(self, topic: str, template: Any, fields: tuple[str, ...], stamped: bool) -> None:
         """``fields`` are the first of position, velocity and effort."""
-        message = HotPublisher(self._node, topic, DEPTH, template, fields)
+        sources = dict(zip(fields, self._measured, strict=False))
+        message = HotPublisher(self._node, topic, DEPTH, template, sources=sources)
         self.topics.append(message.topic)
         self._positions.append(message.view(fields[0]))
-        links = [
-            Link(message.view(field), values)
-            for field, values in zip(fields, self._measured, strict=False)
-        ]
-        self._all.append(_JointTopic(message, links, stamped=stamped))
+        self._all.append((message, stamped))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 from rclpy.node import Node
 
-from robotd.node_settings.arm_settings import ManipulatorStateSettings, read_manipulator_state
+from robotd.node_settings.arm_settings import read_manipulator_state
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.nodes.joint_state_topics import Fingers, JointStateTopics
+from robotd.ros.nodes.joint_state_topics import JointStateTopics
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.robot_description import publish_description
 
@@ -27,23 +26,9 @@ class ManipulatorState(Node):
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
         settings = read_settings(self, robot.descriptor, read_manipulator_state)
-        fingers = _fingers(robot, settings)
-        topics = JointStateTopics(self, robot, settings.names, fingers)
-        topics.add_joint_states(settings.joint_states)
-        if settings.unstamped:
-            topics.add_unstamped(settings.unstamped)
-        if settings.positions:
-            topics.add_positions(settings.positions)
+        topics = JointStateTopics(self, robot, settings)
         if settings.parameters_file:
             robot.connection.parameters.path = settings.parameters_file
         publish_description(self, settings.description)
         robot.control_loop.every(settings.rate_hz, "joint states", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
-
-
-def _fingers(robot: Robot, settings: ManipulatorStateSettings) -> Fingers | None:
-    known = robot.descriptor.gripper
-    if robot.gripper is None or known is None:
-        return None
-    multipliers = np.array(known.multipliers or [1.0] * len(known.joints))
-    return Fingers(robot.gripper, settings.open_m, settings.closed_m, multipliers)

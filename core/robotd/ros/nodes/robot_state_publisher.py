@@ -78,14 +78,12 @@ class _KnownJoints:
     def __init__(self, robot: Robot) -> None:
         drive, known = robot.descriptor.drive, robot.descriptor.gripper
         self._axes = list(robot.joint_axes)
-        self._fingers = None
         self.names = list(robot.joint_names)
         if drive is not None and drive.wheel_joints:
             self._axes += drive.axes
             self.names += drive.wheel_joints
-        if robot.gripper is not None and known is not None:
-            multipliers = np.array(known.multipliers or [1.0] * len(known.joints))
-            self._fingers = Fingers(robot.gripper, known.open_m, known.closed_m, multipliers)
+        self._fingers = Fingers.of(robot, known.open_m, known.closed_m) if known else None
+        if known and self._fingers:
             self.names += known.joints
 
     def positions(self, image: ProcessImage) -> FloatArray:
