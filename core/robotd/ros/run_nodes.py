@@ -23,7 +23,6 @@ from robotd.ros.node_registry import (
 )
 from robotd.ros.nodes.operator_node import OperatorNode
 from robotd.ros.nodes.page_topics import PageTopics
-from robotd.ros.nodes.recorder_services import add_recorder_services
 from robotd.ros.nodes.rosout_topic import RosoutTopic
 from robotd.ros.senders import Senders
 
@@ -57,11 +56,9 @@ def run_nodes(
     host.on_hang = lambda reason: robot.servos.bring_to_rest()
     chosen = select_nodes(names, registry)
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
-    operator = OperatorNode(robot, host)
+    operator = OperatorNode(robot, host, recorder)
     nodes.append(operator)
     host.senders = Senders(operator)
-    if recorder is not None:
-        add_recorder_services(operator, host, recorder)
     if faults is not None:
         from robotd.ros.nodes.simulation_node import SimulationNode
 

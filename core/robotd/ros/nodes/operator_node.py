@@ -8,50 +8,88 @@ from typing import Any
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from std_msgs.msg import Empty, Float64, String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
+from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.node_settings.device_settings import read_frame_prefix
+from robotd.observation.recorder import Recorder
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.nodes.named_io import NamedIo
 from robotd.ros.nodes.node_parameters import Parameters
-from robotd.ros.nodes.owner_topic import OwnerTopic
 from robotd.ros.nodes.ready_topic import publish_if_alive
 from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
 from robotd.ros.qos import LATCHED
 from robotd.ros.services import add_service, add_subscription, named_values
 
+OWNERS_RATE_HZ = 10.0
+
 
 class OperatorNode(Node):
-    """Services for the operator of a robot: recovery, stop, speed, and named inputs and outputs."""
+    """Services for the operator of a robot: recovery, stop, speed, recordings, and named I/O.
 
-    def __init__(self, robot: Robot, host: RosHost) -> None:
+    Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
+    ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
+    a line each.
+
+    Args:
+        robot: of the operator.
+        host: its workers answer.
+        recorder: None: there are no services for recordings.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost, recorder: Recorder | None = None) -> None:
         super().__init__(OPERATOR_NODE, context=host.context)
-        self._recovery = _RecoveryService(self, robot, host)
-        self._stop = _StopServices(self, robot, host)
-        self._speed = _SpeedServices(self, robot, host)
-        self._owners = OwnerTopic(self, robot)
+        self._robot = robot
+        self._recovery_lock = threading.Lock()
+        self._recovery_lines: list[str] = []
+        self._owners: str | None = None
+        self._stopped_topic = self.create_publisher(String, "~/stopped", LATCHED)
+        self._speed_topic = self.create_publisher(Float64, "~/speed", LATCHED)
+        self._recovery_topic = self.create_publisher(String, "~/recovery", LATCHED)
+        self._owners_topic = self.create_publisher(String, "~/owners", LATCHED)
+        self._recovery_topic.publish(String())
+        for service_type, name, handler, urgent in (
+            (Trigger, "stop", self._stop, True),
+            (Trigger, "reset", self._reset, False),
+            (Trigger, "pause", self._pause, True),
+            (Trigger, "resume", self._resume, False),
+            (Trigger, "recover", self._recover, False),
+            (SetParametersAtomically, "set_speed", named_values(self._set_speed), False),
+        ):
+            add_service(self, host, service_type, f"~/{name}", handler, urgent=urgent)
+        add_subscription(self, host, Empty, "~/stop", self._engage_stop, 1)
+        add_subscription(self, host, Float64, "~/set_speed", self._set_speed_by_message, 1)
+        robot.axes.stop_latch.on_change(self._publish_stopped)
+        robot.axes.speed.on_change(self._publish_speed)
+        rate_hz = min(OWNERS_RATE_HZ, robot.descriptor.cycle.rate_hz)
+        robot.control_loop.every(rate_hz, "owners", self._publish_owners, first=True)
         self._io = NamedIo(self, robot, host)
+        if recorder is not None:
+            self._recorder = recorder
+            add_service(self, host, Trigger, "~/snapshot", self._save_snapshot)
+            add_service(self, host, SetBool, "~/record", self._record)
         parameters = Parameters(self, robot.descriptor)
         self._tool = ToolPoseTopic(self, robot, read_frame_prefix(parameters))
         parameters.done()
 
+    def _stop(self, request: Any, response: Any) -> str:
+        self._robot.stop("by a client of the stop service")
+        return "stopped, at rest"
 
-class _SpeedServices:
-    """``~/set_speed`` as service and topic, ``~/pause``, ``~/resume``, and ``~/speed``."""
+    def _engage_stop(self, message: Any) -> None:
+        """Executor thread: the control loop brings everything to rest."""
+        self._robot.axes.stop_latch.engage("by a message on the stop topic")
 
-    def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
-        self._robot = robot
-        self._publisher = node.create_publisher(Float64, "~/speed", LATCHED)
-        add_service(node, host, SetParametersAtomically, "~/set_speed", named_values(self._set))
-        add_service(node, host, Trigger, "~/pause", self._pause, urgent=True)
-        add_service(node, host, Trigger, "~/resume", self._resume)
-        add_subscription(node, host, Float64, "~/set_speed", self._set_by_message, 1)
-        robot.axes.speed.on_change(self._publish)
+    def _reset(self, request: Any, response: Any) -> str:
+        return self._robot.reset()
 
-    def _set(self, fields: dict[str, Any]) -> str:
+    def _publish_stopped(self, reason: str) -> None:
+        publish_if_alive(self._stopped_topic, String(data=reason))
+
+    def _set_speed(self, fields: dict[str, Any]) -> str:
         speed = fields.get("speed")
         if (
             list(fields) != ["speed"]
@@ -62,7 +100,7 @@ class _SpeedServices:
         self._robot.set_speed(float(speed))
         return self._robot.axes.speed.text
 
-    def _set_by_message(self, message: Any) -> None:
+    def _set_speed_by_message(self, message: Any) -> None:
         self._robot.set_speed(message.data)
 
     def _pause(self, request: Any, response: Any) -> str:
@@ -73,57 +111,39 @@ class _SpeedServices:
         self._robot.resume()
         return self._robot.axes.speed.text
 
-    def _publish(self, scale: float) -> None:
-        publish_if_alive(self._publisher, Float64(data=scale))
-
-
-class _StopServices:
-    """``~/stop`` as service and topic, ``~/reset``, and the reason of the stop on ``~/stopped``."""
-
-    def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
-        self._robot = robot
-        self._publisher = node.create_publisher(String, "~/stopped", LATCHED)
-        add_service(node, host, Trigger, "~/stop", self._stop, urgent=True)
-        add_service(node, host, Trigger, "~/reset", self._reset)
-        add_subscription(node, host, Empty, "~/stop", self._engage, 1)
-        robot.axes.stop_latch.on_change(self._publish)
-
-    def _stop(self, request: Any, response: Any) -> str:
-        self._robot.stop("by a client of the stop service")
-        return "stopped, at rest"
-
-    def _engage(self, message: Any) -> None:
-        """Executor thread: the control loop brings everything to rest."""
-        self._robot.axes.stop_latch.engage("by a message on the stop topic")
-
-    def _reset(self, request: Any, response: Any) -> str:
-        return self._robot.reset()
-
-    def _publish(self, reason: str) -> None:
-        publish_if_alive(self._publisher, String(data=reason))
-
-
-class _RecoveryService:
-    """``~/recover``, and the report of the present or last recovery on ``~/recovery``."""
-
-    def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
-        self._robot = robot
-        self._lines: list[str] = []
-        self._lock = threading.Lock()
-        self._publisher = node.create_publisher(String, "~/recovery", LATCHED)
-        self._publisher.publish(String())
-        add_service(node, host, Trigger, "~/recover", self._recover)
+    def _publish_speed(self, scale: float) -> None:
+        publish_if_alive(self._speed_topic, Float64(data=scale))
 
     def _recover(self, request: Any, response: Any) -> str:
-        with self._lock:
-            self._lines = []
+        with self._recovery_lock:
+            self._recovery_lines = []
             try:
-                self._robot.recover(self._report)
+                self._robot.recover(self._report_recovery)
             except RobotdError as error:
-                self._report("; ".join(["failed", *map(str.strip, str(error).splitlines())]))
+                lines = map(str.strip, str(error).splitlines())
+                self._report_recovery("; ".join(["failed", *lines]))
                 raise
-            return "\n".join(self._lines)
+            return "\n".join(self._recovery_lines)
 
-    def _report(self, line: str) -> None:
-        self._lines.append(line)
-        publish_if_alive(self._publisher, String(data="\n".join(self._lines)))
+    def _report_recovery(self, line: str) -> None:
+        self._recovery_lines.append(line)
+        publish_if_alive(self._recovery_topic, String(data="\n".join(self._recovery_lines)))
+
+    def _publish_owners(self, image: ProcessImage) -> None:
+        """Publish the owners where they have changed. Control loop."""
+        axes = self._robot.axes
+        owners = zip(axes.names, map(axes.owner, range(len(axes))), strict=True)
+        text = "\n".join(f"{name}: {owner}" for name, owner in owners if owner)
+        if text != self._owners:
+            self._owners = text
+            publish_if_alive(self._owners_topic, String(data=text))
+
+    def _save_snapshot(self, request: Any, response: Any) -> str:
+        return str(self._recorder.flight.snapshot("requested by a client"))
+
+    def _record(self, request: Any, response: Any) -> str:
+        if request.data:
+            self._recorder.continuous.start()
+            return "recording"
+        report = self._recorder.continuous.stop()
+        return f"{report.path} ({report.size_bytes / 2**20:.1f} MiB)"
