@@ -126,6 +126,16 @@ def start_harness(make_harness: MakeHarness) -> MakeHarness:
 
 
 @pytest.fixture
+def streamed(make_harness: MakeHarness) -> Harness:
+    """A started harness of its own; a device that streams no positions skips the check."""
+    harness = make_harness()
+    if harness.robot.axes.trajectories_on_device:
+        pytest.skip("positions are not streamed: trajectories run on the device")
+    harness.start()
+    return harness
+
+
+@pytest.fixture
 def injector(harness: Harness) -> FaultInjector:
     """Fault injector of the shared harness; unsupported calls skip the check."""
     return harness.injector

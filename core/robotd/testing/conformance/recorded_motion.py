@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import pytest
@@ -43,6 +44,17 @@ def record_stream(
         harness.pass_time(seconds)
     harness.rest()
     return recording
+
+
+def ramped(time_s: float, ramp_s: float, brake_s: float = math.inf) -> tuple[float, float]:
+    """Return the way of a motion, per speed, s, and the share of its speed at ``time_s``.
+
+    It speeds up for ``ramp_s``, cruises until ``brake_s``, and slows down for ``ramp_s``.
+    """
+    up_s, down_s = min(time_s, ramp_s), min(max(0.0, time_s - brake_s), ramp_s)
+    cruise_s = max(0.0, min(time_s, brake_s) - ramp_s)
+    way_s = up_s**2 / (2.0 * ramp_s) + cruise_s + down_s - down_s**2 / (2.0 * ramp_s)
+    return way_s, (up_s - down_s) / ramp_s
 
 
 def steep_ramps(harness: Harness, recording: Recording, span_s: float, more: float) -> list[str]:

@@ -11,8 +11,8 @@ from robotd.api import LateSetpoint
 from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.recorded_motion import judge, record_stream
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
+from robotd.testing.conformance.recorded_motion import judge, ramped, record_stream
 from robotd.testing.conformance.recording import Recording
 
 RAMP_S, CRUISE_S = 0.3, 0.1
@@ -137,20 +137,8 @@ class StalledStream:
 
     def _setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray]:
         """Position and velocity: speed up, cruise until ``_brake_s``, slow down."""
-        up_s = min(time_s, RAMP_S)
-        down_s = min(max(0.0, time_s - self._brake_s), RAMP_S)
-        cruise_s = max(0.0, min(time_s, self._brake_s) - RAMP_S)
-        way_s = up_s**2 / (2.0 * RAMP_S) + cruise_s + down_s - down_s**2 / (2.0 * RAMP_S)
-        return self._start + self.velocity * way_s, self.velocity * (up_s - down_s) / RAMP_S
-
-
-def started(make_harness: MakeHarness) -> Harness:
-    """Return a harness whose positions are streamed; skip the check without."""
-    harness = make_harness()
-    if harness.robot.axes.trajectories_on_device:
-        pytest.skip("positions are not streamed: trajectories run on the device")
-    harness.start()
-    return harness
+        way_s, share = ramped(time_s, RAMP_S, self._brake_s)
+        return self._start + self.velocity * way_s, self.velocity * share
 
 
 def leaps(harness: Harness, recording: Recording, velocity: FloatArray) -> list[str]:
@@ -176,26 +164,24 @@ def judge_reports(harness: Harness, *, moving: bool, stalls: bool) -> None:
     judge(harness, recording, problems)
 
 
-def test_a_stream_in_time_is_not_reported_dry(make_harness: MakeHarness) -> None:
-    judge_reports(started(make_harness), moving=True, stalls=False)
+def test_a_stream_in_time_is_not_reported_dry(streamed: Harness) -> None:
+    judge_reports(streamed, moving=True, stalls=False)
 
 
-def test_a_stream_at_rest_is_not_reported_dry(make_harness: MakeHarness) -> None:
-    harness = started(make_harness)
-    judge_reports(harness, moving=False, stalls=harness.drivers.axes.stream_buffer_s > 0.0)
+def test_a_stream_at_rest_is_not_reported_dry(streamed: Harness) -> None:
+    judge_reports(streamed, moving=False, stalls=streamed.drivers.axes.stream_buffer_s > 0.0)
 
 
-def test_buffers_that_ran_dry_in_motion_are_reported(make_harness: MakeHarness) -> None:
-    harness = started(make_harness)
-    if harness.drivers.axes.stream_buffer_s == 0.0:
+def test_buffers_that_ran_dry_in_motion_are_reported(streamed: Harness) -> None:
+    if streamed.drivers.axes.stream_buffer_s == 0.0:
         pytest.skip("the device holds no setpoints ahead (stream_buffer_s is 0)")
-    stream = StalledStream(harness, moving=True, stalls=True)
-    recording = record_stream(harness, stream, stream.duration_s)
-    off = np.abs(harness.image.position_command - stream.end)
-    problems = stream.problems() + leaps(harness, recording, stream.velocity)
+    stream = StalledStream(streamed, moving=True, stalls=True)
+    recording = record_stream(streamed, stream, stream.duration_s)
+    off = np.abs(streamed.image.position_command - stream.end)
+    problems = stream.problems() + leaps(streamed, recording, stream.velocity)
     problems += [
         f"axis {axis}: {off[axis]:.4f} rad off the last setpoint"
-        for axis in harness.all
+        for axis in streamed.all
         if off[axis] > SETTLED_RAD
     ]
-    judge(harness, recording, problems)
+    judge(streamed, recording, problems)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from robotd.api import Underrun
 from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
-from robotd.testing.conformance.harness import Harness, MakeHarness
-from robotd.testing.conformance.recorded_motion import judge, record_stream
+from robotd.testing.conformance.harness import Harness
+from robotd.testing.conformance.recorded_motion import judge, ramped, record_stream
 
 RAMP_S, CRUISE_S, GAP_S = 0.4, 0.1, 0.06
 MIN_GAP_PERIODS = 10
@@ -53,35 +52,25 @@ class InterruptedStream:
     def _setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray] | None:
         """Position and velocity; None in the gap."""
         gap_at_s = RAMP_S + CRUISE_S
-        if time_s < gap_at_s:
-            ramp_s = min(time_s, RAMP_S)
-            way_s = 0.5 * ramp_s**2 / RAMP_S + max(0.0, time_s - RAMP_S)
-            share = ramp_s / RAMP_S
-        elif time_s < gap_at_s + self.gap_s:
+        end_s = gap_at_s + self.gap_s
+        if gap_at_s <= time_s < end_s:
             return None
-        else:
-            way_s, share = 0.5 * RAMP_S + CRUISE_S, 0.0
-            if self._extrapolates:
-                ramp_s = min(time_s - gap_at_s - self.gap_s, RAMP_S)
-                way_s += self.gap_s + ramp_s - 0.5 * ramp_s**2 / RAMP_S
-                share = 1.0 - ramp_s / RAMP_S
+        way_s, share = ramped(time_s, RAMP_S, end_s)
+        if time_s >= end_s and not self._extrapolates:  # it has stopped in the gap
+            (way_s, _), share = ramped(gap_at_s, RAMP_S, end_s), 0.0
         return self._start + self.velocity * way_s, self.velocity * share
 
 
-def test_an_axis_without_setpoints_does_what_underrun_says(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    if harness.robot.axes.trajectories_on_device:
-        pytest.skip("positions are not streamed: trajectories run on the device")
-    harness.start()
-    underrun = harness.drivers.axes.underrun
+def test_an_axis_without_setpoints_does_what_underrun_says(streamed: Harness) -> None:
+    underrun = streamed.drivers.axes.underrun
     share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0
-    stream = InterruptedStream(harness)
-    recording = record_stream(harness, stream, stream.duration_s)
+    stream = InterruptedStream(streamed)
+    recording = record_stream(streamed, stream, stream.duration_s)
     wanted, found = share * stream.velocity, stream.slopes()
     problems = [
         f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
         f" {wanted[axis]:.3g} rad/s"
-        for axis in harness.all
+        for axis in streamed.all
         if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
     ]
-    judge(harness, recording, problems)
+    judge(streamed, recording, problems)

@@ -14,7 +14,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.motion.profile import Profile
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.recorded_motion import judge, record_move
+from robotd.testing.conformance.recorded_motion import judge, ramped, record_move
 
 LAG_S = 0.03  # granted between a commanded and a measured value
 
@@ -39,26 +39,22 @@ def test_each_axis_moves_alone(harness: Harness) -> None:
         assert harness.image.position == pytest.approx(before, abs=SETTLED_RAD)
 
 
-def test_a_streamed_radian_is_a_measured_radian(harness: Harness) -> None:
-    if harness.robot.axes.trajectories_on_device:
-        pytest.skip("positions are not streamed: trajectories run on the device")
-    start = harness.image.position_command.copy()
-    end = start + harness.travel(0.3)
-    with harness.recording() as recording:
-        stream_ramp(harness, start, end, seconds=1.0)
-    assert harness.image.position == pytest.approx(end, abs=SETTLED_RAD)
+def test_a_streamed_radian_is_a_measured_radian(streamed: Harness) -> None:
+    start = streamed.image.position_command.copy()
+    end = start + streamed.travel(0.3)
+    with streamed.recording() as recording:
+        stream_ramp(streamed, start, end, seconds=1.0)
+    assert streamed.image.position == pytest.approx(end, abs=SETTLED_RAD)
     fastest = 1.5 * np.abs(end - start)  # of the cubic, in 1 s
     assert np.abs(recording.velocity_command).max(0) == pytest.approx(fastest, rel=0.3)
 
 
-def test_a_stream_moves_its_own_axes_alone(harness: Harness) -> None:
-    if harness.robot.axes.trajectories_on_device:
-        pytest.skip("positions are not streamed: trajectories run on the device")
-    start = harness.image.position_command.copy()
-    stream_ramp(harness, start, start + harness.travel(0.3), seconds=1.0, axes=[0])
+def test_a_stream_moves_its_own_axes_alone(streamed: Harness) -> None:
+    start = streamed.image.position_command.copy()
+    stream_ramp(streamed, start, start + streamed.travel(0.3), seconds=1.0, axes=[0])
     expected = start.copy()
-    expected[0] += harness.travel(0.3)[0]
-    assert harness.image.position == pytest.approx(expected, abs=SETTLED_RAD)
+    expected[0] += streamed.travel(0.3)[0]
+    assert streamed.image.position == pytest.approx(expected, abs=SETTLED_RAD)
 
 
 def test_the_measured_position_is_that_of_the_shaft(
@@ -129,7 +125,7 @@ def test_a_streamed_velocity_is_a_measured_velocity(start_harness: MakeHarness) 
     unknown, began_ns = np.full(harness.count, np.nan), harness.clock.now_ns()
 
     def setpoint(image: ProcessImage) -> None:
-        share = min((harness.clock.now_ns() - began_ns) * 1e-9 / 0.3, 1.0)
+        _, share = ramped((harness.clock.now_ns() - began_ns) * 1e-9, 0.3)
         harness.stream(unknown, share * speeds)
 
     claim = harness.robot.axes.claimed("conformance", harness.all, CommandMode.VELOCITY)

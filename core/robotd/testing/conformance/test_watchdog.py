@@ -13,8 +13,9 @@ import pytest
 
 from robotd.device.capabilities import Capability
 from robotd.testing.conformance import killed_process
-from robotd.testing.conformance.harness import SETTLED_RAD, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.kit_target import KitTarget
+from robotd.testing.conformance.recorded_motion import ramped
 
 pytestmark = pytest.mark.needs(Capability.DEVICE_WATCHDOG)
 
@@ -22,26 +23,22 @@ MOVES_S = 0.5
 WATCHDOG_S, GONE_S = 1.0, 2.5  # longest reaction of a device, and time until it is looked at
 
 
-def test_an_axis_stops_when_setpoints_stay_away(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    if harness.robot.axes.trajectories_on_device:
-        pytest.skip(f"the {harness.robot.backend.name} backend streams no positions")
-    start = harness.image.position_command.copy()
-    speeds = harness.speeds(0.3)
-    began_ns = harness.clock.now_ns()
+def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
+    start = streamed.image.position_command.copy()
+    speeds = streamed.speeds(0.3)
+    began_ns = streamed.clock.now_ns()
 
     def setpoint(image: object) -> None:
-        time_s = (harness.clock.now_ns() - began_ns) * 1e-9 + harness.period_s
-        ramp_s = min(time_s, 0.2)
-        way = speeds * (ramp_s**2 / 0.4 + max(0.0, time_s - 0.2))
+        time_s = (streamed.clock.now_ns() - began_ns) * 1e-9 + streamed.period_s
+        way_s, share = ramped(time_s, 0.2)
         if time_s < 0.5:
-            harness.stream(start + way, speeds * ramp_s / 0.2)
+            streamed.stream(start + speeds * way_s, speeds * share)
 
-    claim = harness.robot.axes.claimed("conformance", harness.all)
-    with claim, harness.each_period(setpoint):
-        harness.pass_time(1.5)
-        with harness.recording() as recording:
-            harness.pass_time(0.3)
+    claim = streamed.robot.axes.claimed("conformance", streamed.all)
+    with claim, streamed.each_period(setpoint):
+        streamed.pass_time(1.5)
+        with streamed.recording() as recording:
+            streamed.pass_time(0.3)
     assert np.ptp(recording.position, 0).max() <= SETTLED_RAD, "it went on without setpoints"
 
 
