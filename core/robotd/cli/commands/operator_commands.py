@@ -31,7 +31,7 @@ def gripper(client: RosClient, command: str) -> object:
 @asks_robot
 def output(client: RosClient, name: str, level: str) -> object:
     """Set an output of the running robot by its name in the descriptor."""
-    return import_ros("client.io_client").set_output(client, name, level == "on")
+    return import_ros("client.operator_client").set_output(client, name, level == "on")
 
 
 @click.command("servo", epilog=ROS_EPILOG)

@@ -50,7 +50,7 @@ def sdo() -> None:
 def read(client: RosClient, node: int, index: int, sub: int, bus: int) -> object:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
     where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
-    return import_ros("client.object_client").read_object(client, **where)
+    return import_ros("client.operator_client").read_object(client, **where)
 
 
 @sdo.command("write", epilog=ROS_EPILOG, context_settings={"ignore_unknown_options": True})
@@ -69,5 +69,5 @@ def write(
     All axes have to be at rest. The drive obeys, whatever the limits of the robot are.
     """
     where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
-    objects = import_ros("client.object_client")
+    objects = import_ros("client.operator_client")
     return objects.write_object(client, **where, value=value, size=size or 0)

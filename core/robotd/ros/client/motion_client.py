@@ -12,8 +12,6 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
-from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient, get_action_server_names_and_types_by_node
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -73,13 +71,14 @@ def find_arm(client: RosClient, joints: Collection[str], action: str | None = No
     with client.listen(JointState, JOINT_STATES) as joint_states:
         name, node = _find_action(client, action)
         settled_s = time.monotonic() + _SETTLE_S
-        count, units = _joints(client, node)
+        # Other servers may have neither.
+        count, units = client.parameters(node, ["joint_number", "joint_units"]) or (None, None)
         groups = _groups(client, node)
         names = joint_states.wait().name[:count]
         if action is None:
             _check_only_one(client, settled_s, groups)
         positions = dict(zip(names, joint_states.newest.position, strict=False))
-        unit_of = dict(zip(names, units, strict=False))
+        unit_of = dict(zip(names, units or (), strict=False))
         if groups:
             group = _action_of(joints, groups)
             name = name if action else group
@@ -234,30 +233,11 @@ def _action_of(joints: Collection[str], groups: Groups) -> str:
 
 def _groups(client: RosClient, node: str) -> Groups:
     """Return the joints of each action of ``node``; empty for a robot without joint groups."""
-    names = _texts(client, node, [GROUPS])
-    if not names:
+    names = client.parameters(node, [GROUPS])
+    if not names or not names[0]:
         return {}
     keys = [f"{group}.{key}" for group in names[0] for key in (ACTION, JOINTS)]
-    values = _texts(client, node, keys)
+    values = client.parameters(node, keys)
     namespace = posixpath.dirname(node)
-    actions = [posixpath.join(namespace, action) for (action,) in values[::2]]
+    actions = [posixpath.join(namespace, action) for action in values[::2]]
     return dict(zip(actions, values[1::2], strict=True))
-
-
-def _texts(client: RosClient, node: str, names: Sequence[str]) -> list[list[str]]:
-    """Return the texts of parameters; empty where the node has not all of them."""
-    response = client.call(GetParameters, f"{node}/get_parameters", names=names)
-    return [list(value.string_array_value) or [value.string_value] for value in response.values]
-
-
-def _joints(client: RosClient, node: str) -> tuple[int | None, list[str]]:
-    """Return how many joint states are the arm's, and their units; None: all of them."""
-    names = ["joint_number", "joint_units"]
-    response = client.call(GetParameters, f"{node}/get_parameters", names=names)
-    values = {value.type: value for value in response.values}  # other servers may have neither
-    count = values.get(ParameterType.PARAMETER_INTEGER)
-    units = values.get(ParameterType.PARAMETER_STRING_ARRAY)
-    return (
-        None if count is None else int(count.integer_value),
-        [] if units is None else list(units.string_array_value),
-    )

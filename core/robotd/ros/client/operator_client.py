@@ -1,4 +1,4 @@
-"""Operator commands for a running robot: recovery, stop, reset and speed."""
+"""Operator commands for a running robot: recovery, stop, speed, outputs and objects."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ import time
 from collections.abc import Callable
 
 from std_msgs.msg import Float64, String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
-from robotd.errors import DeviceTimeout, OperationError
+from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.qos import LATCHED
 
 STOPPED = f"{OPERATOR_NODE}/stopped"
 SPEED = f"{OPERATOR_NODE}/speed"
+IO = f"{OPERATOR_NODE}/io"
 DISCOVERY_S = 1.0
+LEVELS = {"on": True, "off": False}
+
+Levels = dict[str, bool | None]
 
 
 def stop(client: RosClient) -> str:
@@ -108,3 +112,42 @@ def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) ->
         if not line.startswith("failed; "):  # the response has it too
             on_step(line)
         printed.append(line)
+
+
+def read_levels(text: str) -> tuple[Levels, Levels]:
+    """Return inputs and outputs by name, of a message of the topic; None: unknown."""
+    inputs: Levels = {}
+    outputs: Levels = {}
+    for line in text.splitlines():
+        kind, _, rest = line.partition(" ")
+        name, _, level = rest.partition(": ")
+        (inputs if kind == "input" else outputs)[name] = LEVELS.get(level)
+    return inputs, outputs
+
+
+def set_output(client: RosClient, name: str, on: bool) -> str:
+    """Set a named output; return the robot's answer.
+
+    Raises:
+        InvalidArgument: the robot has no such name.
+        DeviceTimeout: no robot answers in time.
+        OperationError: the robot's reason for a rejection.
+    """
+    with client.listen(String, IO, LATCHED) as levels:
+        _, outputs = read_levels(levels.wait().data)
+    if name not in outputs:
+        raise InvalidArgument(unknown_name("output", name, outputs))
+    return str(client.call(SetBool, f"{OPERATOR_NODE}/outputs/{name}", data=on).message)
+
+
+def read_object(client: RosClient, **fields: int) -> str:
+    """Return the value of an object as text; fields as of the service.
+
+    Raises OperationError with the robot's reason, DeviceTimeout without a robot.
+    """
+    return client.call_named("wmx/ecat/read_object", fields)
+
+
+def write_object(client: RosClient, **fields: int) -> str:
+    """Write an object; return the value read back. Raises as ``read_object`` does."""
+    return client.call_named("wmx/ecat/write_object", fields)

@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 import rclpy
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
@@ -26,7 +26,7 @@ _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
 
 class RosClient:
-    """ROS node that calls services and waits for messages, between ``start`` and ``close``.
+    """ROS node that calls services and waits for messages: ``with RosClient() as client:``.
 
     Signal handlers are left alone: Ctrl-C raises KeyboardInterrupt out of a wait.
 
@@ -76,6 +76,13 @@ class RosClient:
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def wait(self, condition: Callable[[], Any], what: str, timeout_s: float | None = None) -> Any:
         """Return the first true result of ``condition``, called after every event.
@@ -131,6 +138,14 @@ class RosClient:
         if not result.successful:
             raise OperationError(result.reason)
         return str(result.reason)
+
+    def parameters(self, node: str, names: Sequence[str]) -> list[Any]:
+        """Return the values of parameters of ``node``, None for one that is not set.
+
+        Empty where the node has not declared all of them. Raises as ``call``.
+        """
+        response = self.call(GetParameters, f"{node}/get_parameters", names=names)
+        return list(map(parameter_value_to_python, response.values))
 
     def listen(self, message_type: Any, topic: str, qos: Any = 1) -> Listener:
         """Subscribe ``topic`` until the listener is closed."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from std_srvs.srv import SetBool
@@ -34,20 +33,10 @@ def step(ros_args: Sequence[str], timeout_s: float, periods: int) -> str:
 
 def pause(ros_args: Sequence[str], timeout_s: float, *, paused: bool) -> str:
     """Pause or resume simulated time. Raises as ``inject`` does."""
-    with _client(ros_args, timeout_s) as client:
+    with RosClient(ros_args, timeout_s) as client:
         return str(client.call(SetBool, f"{SIMULATION_NODE}/pause", data=paused).message)
 
 
 def _ask(ros_args: Sequence[str], timeout_s: float, service: str, fields: Mapping[str, Any]) -> str:
-    with _client(ros_args, timeout_s) as client:
+    with RosClient(ros_args, timeout_s) as client:
         return client.call_named(f"{SIMULATION_NODE}/{service}", fields)
-
-
-@contextmanager
-def _client(ros_args: Sequence[str], timeout_s: float) -> Iterator[RosClient]:
-    client = RosClient(ros_args, timeout_s)
-    client.start()
-    try:
-        yield client
-    finally:
-        client.close()

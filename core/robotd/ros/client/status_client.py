@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
-from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
@@ -17,8 +16,14 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
-from robotd.ros.client.io_client import IO, Levels, read_levels
-from robotd.ros.client.operator_client import DISCOVERY_S, SPEED, STOPPED
+from robotd.ros.client.operator_client import (
+    DISCOVERY_S,
+    IO,
+    SPEED,
+    STOPPED,
+    Levels,
+    read_levels,
+)
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.qos import LATCHED
@@ -273,9 +278,7 @@ def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:
 
 def read_axes(client: RosClient) -> tuple[AxisIdentity, ...]:
     """Return names and units of the axes. Raises DeviceTimeout without ``wmx_core_motion_node``."""
-    parameters = ["axis_names", "axis_units"]
-    response = client.call(GetParameters, f"{AXIS_NODE}/get_parameters", names=parameters)
-    names, units = (each.string_array_value for each in response.values)
+    names, units = client.parameters(AXIS_NODE, ["axis_names", "axis_units"])
     return tuple(map(AxisIdentity, names, units))
 
 
