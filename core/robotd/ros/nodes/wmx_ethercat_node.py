@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Mapping
 from typing import Any
 
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from wmx_ros2_message.srv import (
     EcatGetNetworkState,
@@ -13,15 +15,19 @@ from wmx_ros2_message.srv import (
     EcatStartHotconnect,
 )
 
+from robotd.device.object_text import object_text
+from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.ethercat_conversions import fill_network_state
-from robotd.ros.nodes.object_services import ObjectServices
-from robotd.ros.services import add_service
+from robotd.ros.services import add_service, named_values
+
+OBJECT = ("slave_id", "index", "subindex")
+MAX_SIZE = 8
 
 
 class WmxEthercatNode(Node):
-    """Services of diagnostics and of objects; they run in workers."""
+    """Services of diagnostics and of objects (SDO); the latter answer the value in the node."""
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_ethercat_node", context=host.context)
@@ -31,9 +37,10 @@ class WmxEthercatNode(Node):
             (EcatRegisterRead, "register_read", self._register_read),
             (EcatResetStatistics, "reset_statistics", self._reset_statistics),
             (EcatStartHotconnect, "start_hotconnect", self._start_hot_connect),
+            (SetParametersAtomically, "read_object", named_values(self._read_object)),
+            (SetParametersAtomically, "write_object", named_values(self._write_object)),
         ):
             add_service(self, host, service_type, f"wmx/ecat/{name}", handler)
-        self._objects = ObjectServices(self, host, robot.fieldbus)
 
     def _get_network_state(self, request: Any, response: Any) -> None:
         fill_network_state(response, self._fieldbus.status(request.master_id))
@@ -52,3 +59,41 @@ class WmxEthercatNode(Node):
     def _start_hot_connect(self, request: Any, response: Any) -> str:
         self._fieldbus.start_hot_connect(request.master_id)
         return "hot connect started"
+
+    def _read_object(self, fields: dict[str, Any]) -> str:
+        numbers = whole_numbers(fields, OBJECT, {"master_id": 0})
+        return object_text(self._fieldbus.read_object(*address(numbers)))
+
+    def _write_object(self, fields: dict[str, Any]) -> str:
+        numbers = whole_numbers(fields, (*OBJECT, "value"), {"master_id": 0, "size": 0})
+        where = address(numbers)
+        size = numbers["size"] or len(self._fieldbus.read_object(*where))
+        self._fieldbus.write_object(*where, little_endian(numbers["value"], size))
+        return object_text(self._fieldbus.read_object(*where))
+
+
+def whole_numbers(
+    fields: Mapping[str, Any], required: tuple[str, ...], optional: Mapping[str, int]
+) -> dict[str, int]:
+    """Return the values of a request. Raises InvalidArgument for a missing or unknown one."""
+    numbers = {**optional, **fields}
+    known = {*required, *optional}
+    if known != numbers.keys() or any(type(each) is not int for each in numbers.values()):
+        wanted = ", ".join((*required, *(f"[{name}]" for name in optional)))
+        raise InvalidArgument(f"expected the whole numbers {wanted}; got {dict(fields)}")
+    return numbers
+
+
+def address(numbers: Mapping[str, int]) -> tuple[int, int, int, int]:
+    """Return bus, node, index and subindex of a request."""
+    return numbers["master_id"], numbers["slave_id"], numbers["index"], numbers["subindex"]
+
+
+def little_endian(value: int, size: int) -> bytes:
+    """Return ``size`` bytes of ``value``, signed or not. Raises InvalidArgument."""
+    if not 1 <= size <= MAX_SIZE:
+        raise InvalidArgument(f"size {size} is outside 1..{MAX_SIZE} bytes")
+    limit = 1 << 8 * size
+    if not -limit // 2 <= value < limit:
+        raise InvalidArgument(f"value {value} does not fit in {size} bytes")
+    return (value % limit).to_bytes(size, "little")
