@@ -15,11 +15,7 @@ from rclpy.clock import Clock, JumpThreshold, ROSClock
 
 
 class StampClock:
-    """Fast reader of a node's clock. Any thread.
-
-    ``Clock.now()`` takes 2 us, and to ask whether ROS time is the system's nearly as long: 10 us
-    each in a loop that comes out of a sleep. The clock says by itself when that changes.
-    """
+    """Fast reader of a node's clock. Any thread."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

@@ -36,23 +36,14 @@ class GripperController(Node):
         if robot.gripper is None:
             raise DescriptorError(f"{NAME} needs a gripper, which {robot.descriptor.name} has not")
         single, parallel = read_settings(self, robot.descriptor, read_gripper_controller)
-        self._actions = []
-        if single:
-            self._actions.append(
-                GripperAction(self, host, robot.gripper, GripperCommand, single, _wanted, _result)
+        self._actions = [
+            GripperAction(self, host, robot.gripper, action_type, name, wanted, fill)
+            for action_type, name, wanted, fill in (
+                (GripperCommand, single, _wanted, _fill),
+                (ParallelGripperCommand, parallel, _wanted_in_parallel, _fill_in_parallel),
             )
-        if parallel:
-            self._actions.append(
-                GripperAction(
-                    self,
-                    host,
-                    robot.gripper,
-                    ParallelGripperCommand,
-                    parallel,
-                    _wanted_in_parallel,
-                    _result_in_parallel,
-                )
-            )
+            if name
+        ]
 
 
 class GripperAction:
@@ -76,7 +67,7 @@ class GripperAction:
         action_type: Any,
         name: str,
         wanted: Callable[[Any, Gripper], float],
-        fill: Callable[[Any, Gripper, GripperState], Any],
+        fill: Callable[[Any, Gripper, GripperState], None],
     ) -> None:
         self._host, self._gripper, self._type = host, gripper, action_type
         self._wanted, self._fill = wanted, fill
@@ -158,15 +149,13 @@ def _wanted_in_parallel(request: Any, gripper: Gripper) -> float:
     return gripper.checked(float(command.position[0]))
 
 
-def _result(message: Any, gripper: Gripper, state: GripperState) -> Any:
+def _fill(message: Any, gripper: Gripper, state: GripperState) -> None:
     message.position = state.position_m
     message.stalled, message.reached_goal = state.stalled, state.reached
-    return message
 
 
-def _result_in_parallel(message: Any, gripper: Gripper, state: GripperState) -> Any:
+def _fill_in_parallel(message: Any, gripper: Gripper, state: GripperState) -> None:
     message.state.name = list(gripper.joints)
     message.state.position = [state.position_m] * len(gripper.joints)
     message.state.velocity = [0.0] * len(gripper.joints)
     message.stalled, message.reached_goal = state.stalled, state.reached
-    return message

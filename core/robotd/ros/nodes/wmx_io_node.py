@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -21,30 +23,14 @@ class WmxIoNode(Node):
         super().__init__("wmx_io_node", context=host.context)
         self._io = robot.io
         for service_type, name, handler, writes in (
-            (GetIoBit, "get_input_bit", self._get_input_bit, False),
-            (GetIoBit, "get_output_bit", self._get_output_bit, False),
-            (GetIoBytes, "get_input_bytes", self._get_input_bytes, False),
-            (GetIoBytes, "get_output_bytes", self._get_output_bytes, False),
+            (GetIoBit, "get_input_bit", partial(_get_bit, robot.io.input_bit), False),
+            (GetIoBit, "get_output_bit", partial(_get_bit, robot.io.output_bit), False),
+            (GetIoBytes, "get_input_bytes", partial(_get_bytes, robot.io.input_bytes), False),
+            (GetIoBytes, "get_output_bytes", partial(_get_bytes, robot.io.output_bytes), False),
             (SetIoBit, "set_output_bit", self._set_output_bit, True),
             (SetIoBytes, "set_output_bytes", self._set_output_bytes, True),
         ):
             add_service(self, host, service_type, f"wmx/io/{name}", handler, blocking=writes)
-
-    def _get_input_bit(self, request: Any, response: Any) -> str:
-        response.value = int(self._io.input_bit(request.byte, request.bit))
-        return "ok"
-
-    def _get_output_bit(self, request: Any, response: Any) -> str:
-        response.value = int(self._io.output_bit(request.byte, request.bit))
-        return "ok"
-
-    def _get_input_bytes(self, request: Any, response: Any) -> str:
-        response.data = array("B", self._io.input_bytes(request.byte, request.length))
-        return "ok"
-
-    def _get_output_bytes(self, request: Any, response: Any) -> str:
-        response.data = array("B", self._io.output_bytes(request.byte, request.length))
-        return "ok"
 
     def _set_output_bit(self, request: Any, response: Any) -> str:
         if request.value not in (0, 1):
@@ -55,3 +41,13 @@ class WmxIoNode(Node):
     def _set_output_bytes(self, request: Any, response: Any) -> str:
         self._io.set_output_bytes(request.byte, bytes(request.data))
         return "ok"
+
+
+def _get_bit(read: Callable[[int, int], bool], request: Any, response: Any) -> str:
+    response.value = int(read(request.byte, request.bit))
+    return "ok"
+
+
+def _get_bytes(read: Callable[[int, int], bytes], request: Any, response: Any) -> str:
+    response.data = array("B", read(request.byte, request.length))
+    return "ok"
