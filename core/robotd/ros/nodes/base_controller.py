@@ -25,10 +25,10 @@ from robotd.node_settings.parameter_reader import ParameterReader
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import TypeMismatchCheck
+from robotd.ros.nodes.latched_topics import publish_description
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import OdometryTopics
 from robotd.ros.nodes.rejection_log import RejectionLog
-from robotd.ros.nodes.robot_description import publish_description
 from robotd.ros.nodes.trajectory_conversions import stamp_ns
 from robotd.ros.services import add_service, add_subscription
 

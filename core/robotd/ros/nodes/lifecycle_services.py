@@ -15,7 +15,7 @@ from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.lifecycle_table import GRAPH, State, Transition, available
-from robotd.ros.nodes.ready_topic import publish_if_alive
+from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.robot_lifecycle import RobotLifecycle
 from robotd.ros.services import add_service
 

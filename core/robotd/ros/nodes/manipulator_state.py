@@ -8,8 +8,8 @@ from robotd.node_settings.arm_settings import read_manipulator_state
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.joint_state_topics import JointStateTopics
+from robotd.ros.nodes.latched_topics import publish_description
 from robotd.ros.nodes.node_parameters import read_settings
-from robotd.ros.nodes.robot_description import publish_description
 
 NAME = "manipulator_state"
 

@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool
 from robotd.device.process_image import ProcessImage
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.nodes.ready_topic import publish_if_alive
+from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.qos import LATCHED
 from robotd.ros.services import add_service
 

@@ -17,9 +17,9 @@ from robotd.observation.recorder import Recorder
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.nodes.named_io import NamedIo
 from robotd.ros.nodes.node_parameters import Parameters
-from robotd.ros.nodes.ready_topic import publish_if_alive
 from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
 from robotd.ros.qos import LATCHED
 from robotd.ros.services import add_service, add_subscription, named_values

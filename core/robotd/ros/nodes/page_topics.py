@@ -17,7 +17,7 @@ from robotd.observation.tap import Tap
 from robotd.page.page_description import identity
 from robotd.page.page_feed import PageFeed
 from robotd.recording.message_encoders import octets_message, string_message
-from robotd.ros.nodes.ready_topic import publish_if_alive
+from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.page_messages import (
     ALL,
     CHANGES,

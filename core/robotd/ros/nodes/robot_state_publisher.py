@@ -20,9 +20,9 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes.joint_state_topics import Fingers
+from robotd.ros.nodes.latched_topics import publish_description
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import TF_DEPTH
-from robotd.ros.nodes.robot_description import publish_description
 from robotd.ros.nodes.tool_pose_topic import fill_transform
 from robotd.ros.qos import LATCHED
 

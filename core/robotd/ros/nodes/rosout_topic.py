@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from robotd import log
 from robotd.clock import NANOSECONDS
-from robotd.ros.nodes.ready_topic import publish_if_alive
+from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.qos import ROSOUT
 
 LEVELS = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARN, "critical": Log.FATAL}

@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 from robotd.arrays import FloatArray
 from robotd.descriptor.urdf import transform_numbers
 from robotd.robot import Robot
-from robotd.ros.nodes.ready_topic import publish_if_alive
+from robotd.ros.nodes.latched_topics import publish_if_alive
 
 TOPIC = "~/tool_pose"
 RATE_HZ = 10.0

@@ -18,8 +18,8 @@ from robotd.ros.host import RosHost
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.axis_jog import AxisJog
 from robotd.ros.nodes.axis_state_topic import RATE_HZ, AxisStateTopic
+from robotd.ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.node_parameters import read_settings
-from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.services import ServiceHandler, add_service, add_subscription
 

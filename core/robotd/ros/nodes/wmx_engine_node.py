@@ -12,9 +12,9 @@ from robotd.errors import NotReady
 from robotd.node_settings.device_settings import read_engine
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
+from robotd.ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.lifecycle_services import LifecycleServices
 from robotd.ros.nodes.node_parameters import read_settings
-from robotd.ros.nodes.ready_topic import PERIOD_S, ReadyTopic
 from robotd.ros.services import add_service
 
 READY = "wmx/engine/ready"

@@ -1,4 +1,4 @@
-"""Latched topic: true while the robot takes commands."""
+"""Latched topics: readiness for commands and the URDF; publishing for the life of a node."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rclpy.clock_type import ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 
 from robotd.device.connection import Connection
 from robotd.ros.qos import LATCHED
@@ -42,3 +42,11 @@ def publish_if_alive(publisher: Publisher, message: Any) -> None:
     """Publish, unless the node is gone; the robot outlives it where a program has both."""
     with suppress(InvalidHandle, RCLError):
         publisher.publish(message)
+
+
+def publish_description(node: Node, description: str) -> None:
+    """Publish a URDF once, as robot_state_publisher has it; an empty one is not published."""
+    if description:
+        node.create_publisher(String, "robot_description", LATCHED).publish(
+            String(data=description)
+        )
