@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from robotd.descriptor import RobotDescriptor
 from robotd.descriptor.group_parameters import (
@@ -14,7 +14,7 @@ from robotd.descriptor.group_parameters import (
     default_action,
     group_prefixes,
 )
-from robotd.node_settings.constraint_settings import Constraints, read_constraints
+from robotd.node_settings.constraint_settings import read_constraints
 from robotd.node_settings.parameter_reader import ParameterReader
 
 FILE_MEANING = "parameter file; empty: the robot's"
@@ -49,12 +49,12 @@ class TrajectoryServerSettings(NamedTuple):
     Attributes:
         actions: name of the action of each joint group.
         gripper: name of the gripper's service, "" for none.
-        constraints: default tolerances of goals.
+        constraints: parameters of goals that change at run time, by name.
     """
 
     actions: Mapping[str, str]
     gripper: str
-    constraints: Constraints
+    constraints: Mapping[str, Any]
 
 
 def read_manipulator_state(

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from robotd.control.joint_group import JointGroups
+from robotd.log import get_logger
 from robotd.node_settings.arm_settings import read_trajectory_server
+from robotd.node_settings.constraint_settings import (
+    END_VELOCITY,
+    GOAL_TIME,
+    goal_name,
+    path_name,
+)
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.nodes.constraint_parameters import ConstraintParameters
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.trajectory_action import TrajectoryAction
 from robotd.ros.services import add_service
 
 NAME = "follow_joint_trajectory_server"
+
+log = get_logger("trajectory")
 
 
 class FollowJointTrajectoryServer(Node):
@@ -41,3 +53,51 @@ class FollowJointTrajectoryServer(Node):
         if self._robot.gripper is not None:
             self._robot.gripper.command(request.data)
         return "gripper closes" if request.data else "gripper opens"
+
+
+class ConstraintParameters:
+    """Applies the parameters that ``ros2 param set`` changes to the goals that follow.
+
+    Executor thread.
+
+    Args:
+        node: has declared the parameters.
+        groups: of the joints.
+        values: at the start, by name.
+    """
+
+    def __init__(self, node: Node, groups: JointGroups, values: Mapping[str, Any]) -> None:
+        self._groups, self._values = groups, dict(values)
+        self._apply()
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._changed)
+
+    def _check(self, parameters: Sequence[Any]) -> SetParametersResult:
+        for each in parameters:
+            value = each.value
+            is_tolerance = each.name in self._values and each.name != END_VELOCITY
+            if is_tolerance and not (math.isfinite(value) and value >= 0.0):
+                what = f"{each.name}: {value} is not a finite number of at least 0"
+                return SetParametersResult(successful=False, reason=what)
+        return SetParametersResult(successful=True)
+
+    def _changed(self, parameters: Sequence[Any]) -> None:
+        changed = {each.name: each.value for each in parameters if each.name in self._values}
+        if changed:
+            self._values.update(changed)
+            self._apply()
+            log.info("settings of goals changed", **changed)
+
+    def _apply(self) -> None:
+        for group in self._groups.values():
+            names = group.joint_names
+            group.follower.allow_end_velocity(self._values[END_VELOCITY])
+            group.follower.set_default_tolerances(
+                [self._limit(path_name(name)) for name in names],
+                [self._limit(goal_name(name)) for name in names],
+                self._limit(GOAL_TIME),
+            )
+
+    def _limit(self, name: str) -> float:
+        """Return a tolerance; inf where it is not checked."""
+        return self._values[name] or math.inf
