@@ -19,8 +19,8 @@ from robotd.node_settings.device_settings import read_state_publisher
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher, StampClock
-from robotd.ros.nodes.joint_state_topics import Fingers
 from robotd.ros.nodes.latched_topics import publish_description
+from robotd.ros.nodes.manipulator_state import Fingers
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import TF_DEPTH
 from robotd.ros.nodes.tool_pose_topic import fill_transform
