@@ -15,7 +15,7 @@ from robotd_docs.markdown import table
 
 JOINTS = "joints"  # the fixture of checks that need joints
 INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one
-USES_INJECTOR = re.compile(r"\bharness\.(injector|trip)\b")
+USES_INJECTOR = re.compile(r"\.injector\b|harness\.trip\(")
 MUTANTS = Path(__file__).parents[3] / "tests" / "conformance" / "mutants"
 FOLDER = Path(robotd.testing.conformance.__file__).parent
 

@@ -114,25 +114,42 @@ def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
 
 
 @pytest.fixture
-def start_harness(make_harness: MakeHarness) -> MakeHarness:
-    """Function that builds and starts a harness; ``enable=False`` leaves its servos off."""
-
-    def start(*, enable: bool = True, **options: Any) -> Harness:
-        harness = make_harness(**options)
-        harness.start(enable=enable)
-        return harness
-
-    return start
+def unopened(make_harness: MakeHarness) -> Harness:
+    """A harness of its own, whose device is not open."""
+    return make_harness()
 
 
 @pytest.fixture
-def streamed(make_harness: MakeHarness) -> Harness:
+def disabled(unopened: Harness) -> Harness:
+    """A started harness of its own, with the servos off."""
+    unopened.start(enable=False)
+    return unopened
+
+
+@pytest.fixture
+def fresh(unopened: Harness) -> Harness:
+    """A started harness of its own, with the servos on; the check may leave it as it likes."""
+    unopened.start()
+    return unopened
+
+
+@pytest.fixture
+def rescalable(fresh: Harness) -> Harness:
+    """A harness of its own, away from zero, with the servos off, whose scale may change."""
+    fresh.require_rescaling()
+    fresh.move_all()
+    fresh.rest()
+    fresh.disable()
+    return fresh
+
+
+@pytest.fixture
+def streamed(unopened: Harness) -> Harness:
     """A started harness of its own; a device that streams no positions skips the check."""
-    harness = make_harness()
-    if harness.robot.axes.trajectories_on_device:
+    if unopened.robot.axes.trajectories_on_device:
         pytest.skip("positions are not streamed: trajectories run on the device")
-    harness.start()
-    return harness
+    unopened.start()
+    return unopened
 
 
 @pytest.fixture

@@ -352,9 +352,10 @@ class Harness:
     def can(self, capability: Capability) -> bool:
         return capability in self.robot.capabilities
 
-    def may_rescale(self) -> bool:
-        """Return True when a change of scale or home can be undone."""
-        return self.can(Capability.SIMULATED) or self.robot.descriptor.parameters_file is not None
+    def require_rescaling(self) -> None:
+        """Skip the check where a change of scale or home cannot be undone."""
+        if not self.can(Capability.SIMULATED) and self.robot.descriptor.parameters_file is None:
+            pytest.skip("would change the drives for good: the robot has no parameter file")
 
 
 class InjectedFaults:
@@ -393,4 +394,4 @@ class InjectedFaults:
 
 
 MakeHarness = Callable[..., Harness]
-"""Fixtures ``make_harness`` and ``start_harness``; keywords as of ``KitTarget.build``."""
+"""Fixture ``make_harness``; keywords as of ``KitTarget.build``."""

@@ -13,7 +13,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import Unsupported
-from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.recorded_motion import record_move
 
 CALLS = 20
@@ -49,39 +49,37 @@ def test_values_follow_the_motion(harness: Harness) -> None:
         assert len(changed) > 3, "the position stands still while the axis moves"
 
 
-def test_a_dead_bus_does_not_look_alive(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    injector, connection = harness.injector, harness.robot.connection
+def test_a_dead_bus_does_not_look_alive(fresh: Harness) -> None:
+    injector, connection = fresh.injector, fresh.robot.connection
     injector.freeze(True)
     stale_s = connection.settings.stale_after_s
-    harness.until(lambda: not connection.ready, "the engine is not ready", 3 * stale_s + 0.2)
+    fresh.until(lambda: not connection.ready, "the engine is not ready", 3 * stale_s + 0.2)
     assert connection.state in (ConnectionState.UNKNOWN, ConnectionState.RUNNING)
     injector.freeze(False)
     if connection.state is ConnectionState.UNKNOWN:
-        harness.until(lambda: connection.ready, "the engine is ready again when values arrive")
+        fresh.until(lambda: connection.ready, "the engine is ready again when values arrive")
 
 
-def test_the_device_says_at_once_why_it_is_silent(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    device: DeviceDriver = vars(harness.drivers.device)["wrapped"]
+def test_the_device_says_at_once_why_it_is_silent(unopened: Harness) -> None:
+    device: DeviceDriver = vars(unopened.drivers.device)["wrapped"]
 
     def said() -> str:
         began_s = time.perf_counter()
         text = min(device.fault() for _ in range(CALLS))
-        assert (time.perf_counter() - began_s) / CALLS < harness.period_s, "fault() blocks"
+        assert (time.perf_counter() - began_s) / CALLS < unopened.period_s, "fault() blocks"
         assert "\n" not in text, "a fault is part of a line"
         return text
 
     said()
-    harness.start()
+    unopened.start()
     assert said() == "", "a fault while fresh values arrive"
-    if harness.fault_injector is not None:
+    if unopened.fault_injector is not None:
         with suppress(Unsupported):
-            harness.fault_injector.freeze(True)
-            harness.until(lambda: not harness.robot.connection.ready, "the engine is not ready")
+            unopened.fault_injector.freeze(True)
+            unopened.until(lambda: not unopened.robot.connection.ready, "the engine is not ready")
             said()
-            harness.fault_injector.freeze(False)
-    harness.robot.connection.close()
+            unopened.fault_injector.freeze(False)
+    unopened.robot.connection.close()
     said()
 
 
@@ -99,13 +97,12 @@ def test_a_dead_bus_ends_a_trajectory(
     harness.rest()
 
 
-def test_nothing_is_fresh_after_communication_stopped(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    harness.robot.connection.stop_communication()
-    harness.pass_time(0.05)
-    image = ProcessImage(harness.count)
-    harness.drivers.axes.read(image)
+def test_nothing_is_fresh_after_communication_stopped(fresh: Harness) -> None:
+    fresh.robot.connection.stop_communication()
+    fresh.pass_time(0.05)
+    image = ProcessImage(fresh.count)
+    fresh.drivers.axes.read(image)
     last = image.fresh_ns
-    harness.pass_time(0.2)
-    harness.drivers.axes.read(image)
+    fresh.pass_time(0.2)
+    fresh.drivers.axes.read(image)
     assert image.fresh_ns == last

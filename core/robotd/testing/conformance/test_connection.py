@@ -11,7 +11,7 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.state import ConnectionState
 from robotd.errors import NotReady, RobotdError
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 from robotd_wmx_parameters import (
     WmxParameters,
     default_wmx_parameters,
@@ -20,17 +20,16 @@ from robotd_wmx_parameters import (
 )
 
 
-def test_a_device_that_is_made_is_idle(make_harness: MakeHarness) -> None:
-    assert make_harness().drivers.device.state() is ConnectionState.IDLE
+def test_a_device_that_is_made_is_idle(unopened: Harness) -> None:
+    assert unopened.drivers.device.state() is ConnectionState.IDLE
 
 
-def test_the_states_follow_the_calls(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    device = harness.drivers.device
-    harness.begin()
+def test_the_states_follow_the_calls(unopened: Harness) -> None:
+    device = unopened.drivers.device
+    unopened.begin()
     seen = []
     calls: list[Callable[[], None]] = [
-        harness.open,
+        unopened.open,
         lambda: device.start_communication(10.0),
         lambda: device.stop_communication(10.0),
         lambda: device.start_communication(10.0),
@@ -42,8 +41,8 @@ def test_the_states_follow_the_calls(make_harness: MakeHarness) -> None:
     assert seen == ["RUNNING", "COMMUNICATING", "RUNNING", "COMMUNICATING", "IDLE"]
 
 
-def test_every_call_may_come_twice(make_harness: MakeHarness) -> None:
-    connection = make_harness().robot.connection
+def test_every_call_may_come_twice(unopened: Harness) -> None:
+    connection = unopened.robot.connection
     for call, state in (
         (connection.open, ConnectionState.RUNNING),
         (connection.start_communication, ConnectionState.COMMUNICATING),
@@ -56,8 +55,8 @@ def test_every_call_may_come_twice(make_harness: MakeHarness) -> None:
         assert connection.state is state
 
 
-def test_closing_a_device_twice_or_unopened_is_no_error(make_harness: MakeHarness) -> None:
-    device = make_harness().drivers.device
+def test_closing_a_device_twice_or_unopened_is_no_error(unopened: Harness) -> None:
+    device = unopened.drivers.device
     device.close()
     device.open()
     device.close()
@@ -65,8 +64,8 @@ def test_closing_a_device_twice_or_unopened_is_no_error(make_harness: MakeHarnes
     assert device.state() is ConnectionState.IDLE
 
 
-def test_calls_out_of_order_are_rejected_or_have_no_effect(make_harness: MakeHarness) -> None:
-    connection = make_harness().robot.connection
+def test_calls_out_of_order_are_rejected_or_have_no_effect(unopened: Harness) -> None:
+    connection = unopened.robot.connection
     with pytest.raises(NotReady):
         connection.start_communication()
     with pytest.raises(NotReady):
@@ -76,69 +75,64 @@ def test_calls_out_of_order_are_rejected_or_have_no_effect(make_harness: MakeHar
     assert connection.state is ConnectionState.IDLE
 
 
-def test_communication_without_an_open_device_is_rejected(make_harness: MakeHarness) -> None:
-    device = make_harness().drivers.device
+def test_communication_without_an_open_device_is_rejected(unopened: Harness) -> None:
+    device = unopened.drivers.device
     with pytest.raises(RobotdError):
         device.start_communication(1.0)
     assert device.state() is ConnectionState.IDLE
 
 
-def test_it_works_again_after_it_was_closed(make_harness: MakeHarness) -> None:
-    harness = make_harness()
+def test_it_works_again_after_it_was_closed(unopened: Harness) -> None:
     for _ in range(2):
-        harness.start()
-        targets = harness.move_all(0.3)
-        harness.rest()
-        assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
-        harness.robot.connection.close()
-        harness.until(
-            lambda: not harness.robot.connection.ready, "the engine is not ready once it is closed"
+        unopened.start()
+        targets = unopened.move_all(0.3)
+        unopened.rest()
+        assert np.abs(unopened.image.position - targets).max() <= SETTLED_RAD
+        unopened.robot.connection.close()
+        unopened.until(
+            lambda: not unopened.robot.connection.ready, "the engine is not ready once it is closed"
         )
 
 
-def test_starting_enables_and_moves_nothing(start_harness: MakeHarness) -> None:
-    harness = start_harness(enable=False)
-    start = harness.image.position.copy()
-    harness.pass_time(0.3)
-    assert not harness.image.servo_on.any()
-    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
+def test_starting_enables_and_moves_nothing(disabled: Harness) -> None:
+    start = disabled.image.position.copy()
+    disabled.pass_time(0.3)
+    assert not disabled.image.servo_on.any()
+    assert np.abs(disabled.image.position - start).max() <= SETTLED_RAD
 
 
-def test_a_start_that_times_out_is_undone(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    harness.begin()
-    connection = harness.robot.connection
+def test_a_start_that_times_out_is_undone(unopened: Harness) -> None:
+    unopened.begin()
+    connection = unopened.robot.connection
     settings = connection.settings
     connection.settings = settings.model_copy(update={"communication_timeout_s": 0.001})
     connection.open()
     try:
         connection.start_communication()
     except RobotdError:
-        harness.pass_time(1.0)
-        late = harness.drivers.device.state()
+        unopened.pass_time(1.0)
+        late = unopened.drivers.device.state()
         assert late is ConnectionState.RUNNING, f"{late.value} after a start that failed"
     connection.settings = settings
     connection.start_communication()
-    harness.until(lambda: connection.ready, "the engine is ready")
+    unopened.until(lambda: connection.ready, "the engine is ready")
 
 
-def test_servos_are_off_after_communication_stopped(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    harness.drivers.device.stop_communication(10.0)
-    harness.periods(3)
-    harness.robot.connection.start_communication()
-    harness.until(lambda: harness.robot.connection.ready, "the engine is ready again")
-    harness.pass_time(0.3)
-    assert not harness.image.servo_on.any(), "nothing may enable a servo by itself"
+def test_servos_are_off_after_communication_stopped(fresh: Harness) -> None:
+    fresh.drivers.device.stop_communication(10.0)
+    fresh.periods(3)
+    fresh.robot.connection.start_communication()
+    fresh.until(lambda: fresh.robot.connection.ready, "the engine is ready again")
+    fresh.pass_time(0.3)
+    assert not fresh.image.servo_on.any(), "nothing may enable a servo by itself"
 
 
-def test_closing_while_axes_move_is_orderly(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    harness.move_all()
-    harness.pass_time(0.15)
-    harness.robot.shutdown()
-    assert harness.robot.connection.state is ConnectionState.SHUTDOWN
-    assert harness.drivers.device.state() is ConnectionState.IDLE
+def test_closing_while_axes_move_is_orderly(fresh: Harness) -> None:
+    fresh.move_all()
+    fresh.pass_time(0.15)
+    fresh.robot.shutdown()
+    assert fresh.robot.connection.state is ConnectionState.SHUTDOWN
+    assert fresh.drivers.device.state() is ConnectionState.IDLE
 
 
 def test_a_scan_is_one_line_for_people(harness: Harness) -> None:
@@ -182,18 +176,17 @@ def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path
 
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_a_parameter_file_without_axes_of_the_robot_is_rejected(
-    start_harness: MakeHarness, tmp_path: Path
+    disabled: Harness, tmp_path: Path
 ) -> None:
-    harness = start_harness(enable=False)
     path = tmp_path / "parameters.xml"
-    write_wmx_parameters(_parameters(harness), path)
-    text, last = path.read_text(encoding="utf-8"), harness.count - 1
+    write_wmx_parameters(_parameters(disabled), path)
+    text, last = path.read_text(encoding="utf-8"), disabled.count - 1
     start, end = text.index(f'<AxisParameters Axis="{last}"'), text.index("</Parameters>")
     path.write_text(text[:start] + text[end:], encoding="utf-8")
-    before = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
+    before = [disabled.robot.connection.dump_parameters(axis) for axis in disabled.all]
     with pytest.raises(RobotdError, match=f"axis {last}"):
-        harness.robot.connection.load_parameters(path)
-    assert [harness.robot.connection.dump_parameters(axis) for axis in harness.all] == before
+        disabled.robot.connection.load_parameters(path)
+    assert [disabled.robot.connection.dump_parameters(axis) for axis in disabled.all] == before
 
 
 def _parameters(harness: Harness) -> WmxParameters:
@@ -203,18 +196,16 @@ def _parameters(harness: Harness) -> WmxParameters:
 
 
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
-def test_a_good_parameter_file_is_in_force_axis_by_axis(
-    start_harness: MakeHarness, tmp_path: Path
-) -> None:
-    harness = start_harness(enable=False)
-    if not harness.may_rescale() or harness.count < 2:
-        pytest.skip("would change the drives' scale for good, or there is one axis")
-    ramps = {axis: 1.5 + axis for axis in harness.all}
+def test_a_good_parameter_file_is_in_force_axis_by_axis(disabled: Harness, tmp_path: Path) -> None:
+    disabled.require_rescaling()
+    if disabled.count < 2:
+        pytest.skip("there is one axis")
+    ramps = {axis: 1.5 + axis for axis in disabled.all}
     parameters = default_wmx_parameters().with_values({"QuickStopDec": ramps})
     path = tmp_path / "good.xml"
     write_wmx_parameters(parameters, path)
-    before = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
-    harness.robot.connection.load_parameters(path)
-    after = [harness.robot.connection.dump_parameters(axis) for axis in harness.all]
+    before = [disabled.robot.connection.dump_parameters(axis) for axis in disabled.all]
+    disabled.robot.connection.load_parameters(path)
+    after = [disabled.robot.connection.dump_parameters(axis) for axis in disabled.all]
     assert all(one != other for one, other in zip(before, after, strict=True)), "nothing changed"
     assert after[0] != after[1], "two axes with different parameters have the same dump"

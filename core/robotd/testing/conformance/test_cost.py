@@ -135,8 +135,9 @@ def test_no_read_of_many_is_slow_or_fails(harness: Harness) -> None:
     assert slow <= MANY_SLOW, f"{slow} of {MANY} reads took longer than a period"
 
 
-def test_state_answers_while_something_slow_runs(start_harness: MakeHarness) -> None:
-    harness = start_harness(real_time=True)
+def test_state_answers_while_something_slow_runs(make_harness: MakeHarness) -> None:
+    harness = make_harness(real_time=True)
+    harness.start()
     ended = threading.Event()
 
     def switch() -> None:

@@ -13,7 +13,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.state import Operation
 from robotd.errors import NotReady
 from robotd.motion import JointTolerance
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
 ALARM = 0x32
 A_WORD = re.compile(r"[^\W\d_]{3}")
@@ -151,25 +151,23 @@ def test_clearing_without_an_alarm_has_no_effect(harness: Harness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
-def test_a_drive_that_is_lost_is_offline(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    harness.injector.disconnect(0)
-    harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
-    assert not harness.image.offline[1:].any()
-    assert not any(harness.image.reason[1:])
+def test_a_drive_that_is_lost_is_offline(fresh: Harness) -> None:
+    fresh.injector.disconnect(0)
+    fresh.until(lambda: bool(fresh.image.offline[0]), "the lost drive is offline", 2.0)
+    assert not fresh.image.offline[1:].any()
+    assert not any(fresh.image.reason[1:])
     with pytest.raises(NotReady):
-        harness.move([0], harness.image.position_command + harness.travel())
+        fresh.move([0], fresh.image.position_command + fresh.travel())
 
 
 @pytest.mark.needs(Capability.HOT_CONNECT)
-def test_a_drive_that_is_back_stays_off(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    injector = harness.injector
+def test_a_drive_that_is_back_stays_off(fresh: Harness) -> None:
+    injector = fresh.injector
     injector.disconnect(0)
-    harness.until(lambda: bool(harness.image.offline[0]), "the lost drive is offline", 2.0)
+    fresh.until(lambda: bool(fresh.image.offline[0]), "the lost drive is offline", 2.0)
     injector.reconnect(0)
-    harness.robot.fieldbus.start_hot_connect(0)
-    harness.until(lambda: not harness.image.offline[0], "the drive is back")
-    harness.pass_time(0.3)
-    assert not harness.image.servo_on[0], "the servo was enabled by itself"
-    harness.enable()
+    fresh.robot.fieldbus.start_hot_connect(0)
+    fresh.until(lambda: not fresh.image.offline[0], "the drive is back")
+    fresh.pass_time(0.3)
+    assert not fresh.image.servo_on[0], "the servo was enabled by itself"
+    fresh.enable()

@@ -9,7 +9,7 @@ import pytest
 
 from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
 HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
@@ -49,19 +49,18 @@ def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
     assert held <= HELD, f"{held:.0%} of the time stamps are newer than their values"
 
 
-def test_a_blocked_axis_is_measured_where_it_is(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    injector = harness.injector
-    start = harness.image.position.copy()
+def test_a_blocked_axis_is_measured_where_it_is(fresh: Harness) -> None:
+    injector = fresh.injector
+    start = fresh.image.position.copy()
     shaft = injector.position(0)
     injector.block(0, True)
-    harness.move([0], start + harness.travel())
+    fresh.move([0], start + fresh.travel())
     seen = []
     for _ in range(40):
-        harness.periods(2)
-        seen.append((harness.image.position[0], harness.image.position_command[0],
-                     harness.image.velocity[0], injector.position(0)))  # fmt: skip
-        if harness.image.amp_alarm[0] or abs(harness.image.position_command[0] - start[0]) > 0.04:
+        fresh.periods(2)
+        seen.append((fresh.image.position[0], fresh.image.position_command[0],
+                     fresh.image.velocity[0], injector.position(0)))  # fmt: skip
+        if fresh.image.amp_alarm[0] or abs(fresh.image.position_command[0] - start[0]) > 0.04:
             break
     position, command, velocity, real = np.array(seen).T
     injector.block(0, False)
@@ -71,14 +70,13 @@ def test_a_blocked_axis_is_measured_where_it_is(start_harness: MakeHarness) -> N
     assert np.abs(real - shaft).max() <= SETTLED_RAD, "the fault injector shows the command"
 
 
-def test_a_jump_of_the_encoder_is_seen(start_harness: MakeHarness) -> None:
-    harness = start_harness(enable=False)
-    injector = harness.injector
-    before = harness.image.position.copy()
+def test_a_jump_of_the_encoder_is_seen(disabled: Harness) -> None:
+    injector = disabled.injector
+    before = disabled.image.position.copy()
     injector.jump_encoder(0, 0.02)
-    harness.periods(5)
+    disabled.periods(5)
     before[0] += 0.02
-    assert harness.image.position == pytest.approx(before, abs=SETTLED_RAD)
+    assert disabled.image.position == pytest.approx(before, abs=SETTLED_RAD)
 
 
 @pytest.mark.needs(Capability.SIMULATED)

@@ -28,14 +28,13 @@ def fieldbus_of(harness: Harness) -> FieldbusDriver:
     return driver
 
 
-def test_it_answers_in_every_state(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    driver, device = fieldbus_of(harness), harness.drivers.device
+def test_it_answers_in_every_state(unopened: Harness) -> None:
+    driver, device = fieldbus_of(unopened), unopened.drivers.device
     assert driver.buses >= 1
-    harness.begin()
+    unopened.begin()
     calls: list[Callable[[], object]] = [
         device.state,
-        harness.open,
+        unopened.open,
         lambda: device.start_communication(10.0),
         lambda: device.stop_communication(10.0),
         device.close,
@@ -76,16 +75,15 @@ def test_what_is_told_of_it_is_text(harness: Harness) -> None:
         assert not any("\n" in text for text in texts)
 
 
-def test_a_lost_slave_is_shown(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    driver = fieldbus_of(harness)
-    harness.injector.disconnect(0)
+def test_a_lost_slave_is_shown(fresh: Harness) -> None:
+    driver = fieldbus_of(fresh)
+    fresh.injector.disconnect(0)
 
     def lost() -> bool:
         nodes = [node for bus in range(driver.buses) for node in driver.status(bus).nodes]
         return any(node.offline or node.state is not BusState.OPERATIONAL for node in nodes)
 
-    harness.until(lost, "a slave is offline or not operational", 3.0)
+    fresh.until(lost, "a slave is offline or not operational", 3.0)
 
 
 @pytest.mark.needs(Capability.REGISTER_READ)
@@ -113,15 +111,14 @@ def test_a_hot_connect_moves_and_switches_nothing(harness: Harness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
-def test_a_bus_that_exchanges_nothing_is_not_operational(make_harness: MakeHarness) -> None:
-    harness = make_harness()
-    driver = fieldbus_of(harness)
-    harness.begin()
-    harness.open()
+def test_a_bus_that_exchanges_nothing_is_not_operational(unopened: Harness) -> None:
+    driver = fieldbus_of(unopened)
+    unopened.begin()
+    unopened.open()
     assert driver.status(0).state is not BusState.OPERATIONAL
-    harness.drivers.device.start_communication(10.0)
+    unopened.drivers.device.start_communication(10.0)
     assert driver.status(0).state is BusState.OPERATIONAL
-    harness.drivers.device.stop_communication(10.0)
+    unopened.drivers.device.stop_communication(10.0)
     assert driver.status(0).state is not BusState.OPERATIONAL
 
 
@@ -134,10 +131,11 @@ def test_the_nodes_have_as_many_axes_as_the_bus(harness: Harness) -> None:
         assert len(set(places)) in (1, len(places)), "two nodes are at one place"
 
 
-def test_the_lost_node_is_the_one_that_was_lost(start_harness: MakeHarness) -> None:
+def test_the_lost_node_is_the_one_that_was_lost(make_harness: MakeHarness) -> None:
     lost = []
     for axis in (0, 1):
-        harness = start_harness()
+        harness = make_harness()
+        harness.start()
         if harness.count < 2:
             pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
         driver = fieldbus_of(harness)

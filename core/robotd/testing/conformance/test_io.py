@@ -16,7 +16,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.drivers import IoDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import InvalidArgument, OperationError
-from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.stopwatch import timed
 
 pytestmark = pytest.mark.needs(Capability.IO)
@@ -156,8 +156,8 @@ def test_outputs_are_no_inputs(harness: Harness, io: IoDriver) -> None:
         assert io.read_inputs(0, io.input_bytes) == before
 
 
-def test_nothing_is_written_while_no_device_is_open(make_harness: MakeHarness) -> None:
-    driver = make_harness().drivers.io
+def test_nothing_is_written_while_no_device_is_open(unopened: Harness) -> None:
+    driver = unopened.drivers.io
     if driver is None or driver.output_bytes == 0:
         pytest.skip("the device has no outputs")
     with pytest.raises(OperationError):

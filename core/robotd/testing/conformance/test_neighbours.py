@@ -8,8 +8,7 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.state import CommandMode
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
-from robotd.testing.conformance.test_units import rescalable
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
 
 def several(harness: Harness) -> Harness:
@@ -19,8 +18,8 @@ def several(harness: Harness) -> Harness:
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_the_mode_of_one_axis(start_harness: MakeHarness) -> None:
-    harness = several(start_harness())
+def test_the_mode_of_one_axis(fresh: Harness) -> None:
+    harness = several(fresh)
     for axis in harness.all[:2]:
         harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
         harness.periods(5)
@@ -31,8 +30,8 @@ def test_the_mode_of_one_axis(start_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_the_polarity_of_one_axis(start_harness: MakeHarness) -> None:
-    harness = several(rescalable(start_harness))
+def test_the_polarity_of_one_axis(rescalable: Harness) -> None:
+    harness = several(rescalable)
     for axis in harness.all:
         harness.robot.axes.set_polarity(axis, 1)
     harness.periods(5)
@@ -44,8 +43,8 @@ def test_the_polarity_of_one_axis(start_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_the_gear_ratio_of_one_axis(start_harness: MakeHarness) -> None:
-    harness = several(rescalable(start_harness))
+def test_the_gear_ratio_of_one_axis(rescalable: Harness) -> None:
+    harness = several(rescalable)
     for axis in harness.all:
         harness.robot.axes.set_gear_ratio(axis, 2.0**18, 2.0 * np.pi)
     harness.periods(5)
@@ -57,10 +56,9 @@ def test_the_gear_ratio_of_one_axis(start_harness: MakeHarness) -> None:
 
 
 @pytest.mark.needs(Capability.HOMING)
-def test_the_home_position_of_one_axis(start_harness: MakeHarness) -> None:
-    harness = several(start_harness())
-    if not harness.may_rescale():
-        pytest.skip("would change the home position for good")
+def test_the_home_position_of_one_axis(fresh: Harness) -> None:
+    harness = several(fresh)
+    harness.require_rescaling()
     harness.move_all()
     harness.rest()
     before, was_done = harness.image.position.copy(), harness.image.home_done.copy()

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.testing.conformance.harness import SETTLED_RAD, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd.testing.conformance.surroundings import surroundings
 
 OWN_LOG = "component="
@@ -32,12 +32,13 @@ def hooks() -> dict[str, object]:
 
 
 def test_it_is_left_as_it_is(
-    start_harness: MakeHarness,
+    make_harness: MakeHarness,
     at_start: dict[str, object],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     before = at_start | hooks()
-    harness = start_harness()
+    harness = make_harness()
+    harness.start()
     harness.move_all(0.2)
     harness.rest()
     during = surroundings() | hooks()
@@ -49,24 +50,22 @@ def test_it_is_left_as_it_is(
     assert foreign == [], "standard output belongs to the program"
 
 
-def test_closing_takes_no_time(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    device = harness.drivers.device
+def test_closing_takes_no_time(fresh: Harness) -> None:
+    device = fresh.drivers.device
     device.stop_communication(5.0)
-    began_ns = harness.clock.now_ns()
+    began_ns = fresh.clock.now_ns()
     began_s = time.perf_counter()
     device.close()
     assert time.perf_counter() - began_s < 3.0, "close() takes more than 3 s"
-    assert (harness.clock.now_ns() - began_ns) * 1e-9 < 3.0
+    assert (fresh.clock.now_ns() - began_ns) * 1e-9 < 3.0
 
 
-def test_reading_needs_no_memory(start_harness: MakeHarness) -> None:
-    harness = start_harness()
+def test_reading_needs_no_memory(fresh: Harness) -> None:
 
     def growth() -> float:
         """Return the objects that the process gains per read of the control loop."""
         before = living_objects()
-        harness.periods(READS)
+        fresh.periods(READS)
         return (living_objects() - before) / READS
 
     # The device's threads make objects, too, and on a busy computer use them late. They do not do
@@ -82,25 +81,23 @@ def living_objects() -> int:
     return sys.getallocatedblocks()
 
 
-def test_a_forked_process_does_not_disturb_the_device(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    start = harness.image.position_command.copy()
+def test_a_forked_process_does_not_disturb_the_device(fresh: Harness) -> None:
+    start = fresh.image.position_command.copy()
     assert in_a_fork(lambda: None) == ""
-    harness.pass_time(0.2)
-    assert harness.robot.connection.ready, "a fork has ended the communication"
-    assert harness.image.servo_on.all(), "a fork has switched servos off"
-    harness.move(harness.all, start + harness.travel(0.2))
-    harness.rest()
-    assert harness.image.position == pytest.approx(start + harness.travel(0.2), abs=SETTLED_RAD)
+    fresh.pass_time(0.2)
+    assert fresh.robot.connection.ready, "a fork has ended the communication"
+    assert fresh.image.servo_on.all(), "a fork has switched servos off"
+    fresh.move(fresh.all, start + fresh.travel(0.2))
+    fresh.rest()
+    assert fresh.image.position == pytest.approx(start + fresh.travel(0.2), abs=SETTLED_RAD)
 
 
-def test_a_device_can_be_opened_after_a_fork(make_harness: MakeHarness) -> None:
-    harness = make_harness()
+def test_a_device_can_be_opened_after_a_fork(unopened: Harness) -> None:
 
     def use() -> None:
-        harness.start(enable=False)
-        assert np.isfinite(harness.image.position).all()
-        harness.stop()
+        unopened.start(enable=False)
+        assert np.isfinite(unopened.image.position).all()
+        unopened.stop()
 
     failure = in_a_fork(use)
     assert failure == "", (
@@ -108,9 +105,9 @@ def test_a_device_can_be_opened_after_a_fork(make_harness: MakeHarness) -> None:
     )
 
 
-def test_programs_inherit_no_handle(start_harness: MakeHarness) -> None:
+def test_programs_inherit_no_handle(make_harness: MakeHarness) -> None:
     before = inherited_handles()
-    start_harness(enable=False)
+    make_harness().start(enable=False)
     left = inherited_handles() - before
     assert not left, "a program that robotd starts would hold the device open"
 

@@ -14,7 +14,7 @@ from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver
 from robotd.motion.profile import Profile
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 from robotd.testing.conformance.recorded_motion import judge
 from robotd.testing.conformance.recording import Recording
 
@@ -82,15 +82,12 @@ def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
-def test_a_velocity_command_has_the_ramps_of_its_profile(
-    start_harness: MakeHarness, gentle: str
-) -> None:
-    harness = start_harness()
-    harness.set_velocity_mode()
-    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
+def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle: str) -> None:
+    fresh.set_velocity_mode()
+    profiles = [uneven(fresh, axis, gentle) for axis in fresh.all]
 
     def jog(velocities: np.ndarray) -> None:
-        harness.robot.axes.jog(
+        fresh.robot.axes.jog(
             [
                 Jog(axis, replace(profile, velocity=float(velocities[axis])))
                 for axis, profile in enumerate(profiles)
@@ -99,17 +96,17 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(
 
     speeds = JOG_SHARE * np.array([profile.velocity for profile in profiles])
     stops: list[Callable[[], None]] = [
-        lambda: harness.robot.axes.stop(harness.all),
+        lambda: fresh.robot.axes.stop(fresh.all),
         lambda: jog(0.0 * speeds),
     ]
     for stop in stops:
-        with harness.recording() as recording:
+        with fresh.recording() as recording:
             # Towards zero, away from the position limits.
-            jog(np.where(harness.image.position > 0.0, -speeds, speeds))
-            harness.pass_time(0.45)
+            jog(np.where(fresh.image.position > 0.0, -speeds, speeds))
+            fresh.pass_time(0.45)
             stop()
-            harness.rest()
-        judge(harness, recording, ramp_problems(recording, profiles))
+            fresh.rest()
+        judge(fresh, recording, ramp_problems(recording, profiles))
 
 
 @pytest.mark.parametrize("stop", STOPS)

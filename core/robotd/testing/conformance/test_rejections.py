@@ -15,7 +15,7 @@ from robotd.errors import DescriptorError, OperationError, Unsupported
 from robotd.motion.profile import Profile
 from robotd.plugin.hookspecs import BackendInfo
 from robotd.robot import Robot
-from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.kit_target import KitTarget
 
 FEATURES = MappingProxyType[Capability, Callable[[Robot], object]]({
@@ -87,11 +87,10 @@ def test_values_outside_are_rejected_before_the_driver_sees_them(harness: Harnes
 
 
 def test_a_driver_without_communication_refuses_by_robotds_errors(
-    make_harness: MakeHarness,
+    unopened: Harness,
 ) -> None:
-    harness = make_harness()
-    driver = harness.drivers.axes
-    harness.drivers.device.open()
+    driver = unopened.drivers.axes
+    unopened.drivers.device.open()
     profile = Profile(0.5, 2.0, 2.0)
     for call in commands(driver, profile):
         with pytest.raises((OperationError, TimeoutError)):

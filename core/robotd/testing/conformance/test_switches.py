@@ -10,7 +10,7 @@ import pytest
 from robotd.arrays import BoolArray
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 
 SWITCHES = ("negative_limit", "positive_limit", "home_switch")
 WAIT_S = 2.0  # until a switch is shown, on any fieldbus
@@ -55,11 +55,10 @@ def test_a_switch_moves_no_axis_and_defines_no_home(
     harness.pass_time(0.1)
 
 
-def test_a_switch_that_is_closed_at_the_start_is_shown(start_harness: MakeHarness) -> None:
-    harness = start_harness(enable=False)
-    harness.robot.connection.stop_communication()
-    harness.injector.press_switch(0, "negative_limit", True)
-    harness.robot.connection.start_communication()
-    harness.until(lambda: harness.robot.connection.ready, "the engine is ready again")
-    harness.periods(5)
-    assert harness.image.negative_limit[0], "a switch that was closed before is not shown"
+def test_a_switch_that_is_closed_at_the_start_is_shown(disabled: Harness) -> None:
+    disabled.robot.connection.stop_communication()
+    disabled.injector.press_switch(0, "negative_limit", True)
+    disabled.robot.connection.start_communication()
+    disabled.until(lambda: disabled.robot.connection.ready, "the engine is ready again")
+    disabled.periods(5)
+    assert disabled.image.negative_limit[0], "a switch that was closed before is not shown"

@@ -13,7 +13,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.motion.profile import Profile
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd.testing.conformance.harness import SETTLED_RAD, Harness
 from robotd.testing.conformance.recorded_motion import judge, ramped, record_move
 
 LAG_S = 0.03  # granted between a commanded and a measured value
@@ -101,94 +101,74 @@ def test_torque_is_finite_or_not_known(harness: Harness) -> None:
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_a_positive_velocity_raises_the_position(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    harness.set_velocity_mode()
-    harness.until(
-        lambda: bool((harness.image.mode == CommandMode.VELOCITY).all()), "all in velocity mode"
+def test_a_positive_velocity_raises_the_position(fresh: Harness) -> None:
+    fresh.set_velocity_mode()
+    fresh.until(
+        lambda: bool((fresh.image.mode == CommandMode.VELOCITY).all()), "all in velocity mode"
     )
-    speeds = harness.speeds(0.3)
-    start = harness.image.position.copy()
-    jog(harness, speeds)
-    harness.pass_time(0.5)
-    assert harness.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
-    jog(harness, 0.0 * speeds)
-    harness.rest()
-    assert (np.sign(harness.image.position - start) == np.sign(speeds)).all()
+    speeds = fresh.speeds(0.3)
+    start = fresh.image.position.copy()
+    jog(fresh, speeds)
+    fresh.pass_time(0.5)
+    assert fresh.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
+    jog(fresh, 0.0 * speeds)
+    fresh.rest()
+    assert (np.sign(fresh.image.position - start) == np.sign(speeds)).all()
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
-def test_a_streamed_velocity_is_a_measured_velocity(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    harness.set_velocity_mode()
-    speeds = harness.speeds(0.3)
-    unknown, began_ns = np.full(harness.count, np.nan), harness.clock.now_ns()
+def test_a_streamed_velocity_is_a_measured_velocity(fresh: Harness) -> None:
+    fresh.set_velocity_mode()
+    speeds = fresh.speeds(0.3)
+    unknown, began_ns = np.full(fresh.count, np.nan), fresh.clock.now_ns()
 
     def setpoint(image: ProcessImage) -> None:
-        _, share = ramped((harness.clock.now_ns() - began_ns) * 1e-9, 0.3)
-        harness.stream(unknown, share * speeds)
+        _, share = ramped((fresh.clock.now_ns() - began_ns) * 1e-9, 0.3)
+        fresh.stream(unknown, share * speeds)
 
-    claim = harness.robot.axes.claimed("conformance", harness.all, CommandMode.VELOCITY)
-    with claim, harness.each_period(setpoint):
-        harness.pass_time(0.5)
-        assert harness.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
-    harness.rest()
-
-
-@pytest.mark.needs(Capability.SCALING)
-def test_polarity_turns_the_sign(start_harness: MakeHarness) -> None:
-    harness = rescalable(start_harness)
-    for axis in harness.all:
-        harness.robot.axes.set_polarity(axis, 1)
-    harness.periods(5)
-    before = harness.image.position.copy()
-    for axis in harness.all:
-        harness.robot.axes.set_polarity(axis, -1)
-    harness.periods(5)
-    assert harness.image.position == pytest.approx(-before, abs=SETTLED_RAD)
+    claim = fresh.robot.axes.claimed("conformance", fresh.all, CommandMode.VELOCITY)
+    with claim, fresh.each_period(setpoint):
+        fresh.pass_time(0.5)
+        assert fresh.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
+    fresh.rest()
 
 
 @pytest.mark.needs(Capability.SCALING)
-def test_the_gear_ratio_counts_units(start_harness: MakeHarness) -> None:
-    harness = rescalable(start_harness)
+def test_polarity_turns_the_sign(rescalable: Harness) -> None:
+    for axis in rescalable.all:
+        rescalable.robot.axes.set_polarity(axis, 1)
+    rescalable.periods(5)
+    before = rescalable.image.position.copy()
+    for axis in rescalable.all:
+        rescalable.robot.axes.set_polarity(axis, -1)
+    rescalable.periods(5)
+    assert rescalable.image.position == pytest.approx(-before, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.SCALING)
+def test_the_gear_ratio_counts_units(rescalable: Harness) -> None:
     moved = []
     for numerator in (2.0**18, 2.0**19):
-        for axis in harness.all:
-            harness.robot.axes.set_gear_ratio(axis, numerator, 2.0 * np.pi)
-        harness.periods(5)
-        moved.append(harness.image.position.copy())
+        for axis in rescalable.all:
+            rescalable.robot.axes.set_gear_ratio(axis, numerator, 2.0 * np.pi)
+        rescalable.periods(5)
+        moved.append(rescalable.image.position.copy())
     assert moved[0] == pytest.approx(2.0 * moved[1], abs=SETTLED_RAD)
 
 
 @pytest.mark.needs(Capability.HOMING)
-def test_homing_makes_the_position_zero_and_moves_nothing(start_harness: MakeHarness) -> None:
-    harness = start_harness()
-    if not harness.may_rescale():
-        pytest.skip(NO_WAY_BACK)
-    harness.move_all()
-    harness.rest()
-    injector = harness.fault_injector
-    for axis in harness.all:
-        harness.robot.axes.home(axis)
-    harness.rest()
-    assert harness.image.home_done.all()
-    assert harness.image.position == pytest.approx(np.zeros(harness.count), abs=SETTLED_RAD)
-    assert harness.image.position_command == pytest.approx(np.zeros(harness.count), abs=SETTLED_RAD)
-    assert injector is None or not harness.image.velocity.any()
-
-
-NO_WAY_BACK = "would change the drives' scale for good: the robot has no parameter file"
-
-
-def rescalable(start_harness: MakeHarness) -> Harness:
-    """A harness of its own, away from zero, with the servos off."""
-    harness = start_harness()
-    if not harness.may_rescale():
-        pytest.skip(NO_WAY_BACK)
-    harness.move_all()
-    harness.rest()
-    harness.disable()
-    return harness
+def test_homing_makes_the_position_zero_and_moves_nothing(fresh: Harness) -> None:
+    fresh.require_rescaling()
+    fresh.move_all()
+    fresh.rest()
+    injector = fresh.fault_injector
+    for axis in fresh.all:
+        fresh.robot.axes.home(axis)
+    fresh.rest()
+    assert fresh.image.home_done.all()
+    assert fresh.image.position == pytest.approx(np.zeros(fresh.count), abs=SETTLED_RAD)
+    assert fresh.image.position_command == pytest.approx(np.zeros(fresh.count), abs=SETTLED_RAD)
+    assert injector is None or not fresh.image.velocity.any()
 
 
 def jog(harness: Harness, speeds: np.ndarray) -> None:
