@@ -10,18 +10,18 @@ import threading
 
 import numpy as np
 
-from robotd.arrays import FloatArray, IntArray
+from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
-from robotd.control.completion import Completion, Outcome
+from robotd.control.completion import Outcome
 from robotd.control.execution_phase import Phase
-from robotd.control.setpoint_source import SetpointSource
+from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.device.drivers import AxisDriver
-from robotd.device.process_image import ProcessImage, columns
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd.motion import JointLimits, MotionState, Trajectory, spline_points
+from robotd.motion import JointLimits, Trajectory, spline_points
 
 log = get_logger("trajectory")
 
@@ -36,50 +36,29 @@ MIN_STOP_S, MAX_STOP_S = 1e-3, 30.0
 RETURN_POINTS = 21  # of the path on which the command returns to joints that did not follow
 
 
-class DeviceTrajectory:
+class DeviceTrajectory(TrajectoryExecution):
     """Motion by a device with the capability TRAJECTORIES_ON_DEVICE.
 
-    A ``TrajectorySource``. Its thread makes the calls that may block: ``follow`` when the control
-    loop begins to monitor, ``stop_trajectory`` when the execution ends without success, and
-    ``follow`` once more to return the command to joints that did not follow it. An arrival needs
-    the device's command at the last point, not before its time.
+    Its thread makes the calls that may block: ``follow`` when the control loop begins to monitor,
+    ``stop_trajectory`` when the execution ends without success, and ``follow`` once more to return
+    the command to joints that did not follow it. An arrival needs the device's command at the last
+    point, not before its time. A fault ends it when the device does not follow.
 
     Args:
         driver: of the axes.
-        axes: (m,) index of each joint's axis.
-        trajectory: planned and checked.
-        limits: of the same joints.
-        start_ns: monotonic time before which nothing moves.
-
-    Attributes:
-        completion: gets a fault when the device does not follow; wakes the thread.
+        goal, start_ns: as of ``TrajectoryExecution``; nothing moves before ``start_ns``.
     """
 
     streams = False
-    rate = 1.0
-    on_path = True
-    stall_recovery = None
 
-    def __init__(
-        self,
-        driver: AxisDriver,
-        axes: IntArray,
-        trajectory: Trajectory,
-        limits: JointLimits,
-        start_ns: int,
-    ) -> None:
-        self.start_ns = start_ns
-        self.time_s = 0.0
-        # As the device reports it; it does not report the acceleration.
-        start, velocity, _ = trajectory.evaluate(np.zeros(1))
-        self.setpoint: FloatArray = np.vstack([start, velocity, np.zeros_like(start)])
-        self._driver, self._trajectory, self._limits = driver, trajectory, limits
-        self._axes, self._columns = axes, columns(axes)
-        self.completion = Completion()
+    def __init__(self, driver: AxisDriver, goal: PlannedGoal, start_ns: int) -> None:
+        super().__init__(goal, start_ns)
+        self.setpoint[2] = 0.0  # the device reports its position and velocity only
+        self._driver = driver
         self.completion.on_end = self._wake
-        self._times_s, self._points = spline_points(trajectory, driver.max_trajectory_points)
+        self._times_s, self._points = spline_points(self.trajectory, driver.max_trajectory_points)
         self._has_path = bool(np.ptp(self._points, axis=0).max() >= MIN_PATH)
-        self._end_point = trajectory.state_at(trajectory.duration_s).position
+        self._end_point = self.trajectory.state_at(self.trajectory.duration_s).position
         self._monitored = threading.Event()
         self._ended = threading.Event()
         self._monitor_from_ns = start_ns
@@ -97,31 +76,19 @@ class DeviceTrajectory:
         """Start the thread."""
         threading.Thread(target=self._run, name="robotd-trajectory", daemon=True).start()
 
-    def splice_state(self, time_ns: int) -> MotionState | None:
-        """Return None: the device takes no other trajectory before this one has ended."""
-        return None
-
-    def take_over(self, running: SetpointSource) -> None:
-        """Do nothing: it starts at rest."""
-
-    def sent(self, due_ns: int) -> None:
-        """Do nothing: no setpoint is sent."""
-
-    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> float:
-        """Write the device's command, or the last point after the arrival, into ``out``.
-
-        Returns its trajectory time.
-        """
+    def _expect(self, time_ns: int, image: ProcessImage, out: FloatArray) -> float:
+        """Write the device's command, or the last point after the arrival, into ``out``."""
         if time_ns >= self._monitor_from_ns:
             self._monitored.set()
-        if phase is Phase.ARRIVING:
+        if self._phase.phase is Phase.ARRIVING:
             self.setpoint[0], self.setpoint[1] = self._end_point, 0.0
         else:
-            self.setpoint[:2] = image.commands[:, self._columns]
+            self.setpoint[:2] = image.commands[:, self.columns]
         out[:] = self.setpoint[:2]
-        return (time_ns - self.start_ns) / NANOSECONDS if phase is Phase.RUNNING else self.time_s
+        running = self._phase.phase is Phase.RUNNING
+        return (time_ns - self.start_ns) / NANOSECONDS if running else self.time_s
 
-    def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
+    def _move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
         """Monitor the device; return ARRIVING when it has arrived."""
         moving = bool((image.operation[self._axes] == Operation.STREAM).any())
         if moving and not self._seen_moving:
@@ -129,33 +96,30 @@ class DeviceTrajectory:
         if not (self._started or self._seen_moving):
             self.start_ns = time_ns
         self.time_s = (time_ns - self.start_ns) / NANOSECONDS
-        over_s = self.time_s - self._trajectory.duration_s
+        over_s = self.time_s - self.trajectory.duration_s
         if moving and over_s > OVERTIME_S:
             self._fault(f"the device is still moving {over_s:.1f} s after its time")
         elif not moving and (self._seen_moving or over_s > 0.0):
             return self._judge_end(time_ns, image)
         return None
 
-    def hold(self, due_ns: int, period_ns: int) -> None:
-        """Do nothing: the device holds by itself."""
-
-    def stop(self, time_ns: int) -> Phase:
+    def _stop(self, time_ns: int) -> Phase:
         """Let the thread stop the device."""
         self._wake()
         return Phase.RESTING
 
-    def is_stopping(self, time_ns: int, image: ProcessImage) -> bool:
+    def _is_stopping(self, time_ns: int, image: ProcessImage) -> bool:
         """Return True until the stop was sent, and while it may still take its time."""
         if not self._stop_sent:  # a standstill before the stop proves nothing
             self._stop_ns = time_ns
             return True
-        return self.is_active(image) and (time_ns - self._stop_ns) / NANOSECONDS < self._stop_s
+        return self._is_active(image) and (time_ns - self._stop_ns) / NANOSECONDS < self._stop_s
 
-    def is_active(self, image: ProcessImage) -> bool:
+    def _is_active(self, image: ProcessImage) -> bool:
         """Return True while an axis is not idle, even if it is slow."""
         return bool((image.operation[self._axes] != Operation.IDLE).any())
 
-    def return_command(self, time_ns: int, offset: FloatArray) -> bool:
+    def _return_command(self, time_ns: int, offset: FloatArray) -> bool:
         """Let the device move its command by ``offset`` (m,); return False once it is there."""
         if self._return is None:
             self._return = CommandReturn(self.setpoint[0], offset, self._limits)
@@ -178,7 +142,7 @@ class DeviceTrajectory:
 
     def _judge_end(self, time_ns: int, image: ProcessImage) -> Phase | None:
         """Distinguish an arrival from a stop and from another path."""
-        stopped = self.is_active(image)
+        stopped = self._is_active(image)
         off = np.abs(self.setpoint[0] - self._end_point)
         joint = int(np.argmax(off))
         took_s = (time_ns - self._not_moving_ns) / NANOSECONDS  # upper bound
@@ -195,7 +159,7 @@ class DeviceTrajectory:
 
     def _judge_arrival(self, took_s: float) -> Phase | None:
         """Reject an arrival before its time."""
-        expected_s = self._trajectory.duration_s
+        expected_s = self.trajectory.duration_s
         if self._seen_moving and took_s < expected_s * (1.0 - EARLY_SHARE) - EARLY_S:
             self._fault(f"the device ended a trajectory of {expected_s:.3f} s after {took_s:.3f} s")
             return None
@@ -204,9 +168,9 @@ class DeviceTrajectory:
     def _other_end_text(self, joint: int, took_s: float) -> str:
         unit = self._limits.units[joint]
         return (
-            f"{self._trajectory.names[joint]}: the device ended the trajectory at"
+            f"{self.trajectory.names[joint]}: the device ended the trajectory at"
             f" {self.setpoint[0, joint]:.4f} {unit} after {took_s:.3f} s, its last point is"
-            f" {self._end_point[joint]:.4f} {unit} at {self._trajectory.duration_s:.3f} s"
+            f" {self._end_point[joint]:.4f} {unit} at {self.trajectory.duration_s:.3f} s"
         )
 
     def _run(self) -> None:
@@ -229,7 +193,7 @@ class DeviceTrajectory:
 
     def _stop_device(self) -> None:
         try:
-            self._stop_s = stop_time(self._trajectory, self.time_s, self._limits)
+            self._stop_s = stop_time(self.trajectory, self.time_s, self._limits)
             self._driver.stop_trajectory(self._axes.tolist(), self._stop_s)
         except RobotdError as error:
             log.error("stopping a trajectory failed", reason=str(error))

@@ -127,8 +127,7 @@ class SourceSlot:
         elif not running.completion.goes_on:
             self._drop_next(Outcome.FAULT, SPLICE_LOST)
         elif running.completion.done or self._has_reached(running, successor):
-            successor.delay(self._delay_ns)
-            successor.take_over(running, advanced_ns)
+            successor.take_over(running, advanced_ns, self._delay_ns)
             running.completion.finish(Outcome.PREEMPTED, PREEMPTED)
             self._running, self._next = successor, None
 

@@ -9,28 +9,25 @@ import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
-from robotd.control.completion import Completion, Outcome
-from robotd.control.execution_phase import Phase, PhaseState
-from robotd.control.fault_monitor import FaultMonitor
-from robotd.control.setpoint_source import SetpointSource
+from robotd.control.completion import Outcome
+from robotd.control.execution_phase import Phase
+from robotd.control.setpoint_source import JointSource, SetpointSource
 from robotd.control.stall_recovery import StallRecovery
 from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
-from robotd.device.process_image import ProcessImage, columns
+from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState
 
 MAX_WAITING = 16  # commands in one period; older ones are dropped
 AFTER_STALL = 2.0  # highest share of the acceleration limits; a drive cannot follow any
-REST_TIMEOUT_S = 2.0  # for joints to follow a command at rest
 
 
-class StreamMotion:
+class StreamMotion(JointSource):
     """Motion of m joints towards the commands that ``put`` receives.
 
-    A ``SetpointSource``: advanced by the control loop. Without a command for ``timeout_s`` the
-    joints slow to rest; the next command continues, unless ``ends_when_silent``. It ends when a
-    client requests it, at standstill, or with a fault.
+    Without a command for ``timeout_s`` the joints slow to rest; the next command continues, unless
+    ``ends_when_silent``. It ends when a client requests it, at standstill, or with a fault.
 
     Args:
         axes: (m,) index of each joint's axis.
@@ -51,6 +48,8 @@ class StreamMotion:
         timeouts: number of times that the joints slowed to rest without a command.
     """
 
+    stall_recovery: StallRecovery
+
     def __init__(
         self,
         axes: IntArray,
@@ -67,34 +66,21 @@ class StreamMotion:
         *,
         ends_when_silent: bool,
     ) -> None:
-        self.start_ns, self.mode, self.timeouts = start_ns, mode, 0
-        self.columns, self.completion = columns(axes), Completion()
-        self.setpoint: FloatArray = np.array([state.position, state.velocity, state.acceleration])
-        self.stall_recovery = StallRecovery(self.setpoint[:2], start_ns, limits, underrun, buffer_s)
-        self._axes, self._stopped_velocity = axes, stopped_velocity
+        setpoint = np.array([state.position, state.velocity, state.acceleration])
+        super().__init__(limits.names, axes, start_ns, setpoint, stopped_velocity)
+        self.mode, self.timeouts = mode, 0
+        self.stall_recovery = StallRecovery(setpoint[:2], start_ns, limits, underrun, buffer_s)
         self._speed = speed
         self._setpoints = StreamSetpoints(limits, mode, period_s)
         self._setpoints.reset(state)
-        self._monitor = FaultMonitor(limits.names, axes, streamed=True)
-        self._phase = PhaseState(start_ns)
         self._timeout_ns = round(timeout_s * NANOSECONDS)
         self._timeout_s, self._ends_when_silent = timeout_s, ends_when_silent
         self._commands: deque[StreamCommand] = deque(maxlen=MAX_WAITING)
         self._commanded_ns = start_ns
         self._silent = False
-        self._advanced_ns = start_ns
         self._due_ns = 0
         self._settled_until_ns = 0
         self._lock = threading.Lock()  # of the setpoints, against ``splice_state``
-
-    @property
-    def rate(self) -> float:
-        """Return 1: the client decides on its time."""
-        return 1.0
-
-    def delay(self, by_ns: int) -> None:
-        """Postpone its start: the source that it continues was slowed down meanwhile."""
-        self.start_ns += by_ns
 
     def put(self, command: StreamCommand) -> None:
         """Follow ``command`` from the next period on; never blocks. Any thread."""
@@ -111,11 +97,10 @@ class StreamMotion:
             self._settled_until_ns = time_ns
             return self._setpoints.after((time_ns - self._due_ns) / NANOSECONDS)
 
-    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
+    def take_over(self, running: SetpointSource, advanced_ns: int, delay_ns: int) -> None:
         """Continue from the setpoint of ``running``, made in the period ``advanced_ns``."""
-        self.setpoint[:] = running.setpoint
+        self._continue(running, advanced_ns, delay_ns)
         self._setpoints.reset(MotionState(*running.setpoint))
-        self._advanced_ns = advanced_ns
         if running.stall_recovery is not None:
             self.stall_recovery = running.stall_recovery
             self.stall_recovery.accept()
@@ -132,11 +117,9 @@ class StreamMotion:
         self.stall_recovery.sent(self.setpoint[:2], due_ns)
 
     def _advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
-        pause_ns, self._advanced_ns = time_ns - self._advanced_ns, time_ns
         self._due_ns = time_ns + period_ns
-        if self._monitor.is_faulty(image) and not self.completion.is_fault:
-            seconds = (time_ns - self.start_ns) / NANOSECONDS
-            self.completion.escalate(self._monitor.describe(image, seconds, pause_ns))
+        seconds = (time_ns - self.start_ns) / NANOSECONDS
+        self._check_drives(image, seconds, self._begin_period(time_ns))
         if not self._speed.scale:
             self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
         reached = self.stall_recovery.resume(time_ns, period_ns / NANOSECONDS)
@@ -146,8 +129,10 @@ class StreamMotion:
             self._setpoints.reset(state, AFTER_STALL)
         self._follow_commands(time_ns)
         self.setpoint[:] = self._setpoints.advance(self._due_ns)
-        if self._phase.phase is not Phase.RUNNING:
-            self._rest(time_ns, image)
+        if self._phase.phase is not Phase.RUNNING and self._setpoints.at_rest:
+            if self._phase.phase is Phase.STOPPING:
+                self._phase.enter(Phase.RESTING, time_ns)
+            self._end_at_rest(time_ns, image)
 
     def _follow_commands(self, time_ns: int) -> None:
         """Take what has arrived; slow to rest when nothing has, or an end was requested."""
@@ -163,23 +148,9 @@ class StreamMotion:
                 self.timeouts += 1
                 self._setpoints.stop()
                 if self._ends_when_silent:
-                    self.completion.request(Outcome.SUCCEEDED, self._silence())
+                    self.completion.request(
+                        Outcome.SUCCEEDED, f"no command for {self._timeout_s:g} s"
+                    )
         if self.completion.requested is not None:
             self._setpoints.stop()
             self._phase.enter(Phase.STOPPING, time_ns)
-
-    def _silence(self) -> str:
-        return f"no command for {self._timeout_s:g} s"
-
-    def _rest(self, time_ns: int, image: ProcessImage) -> None:
-        """End as requested when the joints are at rest, or after ``REST_TIMEOUT_S``."""
-        if not self._setpoints.at_rest:
-            return
-        if self._phase.phase is Phase.STOPPING:
-            self._phase.enter(Phase.RESTING, time_ns)
-        fast = np.abs(image.velocity[self._axes]) > self._stopped_velocity
-        moving = bool((fast & ~image.offline[self._axes]).any())
-        over = self._phase.settle(not moving) or self._phase.age_s(time_ns) > REST_TIMEOUT_S
-        if over and self.completion.requested is not None:
-            outcome, message = self.completion.requested
-            self.completion.finish(outcome, f"{message}; joints still move" if moving else message)

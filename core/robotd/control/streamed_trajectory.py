@@ -7,55 +7,48 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
-from robotd.control.completion import Completion, Outcome
+from robotd.control.completion import Outcome
 from robotd.control.execution_phase import Phase
 from robotd.control.path_rate import PathRate
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery, after_stall
+from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
-from robotd.motion import JointLimits, MotionState, Sampler, StopPlan, Trajectory, plan_stop
+from robotd.motion import MotionState, Sampler, StopPlan, plan_stop
 
 
-class StreamedTrajectory:
+class StreamedTrajectory(TrajectoryExecution):
     """Setpoints on the path or along a stop, with recovery from control-loop stalls.
 
-    A ``TrajectorySource``.
+    A fault ends it when a stall has led too far off the path. ``start_ns`` moves while the rate is
+    not 1.
 
     Args:
-        trajectory: planned and checked.
-        limits: of the same joints.
-        start_ns: monotonic time of the trajectory's time 0; it moves while the rate is not 1.
+        goal, start_ns, feedback_period_s: as of ``TrajectoryExecution``.
         underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         speed: sets the rate of trajectory time; None: real time.
-
-    Attributes:
-        completion: gets a fault when a stall has led too far off the path.
-        stall_recovery: passed on to the successor, which continues its deviation.
     """
 
     streams = True
+    stall_recovery: StallRecovery
 
     def __init__(
         self,
-        trajectory: Trajectory,
-        limits: JointLimits,
+        goal: PlannedGoal,
         start_ns: int,
         *,
+        feedback_period_s: float = 0.0,
         underrun: Underrun = Underrun.EXTRAPOLATE,
         buffer_s: float = 0.0,
         speed: SpeedScale | None = None,
     ) -> None:
-        self.start_ns = start_ns
-        self.time_s = 0.0
-        self.setpoint: FloatArray = np.vstack(trajectory.evaluate(np.zeros(1)))
+        super().__init__(goal, start_ns, feedback_period_s=feedback_period_s)
         self._motion = self.setpoint[:2]  # position and velocity
-        self._trajectory, self._limits = trajectory, limits
-        self.completion = Completion()
-        self._sampler = Sampler(trajectory)
-        self._rate = PathRate(speed or SpeedScale(), limits)
+        self._sampler = Sampler(goal.trajectory)
+        self._rate = PathRate(speed or SpeedScale(), goal.limits)
         self._path: FloatArray = np.zeros_like(self.setpoint[1:])  # its derivatives at rate 1
         self._due_ns = start_ns
         self._sent_time_s: float | None = 0.0  # of the last setpoint; None: it was off the path
@@ -63,32 +56,28 @@ class StreamedTrajectory:
         self._stop_ns = start_ns
         self._held: FloatArray = np.zeros_like(self.setpoint)  # last position, at rest
         self._held[0] = self.setpoint[0]
-        self.stall_recovery = StallRecovery(self._held[:2], start_ns, limits, underrun, buffer_s)
+        self.stall_recovery = StallRecovery(
+            self._held[:2], start_ns, goal.limits, underrun, buffer_s
+        )
         self._command_return: CommandReturn | None = None
         self._return_ns = start_ns
-
-    @property
-    def on_path(self) -> bool:
-        """The setpoint does not deviate from the path."""
-        return not self.stall_recovery.active
 
     @property
     def rate(self) -> float:
         """Ratio of trajectory time to real time. Any thread."""
         return self._rate.value
 
-    def begin(self) -> None:
-        """Do nothing: the control loop sends the setpoints."""
-
     def splice_state(self, time_ns: int) -> MotionState | None:
         """Return the state at ``time_ns`` if the path is not left until then."""
+        if not self.on_path:
+            return None
         time_s = (time_ns - self.start_ns) / NANOSECONDS
-        state = self._trajectory.state_at(time_s)
+        state = self.trajectory.state_at(time_s)
         return MotionState.at_rest(state.position) if time_s < 0.0 else state
 
-    def take_over(self, running: SetpointSource) -> None:
+    def take_over(self, running: SetpointSource, advanced_ns: int, delay_ns: int) -> None:
         """Continue from the setpoint, the rate and the deviation of ``running``."""
-        self.setpoint[:] = running.setpoint
+        self._continue(running, advanced_ns, delay_ns)
         self._rate.value = running.rate
         self._sent_time_s = None
         if running.stall_recovery is not None:
@@ -97,17 +86,13 @@ class StreamedTrajectory:
 
     def sent(self, due_ns: int) -> None:
         """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
-        self._sent_time_s = self.time_s if self.on_path else None
+        self._sent_time_s = None if self.stall_recovery.active else self.time_s
         self.stall_recovery.sent(self._motion, due_ns, self.time_s)
 
-    def expect(self, time_ns: int, phase: Phase, image: ProcessImage, out: FloatArray) -> float:
-        """Write the command that the device has at ``time_ns`` into ``out`` (2, m).
-
-        Returns its trajectory time.
-        """
+    def _expect(self, time_ns: int, image: ProcessImage, out: FloatArray) -> float:
         return self.stall_recovery.expect(time_ns, out)
 
-    def move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
+    def _move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
         """Compute the setpoint for ``due_ns``, at the rate of the operator or along the stop."""
         period_ns, at_rest = due_ns - time_ns, False
         if self._stop_plan is None:
@@ -122,7 +107,7 @@ class StreamedTrajectory:
         self._recover(due_ns, period_ns)
         if self.stall_recovery.active:
             return None
-        if at_rest or self.time_s >= self._trajectory.duration_s:
+        if at_rest or self.time_s >= self.trajectory.duration_s:
             return Phase.ARRIVING if self._stop_plan is None else Phase.RESTING
         return None
 
@@ -156,26 +141,18 @@ class StreamedTrajectory:
         self._due_ns = time_ns
         self._rate.stand()
 
-    def hold(self, due_ns: int, period_ns: int) -> None:
+    def _hold(self, due_ns: int, period_ns: int) -> None:
         """Stay at the end of the path, or return to it."""
         self.setpoint[:] = self._held
         self._recover(due_ns, period_ns)
 
-    def stop(self, time_ns: int) -> Phase:
+    def _stop(self, time_ns: int) -> Phase:
         """Plan the stop along the path."""
-        self._stop_plan = plan_stop(self._trajectory, self.time_s, self._limits, self.rate)
+        self._stop_plan = plan_stop(self.trajectory, self.time_s, self._limits, self.rate)
         self._stop_ns = time_ns
         return Phase.STOPPING
 
-    def is_stopping(self, time_ns: int, image: ProcessImage) -> bool:
-        """Return False: the commands are at rest when the stop plan has ended."""
-        return False
-
-    def is_active(self, image: ProcessImage) -> bool:
-        """Return False: the device moves by setpoints only."""
-        return False
-
-    def return_command(self, time_ns: int, offset: FloatArray) -> bool:
+    def _return_command(self, time_ns: int, offset: FloatArray) -> bool:
         """Move the held setpoint by ``offset`` (m,); return False once it is there."""
         if self._command_return is None:
             self._command_return = CommandReturn(self._held[0], offset, self._limits)
@@ -195,6 +172,6 @@ class StreamedTrajectory:
         recovery = self.stall_recovery
         joint = int(np.argmax(recovery.is_far))
         return (
-            f"{self._trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
+            f"{self.trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
             f" {self._limits.units[joint]} off its path {after_stall(recovery.pause_s)}"
         )

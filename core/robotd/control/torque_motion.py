@@ -6,27 +6,25 @@ import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
-from robotd.control.completion import Completion, Outcome
-from robotd.control.execution_phase import Phase, PhaseState
-from robotd.control.fault_monitor import FaultMonitor
-from robotd.control.setpoint_source import SetpointSource
+from robotd.control.completion import Outcome
+from robotd.control.execution_phase import Phase
+from robotd.control.setpoint_source import JointSource
 from robotd.device.drivers import AxisDriver
-from robotd.device.process_image import ProcessImage, columns
+from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
-from robotd.motion import JointLimits, MotionState
+from robotd.motion import JointLimits
 
-REST_TIMEOUT_S = 2.0  # for joints to come to rest after the stop
 REACTION_PERIODS = 3.0  # values are a period old, a stop begins a period later; one to spare
 
 
-class TorqueMotion:
+class TorqueMotion(JointSource):
     """Torques of m joints, ended by a stop of the drives.
 
-    A ``SetpointSource`` without setpoints of position: the device gets torques, and keeps the one
-    that holds the joints until the first command. It ends when no
-    command has come for ``timeout_s``, when a client requests it, with a fault, and as soon as a
-    joint exceeds its velocity limit or has just enough room left to brake before a position limit.
-    The driver then brings the joints to rest in position control.
+    It has no setpoints of position: the device gets torques, and keeps the one that holds the
+    joints until the first command. It ends when no command has come for ``timeout_s``, when a
+    client requests it, with a fault, and as soon as a joint exceeds its velocity limit or has just
+    enough room left to brake before a position limit. The driver then brings the joints to rest in
+    position control.
 
     Args:
         driver: applies the torques, and stops; the control loop may call its ``stop``.
@@ -50,34 +48,17 @@ class TorqueMotion:
         speed: SpeedScale,
         feedback_period_s: float,
     ) -> None:
-        self.start_ns, self.stall_recovery, self.rate = start_ns, None, 1.0
-        self.columns, self.completion = columns(axes), Completion()
-        self.setpoint: FloatArray = np.full((3, len(axes)), np.nan)
-        self._driver, self._axes, self._limits = driver, axes, limits
+        setpoint = np.full((3, len(axes)), np.nan)
+        super().__init__(limits.names, axes, start_ns, setpoint, stopped_velocity)
+        self._driver, self._limits = driver, limits
         self._timeout_s, self._speed = timeout_s, speed
         self._feedback_period_s = feedback_period_s
-        self._stopped_velocity = stopped_velocity
-        self._monitor = FaultMonitor(limits.names, axes, streamed=True)
-        self._phase = PhaseState(start_ns)
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
         self._torque: FloatArray = np.zeros(0)  # of all axes of the device; NaN: unchanged
 
     def put(self, torque: FloatArray, time_ns: int) -> None:
         """Apply ``torque`` (m,), N·m or N, from the next period on; never blocks. Any thread."""
         self._command = time_ns, torque
-
-    def delay(self, by_ns: int) -> None:
-        """Do nothing: it begins at rest."""
-
-    def splice_state(self, time_ns: int) -> MotionState | None:
-        """Return None: a successor has to wait until it has ended."""
-        return None
-
-    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
-        """Do nothing: it begins at rest."""
-
-    def sent(self, due_ns: int) -> None:
-        """Do nothing: it has no setpoints of position."""
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
         """Send the torque for this period, or monitor the stop; return False."""
@@ -89,7 +70,7 @@ class TorqueMotion:
                 self._phase.enter(Phase.STOPPING, time_ns)
                 self._driver.stop(self._axes.tolist())
         elif not self.completion.done:
-            self._rest(time_ns, image)
+            self._end_at_rest(time_ns, image)
         return False
 
     def _apply(self, due_ns: int, axes: int) -> None:
@@ -102,10 +83,8 @@ class TorqueMotion:
 
     def _check(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
         """Request the end where it has to stop."""
-        if self._monitor.is_faulty(image):
-            seconds = (time_ns - self.start_ns) / NANOSECONDS
-            self.completion.escalate(self._monitor.describe(image, seconds, period_ns))
-        elif not self._speed.scale:
+        self._check_drives(image, (time_ns - self.start_ns) / NANOSECONDS, period_ns)
+        if not self._speed.scale:
             self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
         elif reason := self._excess(period_ns, image):
             self.completion.request(Outcome.STOPPED, reason)
@@ -139,12 +118,3 @@ class TorqueMotion:
                 limit = upper if velocity > 0.0 else lower
                 return f"{name}: at {position:.3g} {unit}, too close to its limit {limit:g} {unit}"
         return ""
-
-    def _rest(self, time_ns: int, image: ProcessImage) -> None:
-        """End as requested when the joints are at rest, or after ``REST_TIMEOUT_S``."""
-        fast = np.abs(image.velocity[self._axes]) > self._stopped_velocity
-        moving = bool((fast & ~image.offline[self._axes]).any())
-        over = self._phase.settle(not moving) or self._phase.age_s(time_ns) > REST_TIMEOUT_S
-        if over and self.completion.requested is not None:
-            outcome, message = self.completion.requested
-            self.completion.finish(outcome, f"{message}; joints still move" if moving else message)

@@ -16,8 +16,7 @@ from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.goal_events import note_goal, note_result, noted_rejection
 from robotd.control.joint_motion import JointMotion
 from robotd.control.streamed_trajectory import StreamedTrajectory
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.control.trajectory_source import TrajectorySource
+from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
@@ -82,13 +81,13 @@ class TrajectoryFollower:
         self._events = axes.events
         self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
-        self._feedback_period_s = axes.feedback_period_s
         self._on_device = on_device is not None
-        self._make_source: Callable[[Trajectory, JointLimits, int], TrajectorySource] = (
-            partial(DeviceTrajectory, on_device, self._joint_axes)
+        self._make_execution: Callable[[PlannedGoal, int], TrajectoryExecution] = (
+            partial(DeviceTrajectory, on_device)
             if on_device
             else partial(
                 StreamedTrajectory,
+                feedback_period_s=axes.feedback_period_s,
                 underrun=axes.underrun,
                 buffer_s=axes.stream_buffer_s,
                 speed=axes.speed,
@@ -151,15 +150,9 @@ class TrajectoryFollower:
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
             trajectory = plan(request, limits, self.settings, state, recent_path)
             self._check_end(trajectory)
-            return lambda begin_ns: TrajectoryExecution(
-                self._make_source(trajectory, limits, begin_ns),
-                trajectory,
-                self._joint_axes,
-                limits,
-                allowed,
-                limits.stopped_velocity(self.settings),
-                self._feedback_period_s,
-            )
+            stopped_velocity = limits.stopped_velocity(self.settings)
+            goal = PlannedGoal(trajectory, self._joint_axes, limits, allowed, stopped_velocity)
+            return partial(self._make_execution, goal)
 
         with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
             self._check_start(request, start_ns)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
-from robotd.control.completion import Completion, Outcome
+from robotd.control.completion import Outcome
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.twist_command import TwistCommand
 from robotd.device.axes import Axes
-from robotd.device.process_image import ProcessImage, columns
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
-from robotd.motion import MotionState
 from robotd.motion.base_kinematics import BaseKinematics
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.motion.twist_limits import TwistLimiter
@@ -20,11 +18,11 @@ from robotd.motion.twist_limits import TwistLimiter
 OWNER = "mobile base"
 
 
-class WheelMotion:
+class WheelMotion(SetpointSource):
     """Motion of the wheels from a claim to standstill, within the limits of the base.
 
-    A ``SetpointSource``. A setpoint that was not sent is repeated in the next period, so that the
-    speed changes by one step from the last one that the device has.
+    A setpoint that was not sent is repeated in the next period, so that the speed changes by one
+    step from the last one that the device has.
 
     Args:
         axes: for the reasons why a wheel cannot move.
@@ -39,9 +37,6 @@ class WheelMotion:
         twist: limited twist of the last setpoint.
     """
 
-    stall_recovery = None
-    rate = 1.0
-
     def __init__(
         self,
         axes: Axes,
@@ -52,26 +47,13 @@ class WheelMotion:
         claimed_ns: int,
         start_ns: int,
     ) -> None:
-        self.start_ns = start_ns
-        self.columns = columns(wheel_axes)
-        self.completion = Completion()
+        super().__init__(wheel_axes, start_ns, np.zeros((3, len(wheel_axes))))
         self.twist = ZERO_TWIST
-        self.setpoint: FloatArray = np.zeros((3, len(wheel_axes)))
         self.setpoint[0] = np.nan
         self._axes, self._wheel_axes = axes, wheel_axes
         self._wheels, self._limiter, self._command = wheels, limiter, command
         self._claimed_ns = claimed_ns
         self._sent = True
-
-    def splice_state(self, time_ns: int) -> MotionState | None:
-        """Return None: nothing but the base moves its wheels."""
-        return None
-
-    def delay(self, by_ns: int) -> None:
-        """Do nothing: it starts at rest."""
-
-    def take_over(self, running: SetpointSource, advanced_ns: int) -> None:
-        """Do nothing: it starts at rest."""
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
         """Compute the wheel speeds one step further; False after its end."""

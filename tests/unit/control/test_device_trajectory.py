@@ -13,7 +13,7 @@ from tests.fakes import FakeAxes
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.device_trajectory import STOP_STEP, DeviceTrajectory, stop_time
 from robotd.control.setpoint_mixer import SetpointMixer
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.trajectory_execution import Outcome, PlannedGoal, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
@@ -51,14 +51,14 @@ class Harness:
 
     def start(self, limits: JointLimits = LIMITS) -> TrajectoryExecution:
         indices = np.array([0, 1])
-        execution = TrajectoryExecution(
-            DeviceTrajectory(self.axes, indices, self.trajectory, limits, self.time_ns),
+        goal = PlannedGoal(
             self.trajectory,
             indices,
             limits,
             Tolerances.of_goal(LIMITS, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
             LIMITS.stopped_velocity(SETTINGS),
         )
+        execution = DeviceTrajectory(self.axes, goal, self.time_ns)
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
         assert self.slot.submit(execution, None)
         execution.begin()

@@ -9,7 +9,7 @@ from tests.fakes import FakeAxes
 from robotd.arrays import FloatArray
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.streamed_trajectory import StreamedTrajectory
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation, Underrun
@@ -51,14 +51,14 @@ class DryAxes(FakeAxes):
 def half_a_radian(start_ns: int) -> TrajectoryExecution:
     request = TrajectoryRequest.from_rows(("a",), [1.0], [[0.5]])
     path = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(1)))
-    return TrajectoryExecution(
-        StreamedTrajectory(path, LIMITS, start_ns, underrun=Underrun.HOLD, buffer_s=BUFFER_S),
+    goal = PlannedGoal(
         path,
         np.array([0]),
         LIMITS,
         Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
         LIMITS.stopped_velocity(SETTINGS),
     )
+    return StreamedTrajectory(goal, start_ns, underrun=Underrun.HOLD, buffer_s=BUFFER_S)
 
 
 def test_the_path_waits_while_the_buffers_are_dry() -> None:

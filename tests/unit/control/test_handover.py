@@ -12,8 +12,7 @@ from tests.unit.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harnes
 
 from robotd.control import joint_motion, trajectory_follower
 from robotd.control.source_slot import ABANDONED, NOT_RUNNING
-from robotd.control.trajectory_execution import Outcome
-from robotd.control.trajectory_source import TrajectorySource
+from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import NotReady
 from robotd.motion import TrajectoryRequest
 
@@ -194,13 +193,13 @@ def test_a_request_that_is_planned_late_does_not_preempt_a_newer_one(harness: Ha
 
 def test_a_source_that_takes_long_to_make_starts_later(harness: Harness) -> None:
     """As the points of a device that interpolates, on a busy computer."""
-    make, names = harness.follower._make_source, harness.robot.joint_names
+    make, names = harness.follower._make_execution, harness.robot.joint_names
 
-    def slow(*arguments: Any) -> TrajectorySource:
+    def slow(*arguments: Any) -> TrajectoryExecution:
         harness.run(0.02)
         return make(*arguments)
 
-    harness.follower._make_source = slow  # type: ignore[assignment]
+    harness.follower._make_execution = slow  # type: ignore[assignment]
     request = TrajectoryRequest.from_rows(names, [1.0], [[0.3] * len(names)])
     with harness.follower.follow(request) as execution:
         harness.end(execution)

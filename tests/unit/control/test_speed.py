@@ -42,7 +42,7 @@ class Recorded:
 
     def _record(self, image: ProcessImage) -> None:
         if not self._execution.done and self._execution.ending is None:
-            self._times_s.append(self._execution._source.time_s)
+            self._times_s.append(self._execution.time_s)
             self._rates.append(self._execution.rate)
 
 

@@ -111,7 +111,7 @@ def test_repeated_stalls_do_not_accumulate(stalls: list[tuple[int, int]]) -> Non
 
 
 def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> None:
-    harness.follower._make_source = partial(StreamedTrajectory, underrun=Underrun.HOLD)
+    harness.follower._make_execution = partial(StreamedTrajectory, underrun=Underrun.HOLD)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         harness.run(0.3)
         harness.stall(0.03)
@@ -126,7 +126,7 @@ def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> Non
 
 
 def test_the_path_waits_for_a_drive_that_holds(harness: Harness) -> None:
-    harness.follower._make_source = partial(StreamedTrajectory, underrun=Underrun.HOLD)
+    harness.follower._make_execution = partial(StreamedTrajectory, underrun=Underrun.HOLD)
     target = np.array([0.8, -0.6, 0.45])
     began_ns = harness.clock.now_ns()
     with harness.goal(target.tolist(), seconds=1.0) as execution:

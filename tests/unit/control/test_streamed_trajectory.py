@@ -7,7 +7,7 @@ import pytest
 
 from robotd.control.completion import Outcome
 from robotd.control.streamed_trajectory import StreamedTrajectory
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.trajectory_execution import PlannedGoal
 from robotd.descriptor.model import TrajectorySettings
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation, Underrun
@@ -16,7 +16,6 @@ from robotd.motion import (
     JointTolerance,
     MotionState,
     Tolerances,
-    Trajectory,
     TrajectoryRequest,
     plan,
 )
@@ -28,20 +27,23 @@ SETTINGS = TrajectorySettings()
 DEVIATION = 0.03  # of a device's commands from the setpoints
 
 
-def half_a_radian() -> Trajectory:
+def half_a_radian(tolerances: Tolerances | None = None) -> PlannedGoal:
     request = TrajectoryRequest.from_rows(("a",), [1.0], [[0.5]])
-    return plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(1)))
+    path = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(1)))
+    tolerances = tolerances or Tolerances.of_goal(LIMITS, SETTINGS)
+    stopped = LIMITS.stopped_velocity(SETTINGS)
+    return PlannedGoal(path, np.array([0]), LIMITS, tolerances, stopped)
 
 
 @pytest.mark.parametrize("stall_ms", [0, 40, 100, 190])
 def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> None:
-    source = StreamedTrajectory(half_a_radian(), LIMITS, 0, underrun=Underrun.HOLD)
+    source = StreamedTrajectory(half_a_radian(), 0, underrun=Underrun.HOLD)
     offset, time_ns, positions = np.array([-0.1]), 0, []
-    while source.return_command(time_ns, offset):
+    while source._return_command(time_ns, offset):
         time_ns += PERIOD_NS
         if len(positions) == STALLED:
             time_ns += stall_ms * 1_000_000
-        source.hold(time_ns + PERIOD_NS, PERIOD_NS)
+        source._hold(time_ns + PERIOD_NS, PERIOD_NS)
         source.sent(time_ns + PERIOD_NS)
         positions.append(float(source.setpoint[0, 0]))
     speeds = np.diff(positions) / (PERIOD_NS * 1e-9)
@@ -53,15 +55,9 @@ def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> No
 
 @pytest.mark.parametrize("buffer_s", [0.0, 0.01])
 def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer_s: float) -> None:
-    path = half_a_radian()
-    execution = TrajectoryExecution(
-        StreamedTrajectory(path, LIMITS, 0, underrun=Underrun.HOLD, buffer_s=buffer_s),
-        path,
-        np.array([0]),
-        LIMITS,
-        Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
-        LIMITS.stopped_velocity(SETTINGS),
-    )
+    tolerances = Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)])
+    goal = half_a_radian(tolerances)
+    execution = StreamedTrajectory(goal, 0, underrun=Underrun.HOLD, buffer_s=buffer_s)
     image, time_ns, periods = ProcessImage(1), 0, 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
     while not execution.done:
@@ -79,9 +75,7 @@ def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer
 def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
     """The WMX engine's commands deviate after an underrun of its buffers."""
     tolerances = Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", 0.01)], 0.1)
-    path, stopped = half_a_radian(), LIMITS.stopped_velocity(SETTINGS)
-    source = StreamedTrajectory(path, LIMITS, 0)
-    execution = TrajectoryExecution(source, path, np.array([0]), LIMITS, tolerances, stopped)
+    execution = StreamedTrajectory(half_a_radian(tolerances), 0)
     image, time_ns = ProcessImage(1), 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
     while not execution.done:

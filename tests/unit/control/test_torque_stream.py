@@ -14,7 +14,8 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
-from robotd.control.torque_motion import REST_TIMEOUT_S, TorqueMotion
+from robotd.control.setpoint_source import REST_TIMEOUT_S
+from robotd.control.torque_motion import TorqueMotion
 from robotd.control.torque_stream import TorqueStreams
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
@@ -159,9 +160,8 @@ def test_a_fault_and_the_speed_of_the_operator_end_it() -> None:
 def test_nothing_continues_it() -> None:
     rig = Rig()
     assert rig.motion.splice_state(rig.time_ns) is None
-    rig.motion.delay(1)
     rig.motion.sent(1)
-    rig.motion.take_over(rig.motion, 0)
+    rig.motion.take_over(rig.motion, 0, 1)
     assert rig.motion.start_ns == NANOSECONDS
 
 
