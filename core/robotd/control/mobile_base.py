@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
@@ -14,7 +15,6 @@ from robotd.control.axis_limits import (
     twist_limits,
     wheel_limits,
 )
-from robotd.control.base_odometry import BaseOdometry
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
 from robotd.control.source_slot import SourceSlot
@@ -28,10 +28,13 @@ from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.events import noted
 from robotd.log import get_logger
+from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
 from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
+
+JUMP = 3.0  # times the wheel speed limit: a larger step means the position was renumbered
 
 
 class MobileBase:
@@ -59,6 +62,8 @@ class MobileBase:
     def __init__(self, axes: Axes, slot: SourceSlot, settings: DriveSettings, clock: Clock) -> None:
         self._axes, self._slot, self._clock = axes, slot, clock
         self.events = axes.events
+        self._period_s = slot.period_ns / NANOSECONDS
+        self._odometry_lock = threading.Lock()
         self._rejection: str | None = None
         self._motion: WheelMotion | None = None
         self._worker = BaseWorker(lambda: self._command.moves(clock.now_ns()), self._move)
@@ -68,14 +73,11 @@ class MobileBase:
         """Set the parameters and reset the odometry. Before ``start`` only."""
         self.settings = settings
         self.wheels = base_kinematics(settings)
+        self._wheel_axes = settings.axes
         self._command = TwistCommand(settings.command_timeout_s)
-        self._odometry = BaseOdometry(
-            self.wheels,
-            settings.axes,
-            settings.wheel_wrap_rad,
-            wheel_limits(settings).velocity,
-            self._slot.period_ns / NANOSECONDS,
-        )
+        self._odometry = Odometry(self.wheels, settings.wheel_wrap_rad)
+        self._jump = JUMP * wheel_limits(settings).velocity
+        self._tracked_ns = 0
 
     @property
     def pose(self) -> Pose:
@@ -158,7 +160,8 @@ class MobileBase:
         """Make ``pose`` the current one. Any thread. Raises InvalidArgument: it is not finite."""
         if not all(map(math.isfinite, pose)):
             raise InvalidArgument(f"pose {tuple(pose)} is not finite")
-        self._odometry.reset(pose)
+        with self._odometry_lock:
+            self._odometry.reset(pose)
 
     def stop(self, timeout_s: float) -> None:
         """Slow to rest, release the wheels, and reject commands until the engine restarts.
@@ -181,7 +184,16 @@ class MobileBase:
 
     def track(self, image: ProcessImage) -> None:
         """Update the odometry, once a period. Control-loop thread."""
-        self._odometry.track(image)
+        positions = [float(image.position[axis]) for axis in self._wheel_axes]
+        elapsed_s = (image.fresh_ns - self._tracked_ns) / NANOSECONDS
+        if elapsed_s <= 0.0 or not math.isfinite(sum(positions)):
+            return
+        self._tracked_ns = image.fresh_ns
+        longest_step = self._jump * max(elapsed_s, self._period_s)
+        with self._odometry_lock:
+            moved = self._odometry.update(positions, longest_step)
+        if not moved:
+            log.warning("a wheel's position was renumbered; odometry goes on from there")
 
     def on_stop(self, reason: str) -> None:
         """Drop the command when motion is stopped, and when it is allowed again. Any thread."""
@@ -191,7 +203,8 @@ class MobileBase:
         """Accept commands, and continue from new wheel positions, when the engine is ready."""
         if ready:
             self._command.stopped = False
-            self._odometry.rebase()
+            with self._odometry_lock:
+                self._odometry.rebase()
 
     def _move(self) -> None:
         """Claim the wheels until the motion has ended. Thread of the base."""
@@ -220,7 +233,7 @@ class MobileBase:
             yield
 
     def _submit(self, claimed_ns: int) -> WheelMotion:
-        limiter = TwistLimiter(twist_limits(self.settings), self._slot.period_ns / NANOSECONDS)
+        limiter = TwistLimiter(twist_limits(self.settings), self._period_s)
         while True:
             motion = self._motion_from(limiter, claimed_ns, self._slot.next_start_ns)
             if self._slot.submit(motion, None):
