@@ -14,7 +14,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Outcome
-from robotd.control.execution_phase import Phase
+from robotd.control.joint_source import Phase
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
@@ -80,12 +80,12 @@ class DeviceTrajectory(TrajectoryExecution):
         """Write the device's command, or the last point after the arrival, into ``out``."""
         if time_ns >= self._monitor_from_ns:
             self._monitored.set()
-        if self._phase.phase is Phase.ARRIVING:
+        if self._phase is Phase.ARRIVING:
             self.setpoint[0], self.setpoint[1] = self._end_point, 0.0
         else:
             self.setpoint[:2] = image.commands[:, self.columns]
         out[:] = self.setpoint[:2]
-        running = self._phase.phase is Phase.RUNNING
+        running = self._phase is Phase.RUNNING
         return (time_ns - self.start_ns) / NANOSECONDS if running else self.time_s
 
     def _move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:

@@ -10,8 +10,8 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
-from robotd.control.execution_phase import Phase
-from robotd.control.setpoint_source import JointSource, SetpointSource
+from robotd.control.joint_source import JointSource, Phase
+from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
 from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
 from robotd.device.process_image import ProcessImage
@@ -129,14 +129,14 @@ class StreamMotion(JointSource):
             self._setpoints.reset(state, AFTER_STALL)
         self._follow_commands(time_ns)
         self.setpoint[:] = self._setpoints.advance(self._due_ns)
-        if self._phase.phase is not Phase.RUNNING and self._setpoints.at_rest:
-            if self._phase.phase is Phase.STOPPING:
-                self._phase.enter(Phase.RESTING, time_ns)
+        if self._phase is not Phase.RUNNING and self._setpoints.at_rest:
+            if self._phase is Phase.STOPPING:
+                self._enter(Phase.RESTING, time_ns)
             self._end_at_rest(time_ns, image)
 
     def _follow_commands(self, time_ns: int) -> None:
         """Take what has arrived; slow to rest when nothing has, or an end was requested."""
-        if self._phase.phase is not Phase.RUNNING:
+        if self._phase is not Phase.RUNNING:
             return
         if self.completion.requested is None and self._due_ns > self._settled_until_ns:
             while self._commands:
@@ -153,4 +153,4 @@ class StreamMotion(JointSource):
                     )
         if self.completion.requested is not None:
             self._setpoints.stop()
-            self._phase.enter(Phase.STOPPING, time_ns)
+            self._enter(Phase.STOPPING, time_ns)

@@ -8,7 +8,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Outcome
-from robotd.control.execution_phase import Phase
+from robotd.control.joint_source import Phase
 from robotd.control.path_rate import PathRate
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery, after_stall

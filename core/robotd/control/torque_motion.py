@@ -7,8 +7,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
-from robotd.control.execution_phase import Phase
-from robotd.control.setpoint_source import JointSource
+from robotd.control.joint_source import JointSource, Phase
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
@@ -62,12 +61,12 @@ class TorqueMotion(JointSource):
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
         """Send the torque for this period, or monitor the stop; return False."""
-        if self._phase.phase is Phase.RUNNING and not self.completion.done:
+        if self._phase is Phase.RUNNING and not self.completion.done:
             self._check(time_ns, period_ns, image)
             if self.completion.requested is None:
                 self._apply(time_ns + period_ns, image.axes)
             else:
-                self._phase.enter(Phase.STOPPING, time_ns)
+                self._enter(Phase.STOPPING, time_ns)
                 self._driver.stop(self._axes.tolist())
         elif not self.completion.done:
             self._end_at_rest(time_ns, image)

@@ -15,11 +15,9 @@ from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import ticks
 from robotd.control.command_history import CommandHistory
 from robotd.control.completion import Outcome
-from robotd.control.execution_phase import Phase
-from robotd.control.fault_monitor import STALL_S
 from robotd.control.goal_passage import GoalPassage
+from robotd.control.joint_source import STALL_S, JointSource, Phase
 from robotd.control.joint_tracking import JointTracking, Progress
-from robotd.control.setpoint_source import JointSource
 from robotd.control.source_slot import PREEMPTED
 from robotd.device.process_image import ProcessImage
 from robotd.motion import JointLimits, Tolerances, Trajectory
@@ -152,16 +150,16 @@ class TrajectoryExecution(JointSource):
         pause_ns = self._begin_period(time_ns)
         self._observe(image, time_ns)
         self._check_drives(image, self.time_s, pause_ns)
-        if self._phase.phase in (Phase.RUNNING, Phase.ARRIVING):
+        if self._phase in (Phase.RUNNING, Phase.ARRIVING):
             self._check_path(time_ns, pause_ns)
-        if self._passage is not None and self._phase.phase in (Phase.RUNNING, Phase.ARRIVING):
+        if self._passage is not None and self._phase in (Phase.RUNNING, Phase.ARRIVING):
             self._pass_goal(self._passage, time_ns)
         due_ns = time_ns + period_ns
-        match self._phase.phase:
+        match self._phase:
             case Phase.RUNNING | Phase.STOPPING:
                 following = self._move(time_ns, due_ns, pause_ns, image)
                 if following is not None:
-                    self._phase.enter(following, time_ns)
+                    self._enter(following, time_ns)
             case Phase.ARRIVING:
                 self._hold(due_ns, period_ns)
                 self._arrive(time_ns)
@@ -172,7 +170,7 @@ class TrajectoryExecution(JointSource):
 
     def _observe(self, image: ProcessImage, time_ns: int) -> None:
         time_s = self._expect(time_ns, image, self._tracking.desired)
-        if self._history is not None and self._phase.phase in (Phase.RUNNING, Phase.STOPPING):
+        if self._history is not None and self._phase in (Phase.RUNNING, Phase.STOPPING):
             desired = self._tracking.desired
             self._history.add(time_ns, desired)
             time_s -= self.rate * self._history.recall(image.fresh_ns, desired)
@@ -182,7 +180,7 @@ class TrajectoryExecution(JointSource):
         """Check the path tolerance; begin to stop when an end is requested."""
         # Until a stall is recovered from, the joints are where it left them.
         stalled = pause_ns > STALL_S * NANOSECONDS or self._deviates
-        if self.ending is None and self._phase.phase is Phase.RUNNING and not stalled:
+        if self.ending is None and self._phase is Phase.RUNNING and not stalled:
             desired, measured = self._tracking.desired, self._tracking.measured
             violation = self._tolerances.check_path(
                 self.time_s, desired[0], measured[0], desired[1], measured[1]
@@ -190,34 +188,34 @@ class TrajectoryExecution(JointSource):
             if violation is not None:
                 self.completion.request(Outcome.PATH_TOLERANCE, str(violation))
         if self.ending is not None:
-            self._phase.enter(self._stop(time_ns), time_ns)
+            self._enter(self._stop(time_ns), time_ns)
 
     def _pass_goal(self, passage: GoalPassage, time_ns: int) -> None:
         """Give the result when the last point is passed, at the latest at standstill."""
         if passage.update(self._tracking.progress().time_s, self._tracking.measured[0]):
             self._passage = None
             self.completion.announce(Outcome.SUCCEEDED, self._success_text())
-        elif self._phase.phase is Phase.ARRIVING:
+        elif self._phase is Phase.ARRIVING:
             self.completion.request(Outcome.GOAL_TOLERANCE, str(passage.violation()))
-            self._phase.enter(Phase.RESTING, time_ns)
+            self._enter(Phase.RESTING, time_ns)
 
     def _arrive(self, time_ns: int) -> None:
         """Wait until the joints are within the goal tolerance."""
-        over_s = self._phase.age_s(time_ns)
+        over_s = self._phase_age_s(time_ns)
         desired, measured = self._tracking.desired, self._tracking.measured
         violation = self._tolerances.check_goal(
             self.trajectory.duration_s + over_s, desired[0], measured[0], measured[1]
         )
-        if self._phase.settle(violation is None and not self._deviates):
+        if self._settle(violation is None and not self._deviates):
             self.completion.finish(Outcome.SUCCEEDED, self._success_text())
         elif violation and over_s > self._tolerances.goal_time_s:
             self.completion.request(Outcome.GOAL_TOLERANCE, str(violation))
-            self._phase.enter(Phase.RESTING, time_ns)
+            self._enter(Phase.RESTING, time_ns)
 
     def _rest(self, time_ns: int, image: ProcessImage) -> None:
         """Wait until the joints are at rest, then end as requested."""
         if self._is_stopping(time_ns, image):
-            self._phase.enter(Phase.RESTING, time_ns)
+            self._enter(Phase.RESTING, time_ns)
             return
         moving = self._moves(image)
         ready = self._is_settled(time_ns, at_rest=not moving and not self._is_active(image))

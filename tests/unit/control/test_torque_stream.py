@@ -14,7 +14,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
-from robotd.control.setpoint_source import REST_TIMEOUT_S
+from robotd.control.joint_source import REST_TIMEOUT_S
 from robotd.control.torque_motion import TorqueMotion
 from robotd.control.torque_stream import TorqueStreams
 from robotd.device.speed_scale import SpeedScale
