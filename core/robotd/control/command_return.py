@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
 from robotd.motion import JointLimits
 
 MIN_ERROR = 0.005  # rad or m; less is lag and sag of a healthy drive, and stays
@@ -20,9 +21,17 @@ class CommandReturn:
         command: (m,) position command, rad or m.
         offset: (m,) from the command to the joints at rest, rad or m.
         limits: of velocity and acceleration of the command.
+        start_ns: monotonic time at which it begins.
+
+    Attributes:
+        start_ns: as above; later after a pause.
+        duration_s: of the move.
     """
 
-    def __init__(self, command: FloatArray, offset: FloatArray, limits: JointLimits) -> None:
+    def __init__(
+        self, command: FloatArray, offset: FloatArray, limits: JointLimits, start_ns: int
+    ) -> None:
+        self.start_ns = start_ns
         self._ended = False
         self._start = command.copy()
         self._offset: FloatArray = np.where(np.abs(offset) > MIN_ERROR, offset, 0.0)
@@ -37,13 +46,14 @@ class CommandReturn:
         way = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
         return u * self.duration_s, self._start + way[:, None] * self._offset
 
-    def sample(self, time_s: float, command: FloatArray) -> bool:
-        """Write the motion ``time_s`` after the start into ``command`` (3, m).
+    def sample(self, time_ns: int, command: FloatArray) -> bool:
+        """Write the motion at ``time_ns`` into ``command`` (3, m).
 
         Returns False when the end had been written before.
         """
         if self._ended:
             return False
+        time_s = (time_ns - self.start_ns) / NANOSECONDS
         u = min(time_s / self.duration_s, 1.0) if self.duration_s else 1.0
         command[0] = self._start + self._offset * (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
         rate = 1.0 / self.duration_s if self.duration_s else 0.0

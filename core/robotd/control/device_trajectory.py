@@ -70,7 +70,6 @@ class DeviceTrajectory(TrajectoryExecution):
         self._at_rest = threading.Event()  # the return was requested, or the execution has ended
         self._return: CommandReturn | None = None
         self._return_sent = False
-        self._return_ns = start_ns
 
     def begin(self) -> None:
         """Start the thread."""
@@ -122,14 +121,14 @@ class DeviceTrajectory(TrajectoryExecution):
     def _return_command(self, time_ns: int, offset: FloatArray) -> bool:
         """Let the device move its command by ``offset`` (m,); return False once it is there."""
         if self._return is None:
-            self._return = CommandReturn(self.setpoint[0], offset, self._limits)
+            self._return = CommandReturn(self.setpoint[0], offset, self._limits, time_ns)
             if self._return.duration_s > 0.0:
                 self._at_rest.set()
         if self._return.duration_s == 0.0:
             return False
         if not self._return_sent:
-            self._return_ns = time_ns
-        return (time_ns - self._return_ns) / NANOSECONDS <= self._return.duration_s
+            self._return.start_ns = time_ns
+        return (time_ns - self._return.start_ns) / NANOSECONDS <= self._return.duration_s
 
     def _wake(self) -> None:
         self._monitored.set()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum, auto
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import after_stall
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
+from robotd.motion import JointLimits
 
 REST_TIMEOUT_S = 2.0  # after that a joint that still moves is reported, not waited for
 SETTLED_PERIODS = 2  # consecutive periods within tolerance that count as arrived, or at rest
@@ -31,27 +33,28 @@ class JointSource(SetpointSource):
     """Motion of joints: ends with a fault when a drive does not follow.
 
     Args:
-        names: of the joints.
+        limits: of the joints.
         axes, start_ns, setpoint: as of ``SetpointSource``.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
-        streamed: the axes have to stay in streaming once they were in it.
+
+    Attributes:
+        streams: the axes have to stay in streaming once they were in it.
     """
+
+    streams: ClassVar[bool] = True
 
     def __init__(
         self,
-        names: tuple[str, ...],
+        limits: JointLimits,
         axes: IntArray,
         start_ns: int,
         setpoint: FloatArray,
         stopped_velocity: FloatArray,
-        *,
-        streamed: bool = True,
     ) -> None:
         super().__init__(axes, start_ns, setpoint)
-        self._names, self._axes, self._stopped_velocity = names, axes, stopped_velocity
+        self._limits, self._axes, self._stopped_velocity = limits, axes, stopped_velocity
         self._phase, self._phase_since_ns, self._settled_periods = Phase.RUNNING, start_ns, 0
         self._advanced_ns = start_ns
-        self._streamed = streamed
         self._was_streaming = False
         self._healthy = b""  # flags and operations of an image without a fault
 
@@ -129,7 +132,7 @@ class JointSource(SetpointSource):
 
     def _obey(self, image: ProcessImage) -> bool:
         """Check that no other command moves the axes; older images do not show it yet."""
-        if not self._streamed:
+        if not self.streams:
             return True
         streaming = bool((image.operation[self._axes] == Operation.STREAM).all())
         self._was_streaming |= streaming
@@ -143,7 +146,7 @@ class JointSource(SetpointSource):
             (image.operation != Operation.STREAM, _stop_reason(pause_ns)),
         ]
         for failed, text in reasons:
-            for name, axis in zip(self._names, self._axes, strict=True):
+            for name, axis in zip(self._limits.names, self._axes, strict=True):
                 if failed[axis]:
                     if fault := image.controller_fault:
                         return f"{fault} at {time_s:.3f} s"

@@ -27,11 +27,13 @@ class PathRate:
         limits: of the joints; their accelerations count.
 
     Attributes:
+        path: (2, m) velocity and acceleration of the path at rate 1, at the last setpoint.
         value: at the end of the last period.
         slope: its mean change in the last period, 1/s.
     """
 
     def __init__(self, speed: SpeedScale, limits: JointLimits) -> None:
+        self.path: FloatArray = np.zeros((2, len(limits.names)))
         self.value, self.slope = speed.scale, 0.0
         self._speed, self._limit = speed, limits.acceleration
         self._max_slope = MAX_SLOPE
@@ -45,17 +47,12 @@ class PathRate:
         """Begin anew from standstill: the device held its position during a stall."""
         self.value, self._max_slope = 0.0, math.inf
 
-    def step(self, elapsed_s: float, velocity: FloatArray, acceleration: FloatArray) -> float:
-        """Ramp for ``elapsed_s``; return the mean rate.
-
-        Args:
-            elapsed_s: real time since the last setpoint.
-            velocity, acceleration: (m,) of the path at rate 1, at the last setpoint.
-        """
+    def step(self, elapsed_s: float) -> float:
+        """Ramp for ``elapsed_s``, the real time since the last setpoint; return the mean rate."""
         before, target = self.value, self._speed.scale
         largest = 0.0
         if target != before:
-            largest = elapsed_s * self._largest_slope(velocity, acceleration)
+            largest = elapsed_s * self._largest_slope()
         change = min(max(target - before, -largest), largest)
         if change == target - before:
             self.value, self._max_slope = target, MAX_SLOPE
@@ -64,15 +61,23 @@ class PathRate:
         self.slope = (self.value - before) / elapsed_s
         return 0.5 * (before + self.value)
 
-    def scale(self, setpoint: FloatArray) -> None:
-        """Turn the path's position, velocity and acceleration (3, m) into those in real time."""
-        _, velocity, acceleration = setpoint
-        acceleration *= self.value**2
-        acceleration += velocity * self.slope
-        velocity *= self.value
-
-    def _largest_slope(self, velocity: FloatArray, acceleration: FloatArray) -> float:
+    def _largest_slope(self) -> float:
+        velocity, acceleration = self.path
         spare = self._limit - np.abs(acceleration) * self.value**2
         allowed = np.maximum(spare, MIN_SHARE * self._limit)
         speed = np.maximum(np.abs(velocity), MIN_SPEED)
         return min(float((allowed / speed).min()), self._max_slope)
+
+
+def scale(setpoint: FloatArray, rate: float, slope: float) -> None:
+    """Turn the path's position, velocity and acceleration (3, m) into those in real time.
+
+    Args:
+        setpoint: of the path at rate 1; changed in place.
+        rate: r.
+        slope: dr/dt, 1/s.
+    """
+    _, velocity, acceleration = setpoint
+    acceleration *= rate**2
+    acceleration += velocity * slope
+    velocity *= rate

@@ -38,12 +38,11 @@ class SetpointSource(ABC):
             None: it keeps none.
     """
 
-    stall_recovery: StallRecovery | None = None
-
     def __init__(self, axes: Sequence[int] | IntArray, start_ns: int, setpoint: FloatArray) -> None:
         self.columns = columns(axes)
         self.start_ns, self.setpoint = start_ns, setpoint
         self.completion = Completion()
+        self.stall_recovery: StallRecovery | None = None
 
     @property
     def rate(self) -> float:

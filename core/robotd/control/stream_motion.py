@@ -67,7 +67,7 @@ class StreamMotion(JointSource):
         ends_when_silent: bool,
     ) -> None:
         setpoint = np.array([state.position, state.velocity, state.acceleration])
-        super().__init__(limits.names, axes, start_ns, setpoint, stopped_velocity)
+        super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
         self.mode, self.timeouts = mode, 0
         self.stall_recovery = StallRecovery(setpoint[:2], start_ns, limits, underrun, buffer_s)
         self._speed = speed

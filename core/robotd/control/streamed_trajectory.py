@@ -9,7 +9,7 @@ from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Outcome
 from robotd.control.joint_source import Phase
-from robotd.control.path_rate import PathRate
+from robotd.control.path_rate import PathRate, scale
 from robotd.control.setpoint_source import SetpointSource
 from robotd.control.stall_recovery import StallRecovery, after_stall
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
@@ -32,7 +32,6 @@ class StreamedTrajectory(TrajectoryExecution):
         speed: sets the rate of trajectory time; None: real time.
     """
 
-    streams = True
     stall_recovery: StallRecovery
 
     def __init__(
@@ -46,21 +45,19 @@ class StreamedTrajectory(TrajectoryExecution):
         speed: SpeedScale | None = None,
     ) -> None:
         super().__init__(goal, start_ns, feedback_period_s=feedback_period_s)
+        # From 30 attributes on CPython takes a third longer for each access.
         self._motion = self.setpoint[:2]  # position and velocity
         self._sampler = Sampler(goal.trajectory)
         self._rate = PathRate(speed or SpeedScale(), goal.limits)
-        self._path: FloatArray = np.zeros_like(self.setpoint[1:])  # its derivatives at rate 1
         self._due_ns = start_ns
         self._sent_time_s: float | None = 0.0  # of the last setpoint; None: it was off the path
-        self._stop_plan: StopPlan | None = None
-        self._stop_ns = start_ns
+        self._stop_plan: tuple[StopPlan, int] | None = None  # with the time of its beginning
         self._held: FloatArray = np.zeros_like(self.setpoint)  # last position, at rest
         self._held[0] = self.setpoint[0]
         self.stall_recovery = StallRecovery(
             self._held[:2], start_ns, goal.limits, underrun, buffer_s
         )
         self._command_return: CommandReturn | None = None
-        self._return_ns = start_ns
 
     @property
     def rate(self) -> float:
@@ -98,11 +95,12 @@ class StreamedTrajectory(TrajectoryExecution):
         if self._stop_plan is None:
             scaled = self._advance_time(due_ns, period_ns)
             self._sampler.sample(self.time_s, self.setpoint)
-            self._path[:] = self.setpoint[1:]
+            self._rate.path[:] = self.setpoint[1:]
             if scaled:
-                self._rate.scale(self.setpoint)
+                scale(self.setpoint, self._rate.value, self._rate.slope)
         else:
-            at_rest = self._sample_stop(self._stop_plan, due_ns)
+            stop_plan, began_ns = self._stop_plan
+            at_rest = self._sample_stop(stop_plan, (due_ns - began_ns) / NANOSECONDS)
         self._held[0] = self.setpoint[0]
         self._recover(due_ns, period_ns)
         if self.stall_recovery.active:
@@ -111,15 +109,11 @@ class StreamedTrajectory(TrajectoryExecution):
             return Phase.ARRIVING if self._stop_plan is None else Phase.RESTING
         return None
 
-    def _sample_stop(self, stop_plan: StopPlan, due_ns: int) -> bool:
+    def _sample_stop(self, stop_plan: StopPlan, elapsed_s: float) -> bool:
         """Sample the path along the stop; return True at its end."""
-        elapsed_s = (due_ns - self._stop_ns) / NANOSECONDS
         self.time_s, rate, deceleration = stop_plan.at(elapsed_s)
         self._sampler.sample(self.time_s, self.setpoint)
-        _, velocity, acceleration = self.setpoint
-        acceleration *= rate**2
-        acceleration -= velocity * deceleration
-        velocity *= rate
+        scale(self.setpoint, rate, -deceleration)
         return rate == 0.0
 
     def _advance_time(self, due_ns: int, period_ns: int) -> bool:
@@ -129,7 +123,7 @@ class StreamedTrajectory(TrajectoryExecution):
         scaled = due_ns > self.start_ns and not self._rate.is_full
         if scaled:
             elapsed_ns = due_ns - self._due_ns if self._due_ns > self.start_ns else period_ns
-            mean = self._rate.step(elapsed_ns / NANOSECONDS, *self._path)
+            mean = self._rate.step(elapsed_ns / NANOSECONDS)
             self.start_ns += round((1.0 - mean) * elapsed_ns)
         self._due_ns = due_ns
         self.time_s = (due_ns - self.start_ns) / NANOSECONDS
@@ -148,23 +142,21 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def _stop(self, time_ns: int) -> Phase:
         """Plan the stop along the path."""
-        self._stop_plan = plan_stop(self.trajectory, self.time_s, self._limits, self.rate)
-        self._stop_ns = time_ns
+        stop_plan = plan_stop(self.trajectory, self.time_s, self._limits, self.rate)
+        self._stop_plan = stop_plan, time_ns
         return Phase.STOPPING
 
     def _return_command(self, time_ns: int, offset: FloatArray) -> bool:
         """Move the held setpoint by ``offset`` (m,); return False once it is there."""
         if self._command_return is None:
-            self._command_return = CommandReturn(self._held[0], offset, self._limits)
-            self._return_ns = time_ns
-        time_s = (time_ns - self._return_ns) / NANOSECONDS
-        return self._command_return.sample(time_s, self._held)
+            self._command_return = CommandReturn(self._held[0], offset, self._limits, time_ns)
+        return self._command_return.sample(time_ns, self._held)
 
     def _recover(self, due_ns: int, period_ns: int) -> None:
         """Continue from the position after an underrun; request a fault when too far off."""
         found = self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS)
-        if found:  # the return of the command waits, too
-            self._return_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
+        if found and self._command_return is not None:  # it waits, too
+            self._command_return.start_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
         if found and self.stall_recovery.is_far.any():
             self.completion.request(Outcome.FAULT, self._deviation_text())
 

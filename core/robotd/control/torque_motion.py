@@ -48,8 +48,8 @@ class TorqueMotion(JointSource):
         feedback_period_s: float,
     ) -> None:
         setpoint = np.full((3, len(axes)), np.nan)
-        super().__init__(limits.names, axes, start_ns, setpoint, stopped_velocity)
-        self._driver, self._limits = driver, limits
+        super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
+        self._driver = driver
         self._timeout_s, self._speed = timeout_s, speed
         self._feedback_period_s = feedback_period_s
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -60,25 +59,21 @@ class TrajectoryExecution(JointSource):
             measured values. 0: that of the present period.
 
     Attributes:
-        streams: the control loop sends ``setpoint``.
         trajectory: of the goal.
         time_s: trajectory time of ``setpoint``.
     """
 
-    streams: ClassVar[bool]
-
     def __init__(self, goal: PlannedGoal, start_ns: int, *, feedback_period_s: float = 0.0) -> None:
         trajectory = goal.trajectory
         super().__init__(
-            trajectory.names,
+            goal.limits,
             goal.axes,
             start_ns,
             np.vstack(trajectory.evaluate(np.zeros(1))),
             goal.stopped_velocity,
-            streamed=self.streams,
         )
         self.trajectory, self.time_s = trajectory, 0.0
-        self._limits, self._tolerances = goal.limits, goal.tolerances
+        self._tolerances = goal.tolerances
         self._tracking = JointTracking(self.setpoint[:2])
         self._history = CommandHistory() if feedback_period_s > 0.0 else None
         goal_s = trajectory.goal_s
