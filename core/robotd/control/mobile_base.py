@@ -18,9 +18,8 @@ from robotd.control.axis_limits import (
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
 from robotd.control.source_slot import SourceSlot
-from robotd.control.steered_motion import SteeredMotion
 from robotd.control.twist_command import TwistCommand
-from robotd.control.wheel_motion import OWNER, WheelMotion
+from robotd.control.wheel_motion import OWNER, SteeredMotion, WheelMotion
 from robotd.descriptor import DriveSettings, TricycleDrive
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
@@ -30,6 +29,7 @@ from robotd.events import noted
 from robotd.log import get_logger
 from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
+from robotd.motion.steering import SteeringFollower
 from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
@@ -242,20 +242,13 @@ class MobileBase:
 
     def _motion_from(self, limiter: TwistLimiter, claimed_ns: int, start_ns: int) -> WheelMotion:
         settings, command = self.settings, self._command
-        if isinstance(settings, TricycleDrive):
-            return SteeredMotion(
-                self._axes,
-                settings.axes,
-                steered_wheels(settings),
-                steering_limits(settings),
-                limiter,
-                command,
-                claimed_ns,
-                start_ns,
-            )
-        return WheelMotion(
-            self._axes, settings.axes, self.wheels, limiter, command, claimed_ns, start_ns
-        )
+        common = self._axes, settings.axes, self.wheels, limiter, command, claimed_ns, start_ns
+        if not isinstance(settings, TricycleDrive):
+            return WheelMotion(*common)
+        angle = float(self._axes.image.position_command[settings.steering_axis])
+        wheels, limits = steered_wheels(settings), steering_limits(settings)
+        follower = SteeringFollower(wheels, limits, angle, self._period_s)
+        return SteeredMotion(*common, follower)
 
     def _end_motion(self) -> None:
         for motion in self._slot.active:

@@ -1,4 +1,4 @@
-"""Setpoint source of a mobile base: wheel speeds from the commanded twist."""
+"""Setpoint sources of a mobile base: wheel speeds, and steering, from the commanded twist."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.motion.base_kinematics import BaseKinematics
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
+from robotd.motion.steering import SteeringFollower
 from robotd.motion.twist_limits import TwistLimiter
 
 OWNER = "mobile base"
@@ -51,6 +52,7 @@ class WheelMotion(SetpointSource):
         self.twist = ZERO_TWIST
         self.setpoint[0] = np.nan
         self._axes, self._wheel_axes = axes, wheel_axes
+        self._modes = (CommandMode.VELOCITY,) * len(wheel_axes)
         self._wheels, self._limiter, self._command = wheels, limiter, command
         self._claimed_ns = claimed_ns
         self._sent = True
@@ -70,7 +72,7 @@ class WheelMotion(SetpointSource):
             if is_at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
-            self._follow(self._limiter.step(twist), period_ns, image)
+            self._follow(self._limiter.step(twist), period_ns)
         self._sent = False
         return True
 
@@ -78,7 +80,7 @@ class WheelMotion(SetpointSource):
         """Note that the device has the setpoint."""
         self._sent = True
 
-    def _follow(self, twist: PlanarTwist, period_ns: int, image: ProcessImage) -> None:
+    def _follow(self, twist: PlanarTwist, period_ns: int) -> None:
         """Set the wheel speeds of the next setpoint; ``twist`` is within the limits."""
         self.twist = twist
         speeds = np.array(self._wheels.speeds(twist))
@@ -89,16 +91,49 @@ class WheelMotion(SetpointSource):
         """Return True while an axis moves although the limited twist is zero."""
         return False
 
-    def _mode(self, place: int) -> CommandMode:
-        """Return the command mode of an axis by its place among the wheels."""
-        return CommandMode.VELOCITY
-
     def _loss(self, time_ns: int, image: ProcessImage) -> str | None:
         """Return the reason why the claimed wheels cannot move; None: they can."""
-        for place, axis in enumerate(self._wheel_axes):
-            if error := self._axes.rejection(axis, self._mode(place), OWNER):
+        for axis, mode in zip(self._wheel_axes, self._modes, strict=True):
+            if error := self._axes.rejection(axis, mode, OWNER):
                 return str(error)
             # Values from before the claim cannot show it yet.
             if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
                 return f"{self._axes.names[axis]} was stopped by something else"
         return None
+
+
+class SteeredMotion(WheelMotion):
+    """Motion of a driven wheel in velocity mode and a steering axis in position mode.
+
+    Args:
+        follower: of the base's twists, at rest; the others are those of ``WheelMotion``.
+    """
+
+    def __init__(
+        self,
+        axes: Axes,
+        wheel_axes: tuple[int, ...],
+        wheels: BaseKinematics,
+        limiter: TwistLimiter,
+        command: TwistCommand,
+        claimed_ns: int,
+        start_ns: int,
+        follower: SteeringFollower,
+    ) -> None:
+        super().__init__(axes, wheel_axes, wheels, limiter, command, claimed_ns, start_ns)
+        self._modes = (CommandMode.VELOCITY, CommandMode.POSITION)
+        self._follower = follower
+
+    def _turns(self) -> bool:
+        return not self._follower.at_rest
+
+    def _follow(self, twist: PlanarTwist, period_ns: int) -> None:
+        """Set speed and angle of the next setpoint; ``twist`` is within the base's limits."""
+        follower, per_s = self._follower, NANOSECONDS / period_ns
+        before = follower.speed, follower.rate
+        follower.step(twist)
+        self.twist = follower.twist
+        now = follower.speed, follower.rate
+        self.setpoint[0, 1] = follower.angle
+        self.setpoint[1] = now
+        self.setpoint[2] = [(new - old) * per_s for new, old in zip(now, before, strict=True)]
