@@ -91,7 +91,7 @@ class Harness:
     def threads(self) -> list[threading.Thread]:
         """Threads that must never end: control loop, receive thread, simulated drives."""
         found = [
-            self.robot.control_loop._thread._thread,
+            self.robot.control_loop._thread,
             self.master.bus._thread,
             self.network._thread,
         ]

@@ -7,12 +7,14 @@ counted and skipped, never made up for in a burst.
 
 from __future__ import annotations
 
+import ctypes
+import sys
+import threading
 from collections.abc import Callable
 from functools import partial
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
-from robotd.control.control_thread import ControlThread
 from robotd.control.device_loss import DeviceLoss
 from robotd.control.image_reader import ImageReader
 from robotd.control.loop_statistics import LoopStatistics
@@ -20,15 +22,20 @@ from robotd.control.period_deadlines import PeriodDeadlines
 from robotd.control.periodic_tasks import PeriodicTasks, Task
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.source_slot import NOT_RUNNING
-from robotd.control.watchdog import SIMULATED_HANG_S
+from robotd.control.watchdog import SIMULATED_HANG_S, Watchdog, place_of
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import RobotdError
 from robotd.log import get_logger
+from robotd.realtime import request_realtime
 
 log = get_logger("control")
+
+PR_SET_TIMERSLACK = 29  # linux/prctl.h
+STOP_S = 2.0  # time-out for the current period; a thread that hangs is abandoned
+SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
 
 
 class ControlLoop:
@@ -43,6 +50,9 @@ class ControlLoop:
         realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
         clock: time base of the deadlines. On a ``SteppedClock`` there is no thread: periods
             run in the thread that sleeps on the clock.
+
+    Attributes:
+        realtime: SCHED_FIFO was granted.
     """
 
     def __init__(
@@ -57,6 +67,7 @@ class ControlLoop:
         clock: Clock | None = None,
     ) -> None:
         self.period_ns = round(NANOSECONDS / rate_hz)
+        self.realtime = False
         clock = clock or MonotonicClock()
         self._simulated = isinstance(clock, PacedClock)
         self._clock: Clock = clock.leader if isinstance(clock, PacedClock) else clock
@@ -73,14 +84,12 @@ class ControlLoop:
             skips_start=not mixer.extrapolates,
             imminent=not self._simulated,
         )
-        self._thread = ControlThread(
-            self._clock,
-            self.period_ns,
-            self.period,
-            self._hang,
-            SIMULATED_HANG_S if self._simulated else stale_after_s,
-            realtime_priority,
-        )
+        self._realtime_priority = realtime_priority
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._began_ns = 0  # of the work, in real time: simulated time stops while a driver hangs
+        limit_s = SIMULATED_HANG_S if self._simulated else stale_after_s
+        self._watchdog = Watchdog(self.work_ns, lambda: place_of(self._thread), limit_s, self._hang)
         self._failing = False
         self._observer: Callable[[], None] | None = None
 
@@ -93,11 +102,6 @@ class ControlLoop:
     def started_ns(self) -> int:
         """Start of the current period on the loop's clock: the time of what it publishes."""
         return self._deadlines.start_ns
-
-    @property
-    def realtime(self) -> bool:
-        """SCHED_FIFO was granted."""
-        return self._thread.realtime
 
     def every(self, rate_hz: float, name: str, task: Task, *, first: bool = False) -> None:
         """Call ``task(image)`` in the control-loop thread, at most ``rate_hz`` times a second.
@@ -123,22 +127,34 @@ class ControlLoop:
     def delay(self, seconds: float) -> None:
         """Prolong the current period by ``seconds``; for tasks that inject faults."""
         if self._simulated:
-            self._thread.end_work()  # excluded from the hang detection: no driver hangs
+            self._began_ns = 0  # excluded from the hang detection: no driver hangs
         self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NANOSECONDS))
-        self._thread.begin_work()
+        self._began_ns = MonotonicClock.now_ns()
+
+    def work_ns(self) -> int:
+        """Return the age of the current period in real time; 0: none. Any thread."""
+        began_ns = self._began_ns
+        return MonotonicClock.now_ns() - began_ns if began_ns else 0
 
     def start(self) -> None:
         """Start the loop; no effect while it runs. One thread; not again after ``stop``."""
         if isinstance(self._clock, SteppedClock):
             self._clock.attach(self.period_ns, self.period)
-        else:
+        elif self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="robotd-control", daemon=True)
             self._thread.start()
+            self._watchdog.start()
 
     def stop(self) -> None:
         """End the thread after its period and wait; a second call has no effect."""
         if isinstance(self._clock, SteppedClock):
             self._clock.detach()
-        self._thread.stop()
+        self._stopping.set()
+        self._watchdog.stop()
+        if self._thread is not None:
+            self._thread.join(STOP_S)
+            if self._thread.is_alive():
+                log.error("the control loop hangs; its thread is abandoned")
         self._deadlines.expect(0)
         self._mixer.device_lost(NOT_RUNNING)
 
@@ -149,9 +165,9 @@ class ControlLoop:
         """
         deadline_ns, due = self._deadlines.begin(deadline_ns)
         if due:
-            self._thread.begin_work()
+            self._began_ns = MonotonicClock.now_ns()
             self.step(deadline_ns)
-            self._thread.end_work()
+            self._began_ns = 0
             deadline_ns = self._deadlines.end()
             self._observe()
         self._deadlines.expect(deadline_ns)
@@ -188,6 +204,15 @@ class ControlLoop:
                 log.exception("a control period failed")
             self._failing = True
             self._mixer.device_lost(f"{type(error).__name__}: {error}")
+
+    def _run(self) -> None:
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
+        self.realtime = request_realtime(self._realtime_priority)
+        deadline_ns = self._clock.now_ns() + self.period_ns
+        while not self._stopping.is_set():
+            self._clock.sleep_until_ns(deadline_ns)
+            deadline_ns = self.period(deadline_ns)
 
     def _observe(self) -> None:
         if self._observer is not None:

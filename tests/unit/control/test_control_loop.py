@@ -235,7 +235,7 @@ def test_missed_deadlines_are_skipped_and_counted(threaded: Harness) -> None:
         if len(times_ns) == 4:
             harness.clock.advance(4.5 * PERIOD_NS * 1e-9)
         if len(times_ns) == 8:
-            harness.control_loop._thread._stop.set()
+            harness.control_loop._stopping.set()
             ended.set()
 
     harness.control_loop.every(500.0, "task", task)
@@ -255,9 +255,9 @@ def test_missed_deadlines_are_skipped_and_counted(threaded: Harness) -> None:
 def test_a_second_start_or_stop_has_no_effect(threaded: Harness) -> None:
     control_loop = threaded.control_loop
     control_loop.start()
-    thread = control_loop._thread._thread
+    thread = control_loop._thread
     control_loop.start()
-    assert control_loop._thread._thread is thread
+    assert control_loop._thread is thread
     assert sum(each.name == "robotd-control" for each in threading.enumerate()) == 1
     control_loop.stop()
     control_loop.stop()

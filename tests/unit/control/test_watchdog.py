@@ -58,7 +58,7 @@ class Harness:
 
 @pytest.fixture(params=[MonotonicClock, PacedClock])
 def harness(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
-    monkeypatch.setattr("robotd.control.control_thread.STOP_S", 0.1)
+    monkeypatch.setattr("robotd.control.control_loop.STOP_S", 0.1)
     monkeypatch.setattr("robotd.control.control_loop.SIMULATED_HANG_S", LIMIT_S)
     monkeypatch.setattr(watchdog, "HANG_S", LIMIT_S)
     harness = Harness(request.param())
@@ -82,7 +82,7 @@ def test_a_read_that_hangs_makes_the_engine_not_ready(harness: Harness) -> None:
 def test_the_hanging_call_is_found(harness: Harness) -> None:
     harness.axes.hang.set()
     assert harness.lost()
-    assert f"{__name__}: HangingAxes.read, line " in place_of(harness.control_loop._thread._thread)
+    assert f"{__name__}: HangingAxes.read, line " in place_of(harness.control_loop._thread)
 
 
 def test_a_control_loop_that_continues_is_ready_again(harness: Harness) -> None:
@@ -121,7 +121,7 @@ def test_a_delay_of_simulated_time_is_no_hang() -> None:
     harness.control_loop.every(500.0, "delay", delay, first=True)
     harness.control_loop.start()
     assert delayed.wait(5.0)
-    assert wait_until(lambda: harness.control_loop._thread.age_ns() == 0, 5.0, MonotonicClock())
+    assert wait_until(lambda: harness.control_loop.work_ns() == 0, 5.0, MonotonicClock())
     clock.end()
     harness.control_loop.stop()
 
