@@ -17,7 +17,7 @@ from robotd.control.stream_setpoints import StreamCommand, StreamMode
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.errors import InvalidArgument, Unsupported
-from robotd.motion import JointLimits, MotionState
+from robotd.motion import JointLimits
 
 OWNER = "stream"
 
@@ -140,9 +140,15 @@ class JointStreams:
     ) -> None:
         self._motion, self._axes, self._limits = motion, axes, limits
         self._settings, self._clock, self._backend = descriptor.stream, clock, backend
-        self._joint_axes = np.array([joint.axis for joint in descriptor.joints], np.int64)
-        self._stopped_velocity = limits.stopped_velocity(descriptor.trajectory)
-        self._period_s = 1.0 / descriptor.cycle.rate_hz
+        self._make_motion = partial(
+            StreamMotion,
+            np.array([joint.axis for joint in descriptor.joints], np.int64),
+            period_s=1.0 / descriptor.cycle.rate_hz,
+            underrun=axes.underrun,
+            buffer_s=axes.stream_buffer_s,
+            stopped_velocity=limits.stopped_velocity(descriptor.trajectory),
+            speed=axes.speed,
+        )
 
     def __call__(
         self,
@@ -185,28 +191,17 @@ class JointStreams:
         slowed = replace(limits, velocity=limits.velocity * scale)
         if max_velocity is not None:
             slowed = _limited(slowed, columns, max_velocity)
-
-        def plan(state: MotionState) -> Callable[[int], StreamMotion]:
-            def make(start_ns: int) -> StreamMotion:
-                return StreamMotion(
-                    self._joint_axes,
-                    slowed,
-                    state,
-                    start_ns,
-                    StreamMode(mode),
-                    seconds,
-                    self._period_s,
-                    self._axes.underrun,
-                    self._axes.stream_buffer_s,
-                    self._stopped_velocity,
-                    self._axes.speed,
-                    ends_when_silent=ends_when_silent,
-                )
-
-            return make
-
+        make = partial(
+            self._make_motion,
+            limits=slowed,
+            mode=StreamMode(mode),
+            timeout_s=seconds,
+            ends_when_silent=ends_when_silent,
+        )
         allowed = self._settings.takeover if takeover is None else takeover
-        motion = self._motion.start(plan, owner=owner, takeover=allowed)
+        motion = self._motion.start(
+            lambda state: partial(make, state), owner=owner, takeover=allowed
+        )
         return JointStream(motion, self._motion.release, columns, slowed, self._clock)
 
     def ends_when_silent(self, owner: str, timeout_s: float) -> Callable[[], JointStream]:

@@ -31,9 +31,9 @@ class StreamMotion(JointSource):
 
     Args:
         axes: (m,) index of each joint's axis.
-        limits: of the joints.
         state: at the start.
         start_ns: due time of the first setpoint, at the earliest.
+        limits: of the joints.
         mode: interpolation between position targets.
         timeout_s: age of the last command at which the joints slow to rest.
         period_s: of the control loop.
@@ -53,9 +53,10 @@ class StreamMotion(JointSource):
     def __init__(
         self,
         axes: IntArray,
-        limits: JointLimits,
         state: MotionState,
         start_ns: int,
+        *,
+        limits: JointLimits,
         mode: StreamMode,
         timeout_s: float,
         period_s: float,
@@ -63,7 +64,6 @@ class StreamMotion(JointSource):
         buffer_s: float,
         stopped_velocity: FloatArray,
         speed: SpeedScale,
-        *,
         ends_when_silent: bool,
     ) -> None:
         setpoint = np.array([state.position, state.velocity, state.acceleration])

@@ -10,10 +10,10 @@ from robotd.control.completion import Outcome
 from robotd.control.joint_source import JointSource, Phase
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
+from robotd.device.soft_limits import REACTION_PERIODS
 from robotd.device.speed_scale import SpeedScale
 from robotd.motion import JointLimits
-
-REACTION_PERIODS = 3.0  # values are a period old, a stop begins a period later; one to spare
+from robotd.motion.limits import room_to_stop
 
 
 class TorqueMotion(JointSource):
@@ -49,7 +49,7 @@ class TorqueMotion(JointSource):
     ) -> None:
         setpoint = np.full((3, len(axes)), np.nan)
         super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
-        self._driver = driver
+        self._driver, self._limits_of_joints = driver, limits.per_joint()
         self._timeout_s, self._speed = timeout_s, speed
         self._feedback_period_s = feedback_period_s
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
@@ -92,28 +92,23 @@ class TorqueMotion(JointSource):
 
     def _excess(self, period_ns: int, image: ProcessImage) -> str:
         """Return the limit that a joint exceeds or is about to; "" without one."""
-        limits = self._limits
         reaction_s = REACTION_PERIODS * period_ns / NANOSECONDS + self._feedback_period_s
         rows = zip(
-            limits.names,
-            limits.units,
+            self._limits.names,
+            self._limits_of_joints,
             image.position[self._axes].tolist(),
             image.velocity[self._axes].tolist(),
-            limits.lower.tolist(),
-            limits.upper.tolist(),
-            limits.velocity.tolist(),
-            limits.acceleration.tolist(),
             strict=True,
         )
-        for name, unit, position, velocity, lower, upper, fastest, deceleration in rows:
-            speed = abs(velocity)
-            if not speed <= fastest:  # also of a velocity that is not a number
+        for name, limits, position, velocity in rows:
+            unit, fastest = limits.unit, limits.velocity
+            if not abs(velocity) <= fastest:  # also of a velocity that is not a number
                 return (
                     f"{name}: {velocity:.3g} {unit}/s, its velocity limit is {fastest:g} {unit}/s"
                 )
-            stop = speed**2 / (2.0 * deceleration) + speed * reaction_s
-            room = upper - position if velocity > 0.0 else position - lower
-            if not (room >= stop and lower <= position <= upper):
-                limit = upper if velocity > 0.0 else lower
+            room = room_to_stop(limits, position, velocity, limits.acceleration)
+            inside = limits.lower <= position <= limits.upper
+            if not (room >= abs(velocity) * reaction_s and inside):
+                limit = limits.upper if velocity > 0.0 else limits.lower
                 return f"{name}: at {position:.3g} {unit}, too close to its limit {limit:g} {unit}"
         return ""

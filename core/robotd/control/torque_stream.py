@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -124,19 +125,16 @@ class TorqueStreams:
         self._axes.speed.at_start()
         limits = self._limits.of(chosen)
         axes = np.array([self._joints[column].axis for column in chosen], np.int64)
-
-        def make(start_ns: int) -> TorqueMotion:
-            return TorqueMotion(
-                self._driver,
-                axes,
-                limits,
-                start_ns,
-                seconds,
-                self._stopped_velocity[chosen],
-                self._axes.speed,
-                self._axes.feedback_period_s,
-            )
-
+        make = partial(
+            TorqueMotion,
+            self._driver,
+            axes,
+            limits,
+            timeout_s=seconds,
+            stopped_velocity=self._stopped_velocity[chosen],
+            speed=self._axes.speed,
+            feedback_period_s=self._axes.feedback_period_s,
+        )
         motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, make, owner)
         units = [_UNITS[unit] for unit in limits.units]
         return TorqueStream(limits.names, units, limit, motion, self._motion.release, self._clock)

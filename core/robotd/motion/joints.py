@@ -9,6 +9,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.descriptor.joint_settings import FULL_ACCELERATION_S
 from robotd.descriptor.model import TrajectorySettings
+from robotd.motion.limits import AxisLimits
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,12 @@ class JointLimits:
         }
         names = tuple(self.names[column] for column in columns)
         return JointLimits(names, units=tuple(self.units[column] for column in columns), **arrays)
+
+    def per_joint(self) -> list[AxisLimits]:
+        """Return the limits of each joint as those of its axis."""
+        arrays = self.lower, self.upper, self.velocity, self.acceleration
+        rows = zip(*(array.tolist() for array in arrays), self.units, strict=True)
+        return [AxisLimits(*row) for row in rows]
 
     def start_tolerance(self, settings: TrajectorySettings) -> FloatArray:
         """Return ``start_tolerance_rad`` or ``_m`` of each joint; shape (m,)."""
