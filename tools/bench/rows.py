@@ -31,12 +31,16 @@ from tools.bench.tables import aligned
 from robotd.testing.domain import own_domain
 
 GOALS = 60  # two of three are executed, the third is cancelled
+SERVICES = 60
 RATE_HZ = 500
 
 Figures = dict[str, float]
 
-# Row → figure, goal of the row, factor to its unit.
+# Row → figure, goal of the row, factor to its unit. A row without a goal shows what the computer
+# takes for the least: with two busy cores most of a call is waiting for a core.
 ROWS = (
+    ("service answered p50, ms", "rested_service_p50_us", None, 1e-3),
+    ("service answered p50, two busy cores, ms", "busy_rested_service_p50_us", None, 1e-3),
     ("goal accepted p50, ms", "accepted_p50_us", 0.9, 1e-3),
     ("goal accepted p90, ms", "accepted_p90_us", 1.3, 1e-3),
     ("goal accepted p50, two busy cores, ms", "busy_accepted_p50_us", 1.2, 1e-3),
@@ -112,14 +116,12 @@ def _robotd(python: str, seconds: float, folder: Path) -> Figures:
     figures["rest_cpu_percent"] = figures["cpu_percent"] - at_rest
     figures["moving_cpu_percent"] = moving["cpu_percent"] - in_motion
     figures["simulation_cpu_percent"] = in_motion
-    figures |= _goals(rest, folder)
-    with _busy_cores():
-        loaded = _goals(rest, folder)
-    return figures | {f"busy_{name}": value for name, value in loaded.items()}
+    return figures | _quiet_and_busy(lambda: _services(rest) | _goals(rest, folder))
 
 
 def _c_program(program: CProgram, seconds: float, folder: Path) -> Figures:
-    figures = _of(c_subject(program, RATE_HZ), seconds, folder)
+    subject = c_subject(program, RATE_HZ)
+    figures = _of(subject, seconds, folder) | _quiet_and_busy(lambda: _services(subject))
     fast = _of(c_subject(program, 2 * RATE_HZ), seconds, folder)
     return figures | {
         "rest_cpu_percent": figures["cpu_percent"],
@@ -129,6 +131,21 @@ def _c_program(program: CProgram, seconds: float, folder: Path) -> Figures:
 
 def _of(subject: Subject, seconds: float, folder: Path) -> Figures:
     return measure(subject, seconds, folder).figures
+
+
+def _quiet_and_busy(measured: Callable[[], Figures]) -> Figures:
+    """Figures on a quiet computer, and with the prefix ``busy_`` those beside two busy cores."""
+    figures = measured()
+    with _busy_cores():
+        return figures | {f"busy_{name}": value for name, value in measured().items()}
+
+
+def _services(subject: Subject) -> Figures:
+    """Times of a service that answers from memory, by a client in another process."""
+    with own_domain() as domain, subject.program(domain):
+        command = [sys.executable, "-m", "tools.bench.service_client"]
+        figures: Figures = _json([*command, subject.service, str(SERVICES)], domain, Path())
+        return figures
 
 
 def _goals(subject: Subject, folder: Path) -> Figures:
@@ -184,7 +201,7 @@ def _table(medians: dict[str, Figures]) -> Iterator[Sequence[str]]:
         cells = (
             f"{each[figure] * factor:.2f}" if figure in each else "–" for each in medians.values()
         )
-        yield (row, f"{goal:g}", *cells)
+        yield (row, "–" if goal is None else f"{goal:g}", *cells)
 
 
 if __name__ == "__main__":
