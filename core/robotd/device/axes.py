@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 from robotd.clock import Clock, wait_until
 from robotd.device.axis_arguments import AxisArguments
-from robotd.device.axis_claims import AxisClaims
 from robotd.device.capabilities import Capability
 from robotd.device.command_effect import CommandEffect
 from robotd.device.connection import Connection
@@ -18,12 +17,15 @@ from robotd.device.drivers import AxisDriver
 from robotd.device.motion_starts import MotionStarts
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
-from robotd.device.state import CommandMode, Operation, Underrun
+from robotd.device.state import CommandMode, Operation
 from robotd.device.stop_latch import StopLatch
-from robotd.errors import DeviceTimeout, NotReady, Unsupported
+from robotd.errors import DeviceTimeout, NotReady, RobotdError, Unsupported
 from robotd.events import EventLog, noted
-from robotd.motion.limits import AxisLimits, check_jog, check_move, check_room
+from robotd.log import get_logger
+from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.profile import Profile
+
+log = get_logger("axes")
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Axes:
     Attributes:
         arguments: checks that do not depend on the state of the device.
         stop_latch: no motion starts while it is engaged.
-        device_limits, feedback_period_s: as of ``AxisDriver``, when it was made.
+        device_limits, feedback_period_s, underrun, stream_buffer_s: of the driver when it was made.
         speed: of all motion.
         jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
     """
@@ -85,6 +87,7 @@ class Axes:
         self.image = image
         self.limits, self.device_limits = tuple(limits), tuple(driver.device_limits)
         self.feedback_period_s = driver.feedback_period_s
+        self.underrun, self.stream_buffer_s = driver.underrun, driver.stream_buffer_s
         self.names = tuple(names)
         self.arguments = AxisArguments(names)
         self.stop_latch = StopLatch(driver.read_only)
@@ -96,7 +99,7 @@ class Axes:
         self._backend = backend
         self._clock = clock
         self._effect = CommandEffect(image, connection, clock, self.feedback_period_s)
-        self._claims = AxisClaims(driver, image, self._effect)
+        self._owners: dict[int, str] = {}  # of the axes that are claimed
         self._lock = threading.RLock()
         self._starts = MotionStarts(driver, self.stop_latch, self._effect, len(names))
 
@@ -105,16 +108,6 @@ class Axes:
         """True where the device interpolates trajectories itself, see ``AxisDriver.follow``."""
         able = Capability.TRAJECTORIES_ON_DEVICE in self._capabilities
         return able and self._driver.follows_trajectories
-
-    @property
-    def underrun(self) -> Underrun:
-        """``AxisDriver.underrun``."""
-        return self._driver.underrun
-
-    @property
-    def stream_buffer_s(self) -> float:
-        """``AxisDriver.stream_buffer_s``."""
-        return self._driver.stream_buffer_s
 
     def __len__(self) -> int:
         return len(self.names)
@@ -126,7 +119,7 @@ class Axes:
 
     def owner(self, axis: int) -> str:
         """Return the owner that has claimed ``axis``; "" without one. Any thread."""
-        return self._claims.owner(axis)
+        return self._owners.get(axis, "")
 
     def check_axes(self, axes: Sequence[int]) -> None:
         """Raise NotReady before the device is ready, InvalidArgument for a wrong axis.
@@ -229,7 +222,7 @@ class Axes:
                 ]
             for move in moves:
                 with self.arguments.naming(move.axis):
-                    check_move(self.limits[move.axis], move.target, *_numbers(move.profile))
+                    check_move(self.limits[move.axis], move.target, move.profile)
             for move in moves:
                 with self.arguments.naming(move.axis), self._starts.begun(move.axis, stops):
                     self._driver.move(move.axis, move.target, move.profile.scaled(scale))
@@ -246,10 +239,9 @@ class Axes:
         with self._lock:
             self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
             for jog in jogs:
-                limits, position = self.limits[jog.axis], float(self.image.position[jog.axis])
+                position = float(self.image.position[jog.axis])
                 with self.arguments.naming(jog.axis):
-                    check_jog(limits, *_numbers(jog.profile))
-                    check_room(limits, position, jog.profile.velocity, jog.profile.deceleration)
+                    check_jog(self.limits[jog.axis], position, jog.profile)
             scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
             for jog in jogs:
                 self.jog_deceleration[jog.axis] = jog.profile.deceleration
@@ -309,17 +301,22 @@ class Axes:
             self._check_command(axes, mode)
             for axis in axes:
                 self._check_idle(axis, owner)
-            with self.arguments.naming():
-                self._claims.take(owner, axes, streams=streams)
+            if streams:
+                with self.arguments.naming():
+                    self._driver.begin_stream(axes)
+            self.hand_over(axes, owner)
         try:
             yield
         finally:
             with self._lock:
-                self._claims.give_back(axes, streams=streams)
+                for axis in axes:
+                    self._owners.pop(axis, None)
+                if streams:
+                    self._end_stream(axes)
 
     def hand_over(self, axes: Sequence[int], owner: str) -> None:
         """Name a new owner of ``axes``, which are claimed and stay so."""
-        self._claims.hand_over(axes, owner)
+        self._owners.update(dict.fromkeys(axes, owner))
 
     def rejection(self, axis: int, mode: CommandMode, by: str = "") -> NotReady | None:
         """The error of a motion command now, of a client named ``by``; None: accepted."""
@@ -328,16 +325,24 @@ class Axes:
             return NotReady(self._connection.rejection)
         if image.fault(axis):
             return self._fault_error(axis)
-        owner = self.owner(axis)
-        reason = ""
         if not image.servo_on[axis]:
             reason = "servo is off"
-        if not reason and image.mode[axis] != mode:
+        elif image.mode[axis] != mode:
             have = CommandMode(int(image.mode[axis])).name.lower()
             reason = f"in {have} mode, not in {mode.name.lower()} mode"
-        if not reason and owner and owner != by:
-            reason = f"in use by {owner}"
-        return self.arguments.error(NotReady, axis, reason) if reason else None
+        elif self.owner(axis) not in ("", by):
+            reason = f"in use by {self.owner(axis)}"
+        else:
+            return None
+        return self.arguments.error(NotReady, axis, reason)
+
+    def _end_stream(self, axes: Sequence[int]) -> None:
+        """End streaming and wait until the image shows it; log a failure."""
+        try:
+            self._driver.end_stream(axes)
+        except RobotdError as error:
+            log.warning("a stream could not be ended", reason=str(error))
+        self._effect.wait_for(lambda: not self._moving(axes))
 
     def _enable(self, axis: int, group: Sequence[int]) -> None:
         connection, timeout_s = self._connection, self._connection.settings.servo_timeout_s
@@ -396,7 +401,3 @@ class Axes:
 
     def _moving(self, axes: Sequence[int]) -> list[int]:
         return [axis for axis in axes if self.image.operation[axis] != Operation.IDLE]
-
-
-def _numbers(profile: Profile) -> tuple[float, float, float]:
-    return profile.velocity, profile.acceleration, profile.deceleration

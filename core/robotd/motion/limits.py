@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from robotd.errors import InvalidArgument
 from robotd.motion.digits import distinct
+from robotd.motion.profile import Profile
 
 MIN_RATE = 1e-9  # lower bound of speeds and ramps; smaller values overflow drive integers
 
@@ -57,38 +58,46 @@ class AxisLimits:
         return cls(-math.inf, math.inf, math.inf, math.inf)
 
 
-def check_move(
-    limits: AxisLimits, target: float, velocity: float, acceleration: float, deceleration: float
-) -> None:
+def check_move(limits: AxisLimits, target: float, profile: Profile) -> None:
     """Reject a move that the axis must not make.
 
     Args:
         limits: of the axis.
         target: absolute; for a relative move, where it leads to.
-        velocity, acceleration, deceleration: of the move, positive.
+        profile: of the move; all its values have to be positive.
 
     Raises:
         InvalidArgument: naming the value and the limit, not the axis.
     """
     _check_finite("target", target)
-    _check_positive("velocity", velocity)
-    _check_speed_and_ramps(limits, velocity, acceleration, deceleration)
+    _check_positive("velocity", profile.velocity)
+    _check_speed_and_ramps(limits, profile)
     if target > limits.upper:
         raise _beyond("target", target, "exceeds", limits.upper, limits.unit)
     if target < limits.lower:
         raise _beyond("target", target, "is below", limits.lower, limits.unit)
 
 
-def check_jog(
-    limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
-) -> None:
-    """Reject a velocity command beyond the limits; ``velocity`` is signed and may be 0.
+def check_jog(limits: AxisLimits, position: float, profile: Profile) -> None:
+    """Reject a velocity command beyond the limits, or too late to stop before one.
+
+    Args:
+        limits: of the axis.
+        position: now.
+        profile: of the command; its velocity is signed and may be 0.
 
     Raises:
-        InvalidArgument: naming the value and the limit, not the axis.
+        InvalidArgument: naming the values and the limit, not the axis.
     """
+    velocity, unit = profile.velocity, limits.unit
     _check_finite("velocity", velocity)
-    _check_speed_and_ramps(limits, velocity, acceleration, deceleration)
+    _check_speed_and_ramps(limits, profile)
+    if room_to_stop(limits, position, velocity, profile.deceleration) < 0.0:
+        begin, limit = distinct(position, limits.upper if velocity > 0.0 else limits.lower, 6)
+        raise InvalidArgument(
+            f"from {begin} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
+            f" before the limit {limit} {unit}"
+        )
 
 
 def room_to_stop(
@@ -105,32 +114,15 @@ def room_to_stop(
     return ahead - velocity * velocity / (2.0 * deceleration) if velocity else math.inf
 
 
-def check_room(limits: AxisLimits, position: float, velocity: float, deceleration: float) -> None:
-    """Reject a velocity command that could not be stopped before a position limit.
-
-    Raises:
-        InvalidArgument: naming the values and the limit, not the axis.
-    """
-    if room_to_stop(limits, position, velocity, deceleration) < 0.0:
-        unit = limits.unit
-        begin, limit = distinct(position, limits.upper if velocity > 0.0 else limits.lower, 6)
-        raise InvalidArgument(
-            f"from {begin} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
-            f" before the limit {limit} {unit}"
-        )
-
-
-def _check_speed_and_ramps(
-    limits: AxisLimits, velocity: float, acceleration: float, deceleration: float
-) -> None:
-    if abs(velocity) > limits.velocity:
+def _check_speed_and_ramps(limits: AxisLimits, profile: Profile) -> None:
+    if abs(profile.velocity) > limits.velocity:
         unit = f"{limits.unit}/s"
-        raise _beyond("velocity", velocity, "exceeds", limits.velocity, unit)
-    for name, ramp in (("acceleration", acceleration), ("deceleration", deceleration)):
+        raise _beyond("velocity", profile.velocity, "exceeds", limits.velocity, unit)
+    for name in ("acceleration", "deceleration"):
+        ramp = getattr(profile, name)
         _check_positive(name, ramp)
         if ramp > limits.acceleration:
-            unit = f"{limits.unit}/s²"
-            raise _beyond(name, ramp, "exceeds", limits.acceleration, unit)
+            raise _beyond(name, ramp, "exceeds", limits.acceleration, f"{limits.unit}/s²")
 
 
 def _check_finite(name: str, value: float) -> None:

@@ -9,6 +9,7 @@ from robotd.descriptor import TrajectorySettings
 from robotd.errors import InvalidArgument
 from robotd.motion import AxisLimits, JointLimits, JointTolerance, Tolerances, check_move
 from robotd.motion.digits import distinct
+from robotd.motion.profile import Profile
 
 
 @given(st.floats(allow_nan=False), st.floats(allow_nan=False))
@@ -26,7 +27,7 @@ def test_numbers_that_are_far_apart_stay_short(value: float, share: float) -> No
 def test_a_move_just_beyond_its_limit() -> None:
     limits = AxisLimits(-1351774.0, 1351774.0, 3.0, 3.0)
     with pytest.raises(InvalidArgument) as rejected:
-        check_move(limits, -1351774.25, 1.0, 1.0, 1.0)
+        check_move(limits, -1351774.25, Profile(1.0, 1.0, 1.0))
     assert str(rejected.value) == "target -1351774.2 rad is below -1351774 rad"
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from robotd.errors import InvalidArgument, OperationError
 from robotd.motion import AxisLimits, JointLimits, MotionState, check_jog, check_move
+from robotd.motion.profile import Profile
 
 JOINT = AxisLimits(-3.14, 2.86, 3.14, 12.57)
 
@@ -32,7 +33,7 @@ JOINT = AxisLimits(-3.14, 2.86, 3.14, 12.57)
 )
 def test_a_move_beyond_a_limit_is_rejected(command: tuple[float, ...], text: str) -> None:
     with pytest.raises(InvalidArgument) as rejected:
-        check_move(JOINT, *command)
+        check_move(JOINT, command[0], Profile(*command[1:]))
     assert str(rejected.value) == text
     assert isinstance(rejected.value, OperationError)
 
@@ -50,27 +51,27 @@ def test_a_velocity_command_beyond_a_limit_is_rejected(
     command: tuple[float, ...], text: str
 ) -> None:
     with pytest.raises(InvalidArgument) as rejected:
-        check_jog(JOINT, *command)
+        check_jog(JOINT, 0.0, Profile(*command))
     assert str(rejected.value) == text
 
 
 def test_values_on_the_limits_are_accepted() -> None:
-    check_move(JOINT, 2.86, 3.14, 12.57, 12.57)
-    check_move(JOINT, -3.14, 3.14, 12.57, 12.57)
-    check_jog(JOINT, -3.14, 12.57, 12.57)
-    check_jog(JOINT, 0.0, 1.0, 1.0)
+    check_move(JOINT, 2.86, Profile(3.14, 12.57, 12.57))
+    check_move(JOINT, -3.14, Profile(3.14, 12.57, 12.57))
+    check_jog(JOINT, 0.0, Profile(-3.14, 12.57, 12.57))
+    check_jog(JOINT, 0.0, Profile(0.0, 1.0, 1.0))
 
 
 def test_an_axis_without_limits_takes_any_finite_command() -> None:
-    check_move(AxisLimits.unlimited(), 1e9, 1e9, 1e9, 1e9)
+    check_move(AxisLimits.unlimited(), 1e9, Profile(1e9, 1e9, 1e9))
     with pytest.raises(InvalidArgument, match="must be a finite number"):
-        check_jog(AxisLimits.unlimited(), math.inf, 1.0, 1.0)
+        check_jog(AxisLimits.unlimited(), 0.0, Profile(math.inf, 1.0, 1.0))
 
 
 def test_a_linear_axis_is_rejected_in_metres() -> None:
     finger = AxisLimits(0.0, 0.045, 0.1, 1.0, unit="m")
     with pytest.raises(InvalidArgument, match=r"^target 0\.05 m exceeds 0\.045 m$"):
-        check_move(finger, 0.05, 0.1, 1.0, 1.0)
+        check_move(finger, 0.05, Profile(0.1, 1.0, 1.0))
 
 
 @pytest.mark.parametrize(
