@@ -32,8 +32,7 @@ from robotd.device.connection import Connection
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
-from robotd.device.io import Io
-from robotd.device.io_names import check_names
+from robotd.device.io import Io, check_names
 from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
 from robotd.device.soft_limits import SoftLimitGuard

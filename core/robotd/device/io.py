@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
-from robotd.descriptor import IoAddress
+from robotd.descriptor import IoAddress, RobotDescriptor
 from robotd.device.connection import Connection
 from robotd.device.drivers import IoDriver
-from robotd.errors import InvalidArgument, Unsupported, unknown_name
+from robotd.errors import DescriptorError, InvalidArgument, Unsupported, unknown_name
 from robotd.events import EventLog, noted
 
 
@@ -71,51 +71,67 @@ class Io:
         return bool(self.output_bytes(byte, 1)[0] >> bit & 1)
 
     def input_bytes(self, byte: int, length: int) -> bytes:
-        driver = self._driver()
-        _check_range("input", byte, length, driver.input_bytes)
-        return driver.read_inputs(byte, length)
+        return self._driver("input", byte, length).read_inputs(byte, length)
 
     def output_bytes(self, byte: int, length: int) -> bytes:
-        driver = self._driver()
-        _check_range("output", byte, length, driver.output_bytes)
-        return driver.read_outputs(byte, length)
+        return self._driver("output", byte, length).read_outputs(byte, length)
 
     @noted
     def set_output_bit(self, byte: int, bit: int, value: bool) -> None:
         _check_bit(bit)
-        driver = self._driver()
-        _check_range("output", byte, 1, driver.output_bytes)
-        driver.write_output_bit(byte, bit, value)
+        self._driver("output", byte, 1).write_output_bit(byte, bit, value)
 
     @noted
     def set_output_bytes(self, byte: int, data: bytes) -> None:
-        driver = self._driver()
-        _check_range("output", byte, len(data), driver.output_bytes)
-        driver.write_outputs(byte, data)
+        self._driver("output", byte, len(data)).write_outputs(byte, data)
 
     def output_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
         """A check-free reader of one output bit for the control loop; False while not ready."""
-        driver, mask = self._existing("digital outputs"), 1 << bit
-        _check_bit(bit)
-        _check_range("output", byte, 1, driver.output_bytes)
+        driver, mask = self._watched("output", byte, bit)
         return lambda: bool(driver.read_outputs(byte, 1)[0] & mask)
 
     def input_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
         """A check-free reader of one input bit for the control loop; invalid while not ready."""
-        driver, mask = self._existing("digital inputs"), 1 << bit
-        _check_bit(bit)
-        _check_range("input", byte, 1, driver.input_bytes)
+        driver, mask = self._watched("input", byte, bit)
         return lambda: bool(driver.read_inputs(byte, 1)[0] & mask)
 
-    def _driver(self) -> IoDriver:
+    def _driver(self, image: str, byte: int, length: int) -> IoDriver:
+        """Return the driver when the device is ready and has these bytes."""
         driver = self._existing("digital I/O")
         self._connection.require_ready()
+        _check_range(image, byte, length, driver)
         return driver
+
+    def _watched(self, image: str, byte: int, bit: int) -> tuple[IoDriver, int]:
+        """Return the driver, and the mask of a bit that exists."""
+        driver = self._existing(f"digital {image}s")
+        _check_bit(bit)
+        _check_range(image, byte, 1, driver)
+        return driver, 1 << bit
 
     def _existing(self, feature: str) -> IoDriver:
         if self._maybe_driver is None:
             raise Unsupported(feature, self._backend)
         return self._maybe_driver
+
+
+def check_names(descriptor: RobotDescriptor, io: Io) -> None:
+    """Raise DescriptorError for every named bit that the device does not have."""
+    if problems := [*_missing(descriptor, io)]:
+        raise DescriptorError.join(problems)
+
+
+def _missing(descriptor: RobotDescriptor, io: Io) -> Iterator[DescriptorError]:
+    for key, names, size in zip(
+        ("inputs", "outputs"), (io.inputs, io.outputs), io.sizes, strict=True
+    ):
+        for name, address in names.items():
+            if address.byte >= size:
+                last = f"the last byte is {size - 1}" if size else f"the device has no {key}"
+                what = f"{address} is outside the image of {key}: {last}"
+                node = descriptor.tree.find((key, name)) if descriptor.tree else None
+                path, line = (node.path, node.line) if node else (None, None)
+                yield DescriptorError(what, path=path, line=line, key=f"{key}.{name}")
 
 
 def _address(kind: str, name: str, known: Mapping[str, IoAddress]) -> IoAddress:
@@ -129,7 +145,8 @@ def _check_bit(bit: int) -> None:
         raise InvalidArgument(f"bit {bit} is outside 0..7")
 
 
-def _check_range(image: str, byte: int, length: int, size: int) -> None:
+def _check_range(image: str, byte: int, length: int, driver: IoDriver) -> None:
+    size = driver.input_bytes if image == "input" else driver.output_bytes
     if length < 1:
         raise InvalidArgument(f"length {length} is less than 1")
     if byte < 0 or byte + length > size:

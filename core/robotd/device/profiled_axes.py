@@ -24,7 +24,7 @@ from robotd.motion.profile import (
 
 LONGEST_STEP = 2  # periods; after a longer pause a profile continues where it stopped
 FEEDBACK_LOST_S = 0.2
-_IDLE, _STREAM = int(Operation.IDLE), int(Operation.STREAM)
+_STREAM = int(Operation.STREAM)
 _TAKES_MOVES = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
 
 

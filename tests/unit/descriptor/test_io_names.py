@@ -10,8 +10,7 @@ from tests.unit.descriptor.test_load import rejection, write
 from tests.unit.device.harness import Harness
 
 from robotd.descriptor import load_robot_descriptor
-from robotd.device.io import Io
-from robotd.device.io_names import check_names
+from robotd.device.io import Io, check_names
 from robotd.errors import DescriptorError
 
 ROBOT = "schema: 1\nname: arm\naxes: 1\n"
