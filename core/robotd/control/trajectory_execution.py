@@ -177,7 +177,7 @@ class TrajectoryExecution(JointSource):
         stalled = pause_ns > STALL_S * NANOSECONDS or self._deviates
         if self.ending is None and self._phase is Phase.RUNNING and not stalled:
             desired, measured = self._tracking.desired, self._tracking.measured
-            violation = self._tolerances.check_path(
+            violation = self._tolerances.path.check(
                 self.time_s, desired[0], measured[0], desired[1], measured[1]
             )
             if violation is not None:

@@ -121,7 +121,7 @@ class TrajectoryFollower:
 
         In each value 0 means the default, -1 no limit. Raises TrajectoryRejected.
         """
-        return Tolerances.of_goal(
+        return Tolerances(
             self.limits, self.settings, path, goal, goal_time_s, self._default_tolerances
         )
 

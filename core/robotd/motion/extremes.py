@@ -45,6 +45,42 @@ def extremes(breaks: FloatArray, coefficients: FloatArray) -> tuple[Extreme, Ext
     return Extreme(-value[:joints], time_s[:joints]), Extreme(value[joints:], time_s[joints:])
 
 
+@dataclass(frozen=True, eq=False)
+class PathPeaks:
+    """Extremes of a path per joint, with their times; exact to 1e-9, SI units.
+
+    Attributes:
+        lowest, highest: positions.
+        velocity, acceleration: largest magnitudes.
+    """
+
+    lowest: Extreme
+    highest: Extreme
+    velocity: Extreme
+    acceleration: Extreme
+
+    @classmethod
+    def of(cls, breaks: FloatArray, coefficients: FloatArray) -> PathPeaks:
+        """Find the extremes of ``coefficients`` (k, order, m) over ``breaks`` (k + 1,)."""
+        velocity = derivative(coefficients)
+        lowest, highest = extremes(breaks, coefficients)
+        return cls(
+            lowest,
+            highest,
+            _magnitude(breaks, velocity),
+            _magnitude(breaks, derivative(velocity)),
+        )
+
+
+def _magnitude(breaks: FloatArray, coefficients: FloatArray) -> Extreme:
+    lowest, highest = extremes(breaks, coefficients)
+    positive = highest.value >= -lowest.value
+    return Extreme(
+        np.where(positive, highest.value, -lowest.value),
+        np.where(positive, highest.time_s, lowest.time_s),
+    )
+
+
 def _maxima(breaks: FloatArray, control: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the maximum over time of each signal of ``control`` (order, k, signals)."""
     best, best_time = _best_at_ends(breaks, control)

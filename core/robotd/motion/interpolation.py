@@ -26,17 +26,12 @@ class Interpolation(Enum):
     BLENDED = "blended"  # one of these with a dwell, or with a start deviation blended in
 
 
-def interpolation_of(knots: TrajectoryRequest) -> Interpolation:
-    """Return the kind that uses all that is given."""
-    if knots.velocities is None:
-        return Interpolation.CUBIC_SPLINE
-    if knots.accelerations is None:
-        return Interpolation.CUBIC_HERMITE
-    return Interpolation.QUINTIC_HERMITE
+def interpolate(
+    knots: TrajectoryRequest, start_velocity: FloatArray
+) -> tuple[Interpolation, FloatArray]:
+    """Return the path through k + 1 knots that uses all that is given.
 
-
-def interpolate(knots: TrajectoryRequest, start_velocity: FloatArray) -> FloatArray:
-    """Return coefficients (k, order, m) of a path through k + 1 knots.
+    That is its kind, and coefficients (k, order, m).
 
     ``start_velocity`` (m,) is that at the first knot where the knots have no velocities.
 
@@ -46,16 +41,18 @@ def interpolate(knots: TrajectoryRequest, start_velocity: FloatArray) -> FloatAr
     times_s, positions = knots.times_s, knots.positions
     with np.errstate(all="ignore"):
         if knots.velocities is None:
-            coefficients = _cubic(
-                times_s, positions, spline_velocities(times_s, positions, start_velocity)
-            )
+            kind = Interpolation.CUBIC_SPLINE
+            velocities = spline_velocities(times_s, positions, start_velocity)
+            coefficients = _cubic(times_s, positions, velocities)
         elif knots.accelerations is None:
+            kind = Interpolation.CUBIC_HERMITE
             coefficients = _cubic(times_s, positions, knots.velocities)
         else:
+            kind = Interpolation.QUINTIC_HERMITE
             coefficients = quintic(times_s, positions, knots.velocities, knots.accelerations)
     if not (np.abs(coefficients) < _MAX_COEFFICIENT).all():
         raise reject("the points are too far apart to be joined by a finite path")
-    return coefficients
+    return kind, coefficients
 
 
 def clamped_spline(times_s: FloatArray, positions: FloatArray) -> FloatArray:

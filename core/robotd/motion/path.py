@@ -11,7 +11,7 @@ from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.blend import blend_in
 from robotd.motion.digits import distinct
 from robotd.motion.extremes import derivative, extremes
-from robotd.motion.interpolation import Interpolation, interpolate, interpolation_of
+from robotd.motion.interpolation import Interpolation, interpolate
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.knots import MIN_SPACING_S, ROUNDED_SPACING_S, SAME_POSITION
 from robotd.motion.rejection import reject
@@ -118,19 +118,8 @@ class PathBuilder:
         present = np.abs(points.positions[0] - start.position).max() <= SAME_POSITION
         if self._stands and present and points.velocities is None and len(points.times_s) > 1:
             return self._dwelling()
-        velocities, accelerations = points.velocities, points.accelerations
-        return self._path(
-            replace(
-                points,
-                times_s=np.concatenate([[0.0], points.times_s]),
-                positions=np.vstack([start.position, points.positions]),
-                velocities=None if velocities is None else np.vstack([start.velocity, velocities]),
-                accelerations=None
-                if accelerations is None
-                else np.vstack([start.acceleration, accelerations]),
-            ),
-            start.velocity,
-        )
+        knots = points.preceded(start.position, start.velocity, start.acceleration)
+        return self._path(knots, start.velocity)
 
     def _dwelling(self) -> Trajectory:
         """Return standstill until the first point, and from there the spline."""
@@ -146,7 +135,7 @@ class PathBuilder:
             moved,
             kind=Interpolation.BLENDED,
             breaks=np.concatenate([[0.0], moved.breaks]),
-            coefficients=np.concatenate([interpolate(dwell, rest), moved.coefficients]),
+            coefficients=np.concatenate([interpolate(dwell, rest)[1], moved.coefficients]),
         )
 
     def _extended(self) -> TrajectoryRequest:
@@ -157,16 +146,10 @@ class PathBuilder:
         points = self._points
         velocities, accelerations = points.velocities, points.accelerations
         slope = self._first_slope(points) if velocities is None else velocities[0]
-        mean = slope / 2.0 if self._stands else slope
-        velocity = np.zeros_like(slope) if self._stands else slope
-        return replace(
-            points,
-            times_s=np.concatenate([[0.0], points.times_s]),
-            positions=np.vstack([points.positions[0] - mean * points.times_s[0], points.positions]),
-            velocities=None if velocities is None else np.vstack([velocity, velocities]),
-            accelerations=None
-            if accelerations is None
-            else np.vstack([accelerations[0], accelerations]),
+        mean, velocity = (slope / 2.0, np.zeros_like(slope)) if self._stands else (slope, slope)
+        acceleration = np.zeros_like(slope) if accelerations is None else accelerations[0]
+        return points.preceded(
+            points.positions[0] - mean * points.times_s[0], velocity, acceleration
         )
 
     def _first_slope(self, points: TrajectoryRequest) -> FloatArray:
@@ -197,11 +180,12 @@ class PathBuilder:
             velocities = velocities.copy()
             velocities[-1, np.abs(velocities[-1]) <= REST_VELOCITY] = 0.0
         knots = replace(knots, velocities=velocities)
+        kind, coefficients = interpolate(knots, start_velocity)
         return Trajectory(
             names=self._limits.names,
-            kind=interpolation_of(knots),
+            kind=kind,
             breaks=knots.times_s,
-            coefficients=interpolate(knots, start_velocity),
+            coefficients=coefficients,
             final_position=knots.positions[-1].copy(),
         )
 

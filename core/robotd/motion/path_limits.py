@@ -9,9 +9,8 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.digits import distinct
-from robotd.motion.extremes import Extreme
+from robotd.motion.extremes import Extreme, PathPeaks
 from robotd.motion.joints import JointLimits, MotionState
-from robotd.motion.peaks import PathPeaks
 from robotd.motion.rejection import reject
 
 # Rounding of a spline through a point that lies on the limit (rad or m, relative for rates).

@@ -81,6 +81,24 @@ class TrajectoryRequest:
             (*notes, *more_notes),
         )
 
+    def preceded(
+        self, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    ) -> TrajectoryRequest:
+        """Return the points after one more at time 0.
+
+        It has those of the values, each (m,), that the points have.
+        """
+        velocities, accelerations = self.velocities, self.accelerations
+        return replace(
+            self,
+            times_s=np.concatenate([[0.0], self.times_s]),
+            positions=np.vstack([position, self.positions]),
+            velocities=None if velocities is None else np.vstack([velocity, velocities]),
+            accelerations=(
+                None if accelerations is None else np.vstack([acceleration, accelerations])
+            ),
+        )
+
     def select(self, rows: Sequence[int] | slice) -> TrajectoryRequest:
         """Return the points of ``rows`` alone."""
         return replace(

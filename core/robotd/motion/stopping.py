@@ -32,48 +32,28 @@ class StopPlan:
 
     The pieces are planned when ``at`` first needs them: a whole stop takes 0.6 to 0.9 ms, half a
     control period, and the setpoint of the period in which the stop begins would be too late.
-
-    Attributes:
-        from_s: trajectory time at which the stop begins.
     """
 
     def __init__(
         self, trajectory: Trajectory, from_s: float, acceleration: FloatArray, rate: float
     ) -> None:
-        self.from_s = from_s
+        self._from_s = from_s
         self._trajectory, self._acceleration = trajectory, acceleration
         self._ramp = _Ramp(from_s, rate)
         self._cell_s = _first_cell(trajectory, from_s, acceleration)
         self._edges: FloatArray = np.array([from_s])
 
-    @property
-    def to_s(self) -> float:
-        """Trajectory time of the standstill. Plans the whole stop."""
-        self._plan_until(np.inf)
-        return self._ramp.time_s
-
-    @property
-    def duration_s(self) -> float:
-        """Duration of the stop. Plans the whole stop."""
-        self._plan_until(np.inf)
-        return self._ramp.elapsed_s
-
-    @property
-    def position(self) -> FloatArray:
-        """(m,) position at standstill, rad or m. Plans the whole stop."""
-        return self._trajectory.state_at(self.to_s).position
-
     def at(self, elapsed_s: float) -> tuple[float, float, float]:
         """Return trajectory time (s), rate, and its deceleration (1/s). Cycle: yes.
 
-        Before 0 it is the first rate; from ``duration_s`` on it is 0.
+        Before 0 it is the first rate; from the end of the stop on it is 0.
         """
         self._plan_until(elapsed_s)
         ramp = self._ramp
         if elapsed_s >= ramp.elapsed_s:
             return ramp.time_s, 0.0, 0.0
         if elapsed_s < 0.0:
-            return self.from_s + elapsed_s * ramp.all_rates[0], ramp.all_rates[0], 0.0
+            return self._from_s + elapsed_s * ramp.all_rates[0], ramp.all_rates[0], 0.0
         piece = bisect_right(ramp.all_elapsed_s, elapsed_s) - 1
         since, slope = elapsed_s - ramp.all_elapsed_s[piece], ramp.decelerations[piece]
         rate = ramp.all_rates[piece] - slope * since

@@ -76,68 +76,41 @@ class DefaultTolerances:
 
 
 class Tolerances:
-    """Tolerances of one execution. One owner thread.
+    """Tolerances of one execution: defaults, overridden by those of a goal. One owner thread.
+
+    Args:
+        limits: of the joints.
+        settings: of the descriptor.
+        path, goal: entries of the goal message.
+        goal_time_s: of the goal message; 0: the default, -1: no limit.
+        defaults: None: those of the descriptor.
 
     Attributes:
         path, goal: limits per joint and quantity.
         goal_time_s: time after the end to get within ``goal``; inf waits without an end.
         notes: a sentence for each entry that is ignored (acceleration), for the result's text.
+
+    Raises:
+        TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
+            negative and not -1.
     """
 
-    def __init__(self, path: JointBounds, goal: JointBounds, goal_time_s: float) -> None:
-        self.path = path
-        self.goal = goal
-        self.goal_time_s = goal_time_s
-        self.notes = (*path.notes, *goal.notes)
-        self._standstill = np.zeros(len(goal.names))
-
-    @classmethod
-    def of_goal(
-        cls,
+    def __init__(
+        self,
         limits: JointLimits,
         settings: TrajectorySettings,
         path: Iterable[JointTolerance] = (),
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
         defaults: DefaultTolerances | None = None,
-    ) -> Tolerances:
-        """Return ``defaults``, overridden by the tolerances of a goal message.
-
-        Without ``defaults`` they are those of the descriptor.
-
-        Raises:
-            TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
-                negative and not -1.
-        """
+    ) -> None:
         defaults = defaults or DefaultTolerances.of_settings(limits, settings)
-        path_bounds = JointBounds(ToleranceKind.PATH, limits, defaults.path, None, path)
-        goal_bounds = JointBounds(
-            ToleranceKind.GOAL,
-            limits,
-            defaults.goal,
-            limits.stopped_velocity(settings),
-            goal,
-        )
-        return cls(
-            path_bounds,
-            goal_bounds,
-            _resolve(goal_time_s, defaults.goal_time_s, "goal time tolerance"),
-        )
-
-    def check_path(
-        self,
-        time_s: float,
-        position: FloatArray,
-        actual_position: FloatArray,
-        velocity: FloatArray,
-        actual_velocity: FloatArray,
-    ) -> Violation | None:
-        """Return the worst path violation, None when every joint is within. Cycle: yes.
-
-        Desired and actual values are (m,) and of the same moment, ``time_s`` on the
-        trajectory. An actual value that is not a number is out of every tolerance.
-        """
-        return self.path.check(time_s, position, actual_position, velocity, actual_velocity)
+        stopped_velocity = limits.stopped_velocity(settings)
+        self.path = JointBounds(ToleranceKind.PATH, limits, defaults.path, None, path)
+        self.goal = JointBounds(ToleranceKind.GOAL, limits, defaults.goal, stopped_velocity, goal)
+        self.goal_time_s = _resolve(goal_time_s, defaults.goal_time_s, "goal time tolerance")
+        self.notes = (*self.path.notes, *self.goal.notes)
+        self._standstill = np.zeros(len(limits.names))
 
     def check_goal(
         self,
@@ -160,7 +133,7 @@ class JointBounds:
         entries: of the goal message.
 
     Raises:
-        TrajectoryRejected: see ``Tolerances.of_goal``.
+        TrajectoryRejected: see ``Tolerances``.
     """
 
     def __init__(
@@ -191,7 +164,11 @@ class JointBounds:
         velocity: FloatArray,
         actual_velocity: FloatArray,
     ) -> Violation | None:
-        """Return the worst violation, of position before velocity; None when all are within."""
+        """Return the worst violation, of position before velocity; None when all are within.
+
+        Desired and actual values are (m,) and of the same moment, ``time_s`` on the trajectory.
+        An actual value that is not a number is out of every tolerance. Cycle: yes.
+        """
         positions, velocities = self._limited
         if positions and _exceeds(position, actual_position, positions):
             return self._worst("position", position - actual_position, self.position, time_s)

@@ -55,7 +55,7 @@ class Harness:
             self.trajectory,
             indices,
             limits,
-            Tolerances.of_goal(LIMITS, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
+            Tolerances(LIMITS, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
             LIMITS.stopped_velocity(SETTINGS),
         )
         execution = DeviceTrajectory(self.axes, goal, self.time_ns)

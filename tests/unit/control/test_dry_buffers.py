@@ -55,7 +55,7 @@ def half_a_radian(start_ns: int) -> TrajectoryExecution:
         path,
         np.array([0]),
         LIMITS,
-        Tolerances.of_goal(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
+        Tolerances(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
         LIMITS.stopped_velocity(SETTINGS),
     )
     return StreamedTrajectory(goal, start_ns, underrun=Underrun.HOLD, buffer_s=BUFFER_S)

@@ -17,7 +17,7 @@ from robotd.motion import (
     TrajectoryRequest,
     plan,
 )
-from robotd.motion.peaks import PathPeaks
+from robotd.motion.extremes import PathPeaks
 from robotd.motion.request import Rows
 
 Table = Rows | FloatArray

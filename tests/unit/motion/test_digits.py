@@ -34,9 +34,9 @@ def test_a_move_just_beyond_its_limit() -> None:
 def test_an_error_just_beyond_its_tolerance() -> None:
     one = np.ones(1)
     joint = JointLimits(("a",), -one, one, one, one)
-    tolerances = Tolerances.of_goal(joint, TrajectorySettings(), [JointTolerance("a", 0.01)])
+    tolerances = Tolerances(joint, TrajectorySettings(), [JointTolerance("a", 0.01)])
     zero = np.zeros(1)
-    violation = tolerances.check_path(0.0, zero, np.array([0.0100001]), zero, zero)
+    violation = tolerances.path.check(0.0, zero, np.array([0.0100001]), zero, zero)
     assert str(violation) == (
         "a at 0.000 s: position error 0.0100001 rad exceeds path tolerance 0.01 rad"
     )

@@ -26,7 +26,8 @@ def test_a_dwell_with_velocities_stands_still() -> None:
 
 def test_a_dwell_can_be_stopped() -> None:
     trajectory = planned(request([1.0, 1.5], rows(0.0, 0.3)))
-    np.testing.assert_array_equal(plan_stop(trajectory, 0.5, limits()).position, 0.0)
+    rest_s, _, _ = plan_stop(trajectory, 0.5, limits()).at(np.inf)
+    np.testing.assert_array_equal(trajectory.state_at(rest_s).position, 0.0)
 
 
 def test_a_moving_start_has_no_dwell() -> None:

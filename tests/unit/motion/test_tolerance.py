@@ -22,7 +22,7 @@ RULE = ", must be positive, 0 (default) or -1 (no limit)"
 def of_goal(
     *path: JointTolerance, goal: Iterable[JointTolerance] = (), goal_time_s: float = 0.0
 ) -> Tolerances:
-    return Tolerances.of_goal(limits(), SETTINGS, path, goal, goal_time_s)
+    return Tolerances(limits(), SETTINGS, path, goal, goal_time_s)
 
 
 def off(joint: int, error: float) -> FloatArray:
@@ -107,7 +107,7 @@ def test_an_acceleration_tolerance_is_said_to_be_unwatched() -> None:
 
 
 def test_a_path_violation_names_joint_time_error_and_limit() -> None:
-    violation = of_goal().check_path(0.84, ZERO, off(1, -0.031), ZERO, ZERO)
+    violation = of_goal().path.check(0.84, ZERO, off(1, -0.031), ZERO, ZERO)
     assert str(violation) == (
         "joint2 at 0.840 s: position error 0.031 rad exceeds path tolerance 0.02 rad"
     )
@@ -123,21 +123,21 @@ def test_a_goal_is_reached_at_standstill_only() -> None:
 
 def test_the_worst_joint_is_named() -> None:
     tolerances = of_goal(JointTolerance("joint1", position=0.001))
-    violation = tolerances.check_path(1.0, ZERO, np.array([0.002, 0.03, 0.0]), ZERO, ZERO)
+    violation = tolerances.path.check(1.0, ZERO, np.array([0.002, 0.03, 0.0]), ZERO, ZERO)
     assert violation is not None
     assert violation.joint == "joint1"
 
 
 def test_a_value_that_is_not_a_number_is_never_within() -> None:
-    violation = of_goal().check_path(1.0, ZERO, np.array([0.03, np.nan, 0.0]), ZERO, ZERO)
+    violation = of_goal().path.check(1.0, ZERO, np.array([0.03, np.nan, 0.0]), ZERO, ZERO)
     assert violation is not None
     assert violation.joint == "joint2"
     unlimited = of_goal(JointTolerance("joint2", position=-1.0))
-    assert unlimited.check_path(1.0, ZERO, off(1, np.nan), ZERO, ZERO) is not None
+    assert unlimited.path.check(1.0, ZERO, off(1, np.nan), ZERO, ZERO) is not None
 
 
 def test_a_velocity_nobody_limits_may_be_unknown() -> None:
-    assert of_goal().check_path(1.0, ZERO, ZERO, ZERO, np.full(3, np.nan)) is None
+    assert of_goal().path.check(1.0, ZERO, ZERO, ZERO, np.full(3, np.nan)) is None
 
 
 @given(
@@ -148,7 +148,7 @@ def test_a_violation_is_reported_exactly_when_an_error_exceeds_its_limit(
     desired: list[float], actual: list[float]
 ) -> None:
     error = np.abs(np.array(desired) - np.array(actual))
-    violation = of_goal().check_path(0.0, np.array(desired), np.array(actual), ZERO, ZERO)
+    violation = of_goal().path.check(0.0, np.array(desired), np.array(actual), ZERO, ZERO)
     assert (violation is not None) == bool((error > 0.02).any())
     if violation is not None:
         assert violation.error == error.max() == error[NAMES.index(violation.joint)]
