@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import Node
@@ -22,8 +24,7 @@ class CanopenObjects:
         self.name = f"node {node.id}"
         self.rpdos = RpdoWriter(layout)
         self.inputs = frozenset(entry.base for pdo in layout.tpdos for entry in pdo.entries)
-        self.outputs = frozenset(self.rpdos.values)
-        self.put = self.rpdos.values.__setitem__
+        self.outputs = frozenset(entry.base for pdo in layout.rpdos for entry in pdo.entries)
         self._number, self._layout, self._node = number, layout, node
         self._feedback = feedback
 
@@ -36,8 +37,8 @@ class CanopenObjects:
         return self._node.fault
 
     @property
-    def complete(self) -> bool:
-        return self._feedback.complete(self._number)
+    def known(self) -> bool:
+        return self._node.online and self._feedback.complete(self._number)
 
     @property
     def frames(self) -> int:
@@ -47,8 +48,11 @@ class CanopenObjects:
     def emergency(self) -> Emergency | None:
         return self._node.emergency
 
-    def get(self, index: int) -> int:
-        return self._feedback.value(index, self._number)
+    def put(self, values: Sequence[int]) -> None:
+        self.rpdos.values = values
+
+    def values(self) -> Sequence[int]:
+        return self._feedback.values[self._number]
 
     def has(self, index: int) -> bool:
         return self._layout.index(index) in self._node.sdo.dictionary

@@ -13,29 +13,10 @@ from robotd_canopen.bus import Handler
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.pdo import Pdo
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import (
-    DEMAND,
-    ERROR_CODE,
-    MODE_DISPLAY,
-    POSITION,
-    STATUSWORD,
-    SWITCHES,
-    TORQUE,
-    VELOCITY,
-)
+from robotd_cia402.object_numbers import INPUTS, MODE_DISPLAY, POSITION
 from robotd_cia402.position_plausibility import PositionPlausibility
 from robotd_cia402.scaling import Scaling
 
-_OBJECTS = (
-    STATUSWORD,
-    MODE_DISPLAY,
-    POSITION,
-    DEMAND,
-    VELOCITY,
-    TORQUE,
-    ERROR_CODE,
-    SWITCHES,
-)
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
 _REPORT_BEFORE = 0.8  # of the age at which values are stale: the error names a node, not an age
 _HORIZON = 2  # times the age at which a TPDO is stale
@@ -54,7 +35,8 @@ class Feedback:
     has nothing to answer.
 
     Attributes:
-        columns: object → values of the n axes, as the control loop has taken them.
+        values: for each axis those of the objects in ``INPUTS``, as the control loop has taken
+            them; 0 without a TPDO.
         pdos: the synchronous TPDOs of all axes, as (axis, PDO).
         seen: number of the SYNC after which each of ``pdos`` came last, -1: never; likewise.
         limits: SYNCs without it after which each of ``pdos`` is stale.
@@ -63,8 +45,8 @@ class Feedback:
 
     def __init__(self, axes: Sequence[AxisLayout], sync_period_s: float, stale_s: float) -> None:
         count = len(axes)
-        self._arrived: IntArray = np.zeros((len(_OBJECTS) + 1, count), np.int64)
-        self.columns = self._columns()
+        self._arrived: IntArray = np.zeros((len(INPUTS) + 1, count), np.int64)
+        self.values: list[list[int]] = self._arrived[:-1].T.tolist()
         self._complete = [False] * count
         self.pdos = [
             (number, pdo)
@@ -88,7 +70,7 @@ class Feedback:
         position is implausible. Event-driven PDOs are not checked: their rate is not known.
         """
         size, unpack = pdo.layout.size, pdo.layout.unpack_from
-        arrived = dict(zip(_OBJECTS, self._arrived, strict=False))
+        arrived = dict(zip(INPUTS, self._arrived, strict=False))
         columns = [arrived.get(entry.base, self._arrived[-1]) for entry in pdo.entries]
         known = (axis, pdo) in self.pdos
         slot, seen = (self.pdos.index((axis, pdo)), self._seen) if known else (0, np.zeros(1))
@@ -116,22 +98,13 @@ class Feedback:
 
     def _is_new_position(self, axis: int, slot: int) -> bool:
         """Return True if the position need not be near the one before."""
-        mode = self._arrived[_OBJECTS.index(MODE_DISPLAY)][axis]
+        mode = self._arrived[INPUTS.index(MODE_DISPLAY)][axis]
         return bool(self._seen[slot] == _NEVER or mode == OperationMode.HOMING)
 
     def take(self) -> None:
         """Control loop: take the values received so far."""
-        self.columns = self._columns()
+        self.values = self._arrived[:-1].T.tolist()  # numpy elements cost more to read
         self.seen[:] = self._seen
-
-    def value(self, index: int, axis: int) -> int:
-        """Return object ``index`` of ``axis`` as taken last; 0 without a TPDO."""
-        column = self.columns.get(index)
-        return 0 if column is None else column[axis]
-
-    def _columns(self) -> dict[int, list[int]]:
-        """Copy what has arrived as integers; numpy elements cost more to read."""
-        return dict(zip(_OBJECTS, self._arrived.tolist(), strict=False))
 
     def forget(self, axis: int) -> None:
         """Discard the values of a drive that is configured again."""

@@ -149,7 +149,7 @@ class Master:
         self._stream.restart()
         for axis in self.axes:
             axis.follow_torque(torque[axis.number])
-        if all(axis.mode.is_torque or not axis.streaming for axis in self.axes):
+        if all(axis.mode.requested.is_torque or not axis.streaming for axis in self.axes):
             self._transmit()
 
     def begin_stream(self) -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.pdo import Pdo
-from robotd_cia402.object_numbers import MODE
+from robotd_cia402.object_numbers import MODE, OUTPUTS
+
+_MODE = OUTPUTS.index(MODE)
 
 
 @dataclass(frozen=True)
@@ -17,7 +20,7 @@ class _Rpdo:
 
     pdo: Pdo
     frame: Frame
-    objects: list[int]
+    places: list[int]  # of its objects in OUTPUTS, or of the 0 behind them
     modes: frozenset[int] | None  # as Pdo.modes
 
 
@@ -25,7 +28,7 @@ class RpdoWriter:
     """Packs and sends the RPDOs of one axis. Control loop.
 
     Attributes:
-        values: object → value that the next SYNC takes; 0 before the first.
+        values: of the objects in ``OUTPUTS``, which the next SYNC takes; 0 before the first.
     """
 
     def __init__(self, layout: AxisLayout) -> None:
@@ -33,18 +36,24 @@ class RpdoWriter:
             _Rpdo(
                 pdo,
                 Frame(pdo.cob_id, bytes(pdo.layout.size)),
-                [entry.base for entry in pdo.entries],
+                [_place(entry.base) for entry in pdo.entries],
                 pdo.modes,
             )
             for pdo in layout.rpdos
         ]
-        self.values = {index: 0 for rpdo in self._rpdos for index in rpdo.objects}
+        self.values: Sequence[int] = (0,) * len(OUTPUTS)
 
     def send(self, bus: Bus) -> None:
         """Send the RPDOs of this SYNC, to take effect with the next one."""
-        values = self.values
+        values = (*self.values, 0)
+        mode = values[_MODE]
         for rpdo in self._rpdos:
-            if rpdo.modes is None or values[MODE] in rpdo.modes:
-                data = [values[index] for index in rpdo.objects]
+            if rpdo.modes is None or mode in rpdo.modes:
+                data = [values[place] for place in rpdo.places]
                 rpdo.pdo.layout.pack_into(rpdo.frame.data, 0, *data)
                 bus.send(rpdo.frame)
+
+
+def _place(index: int) -> int:
+    """Return the place of an object in ``OUTPUTS``; behind them for one that no axis sets."""
+    return OUTPUTS.index(index) if index in OUTPUTS else len(OUTPUTS)

@@ -115,12 +115,13 @@ class Cia402Axes(AxisDriver):
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         self._require_off(axis)
-        self._axes[axis].scaling.polarity = polarity
+        scaling = self._axes[axis].scaling
+        scaling.change(scaling.counts_per_unit, polarity)
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         self._require_off(axis)
         drive = self._axes[axis]
-        drive.scaling.counts_per_unit = numerator / denominator
+        drive.scaling.change(numerator / denominator, drive.scaling.polarity)
         drive.objects.forget()
         if drive.drive.online:  # else it is written when the drive is configured again
             write_quick_stop_ramp(drive)

@@ -15,7 +15,7 @@ from robotd.api import CommandMode, Operation, ProcessImage, Profile, get_logger
 from robotd_cia402.activity import Activity
 from robotd_cia402.cyclic_objects import CyclicObjects
 from robotd_cia402.drive_objects import DriveObjects
-from robotd_cia402.drive_report import DriveReport
+from robotd_cia402.drive_report import DriveReport, switches
 from robotd_cia402.mode_control import ModeControl
 from robotd_cia402.modes import OperationMode, rest_mode
 from robotd_cia402.options import DriveOptions
@@ -30,10 +30,8 @@ from robotd_cia402.state_machine import Control, DriveState, Status
 log = get_logger("cia402")
 
 _GENERIC_ERROR = 0x1000  # of a drive that has no number for its fault
-_STATE_ROWS = (
-    "offline", "servo_on", "amp_alarm", "alarm_code", "reason", "home_done", "motion_complete",
-    "mode", "operation", "negative_limit", "positive_limit", "home_switch",
-)  # fmt: skip
+_ENABLE_INTERPOLATION = int(Control.ENABLE_INTERPOLATION)
+_WATCHED = (Operation.POSITION, Operation.VELOCITY, Operation.STOPPING)  # end by the report
 
 
 class Axis:
@@ -70,33 +68,40 @@ class Axis:
 
         ``periods`` have passed since the frame before; the drive's own profiles have advanced.
         """
-        self.estimate.advance(periods * period_s)
-        self._advance(period_s)
+        powered = self.report.powered
+        if not (powered and self.activity.streaming):
+            self.estimate.advance(periods * period_s)
+            self._advance(period_s)
+        mode = self.mode.requested
         word = self.power.control | self.mode.bits
-        interpolated = self.mode.requested is OperationMode.INTERPOLATED_POSITION
-        if interpolated and self.report.powered:
-            word |= Control.ENABLE_INTERPOLATION
-        self.outputs.put(word, self.mode, self.setpoint)
+        if mode is OperationMode.INTERPOLATED_POSITION and powered:
+            word |= _ENABLE_INTERPOLATION
+        self.outputs.put(word, mode, self.setpoint)
 
     def observe(self, image: ProcessImage) -> None:
         """Control loop: act on the drive's report, and write this axis' part of ``image``."""
-        report = self.report
+        report, activity = self.report, self.activity
         report.update()
-        if report.known:
-            self._watch_power()
-            self._watch_operation()
-        elif not self.activity.is_idle:
-            self.hold()
-        self._fill(image)
+        if not report.known:
+            if not activity.is_idle:
+                self.hold()
+        else:
+            if not report.powered:
+                self._watch_power()
+            if activity.operation in _WATCHED:
+                self._watch_operation()
+            self._fill_values(image)
+        self._fill_state(image)
 
     def follow(self, position: float, velocity: float) -> None:
         """Control loop: a streamed setpoint; the position does not count in a velocity mode."""
-        if not self.mode.is_torque:
-            self.setpoint.follow(position, velocity, by_velocity=self.mode.is_velocity)
+        mode = self.mode.requested
+        if not mode.is_torque:
+            self.setpoint.follow(position, velocity, by_velocity=mode.is_velocity)
 
     def follow_torque(self, torque: float) -> None:
         """Control loop: a streamed torque, N·m or N; NaN: unchanged."""
-        if self.mode.is_torque and math.isfinite(torque):
+        if self.mode.requested.is_torque and math.isfinite(torque):
             self.setpoint.torque = torque
 
     def begin_move(self, target: float, profile: Profile) -> None:
@@ -119,7 +124,7 @@ class Axis:
         self.estimate.stop(deceleration)
         if self.mode.requested is OperationMode.PROFILE_POSITION:
             self.mode.cancel_target()
-        elif self.mode.requested is OperationMode.HOMING or self.mode.is_torque:
+        elif self.mode.requested in (OperationMode.HOMING, OperationMode.CYCLIC_TORQUE):
             self.power.quick_stop()
 
     def hold(self) -> None:
@@ -132,10 +137,12 @@ class Axis:
 
         That is the drive's own command, and the measured position after a torque.
         """
-        return self.report.position if self.mode.is_torque else self.report.demand()
+        torque = self.mode.requested.is_torque
+        return self.report.position if torque else self.report.demand()
 
     def resume(self) -> None:
         """Control loop: the drive answers again; continue at its own command."""
+        self.report.update()
         self.setpoint.stand_at(self.report.demand())
         self.hold()
 
@@ -158,7 +165,7 @@ class Axis:
             self.estimate.rest(setpoint.position)
         if not self.report.powered:
             setpoint.stand_at(self.report.position)
-        elif self.mode.is_cyclic_position and operation is Operation.STOPPING:
+        elif self.mode.requested.is_cyclic_position and operation is Operation.STOPPING:
             setpoint.brake(period_s)
         elif self.mode.requested is OperationMode.CYCLIC_VELOCITY and not self.streaming:
             setpoint.ramp(period_s)
@@ -173,9 +180,10 @@ class Axis:
             self.hold()
 
     def _watch_power(self) -> None:
+        """Take note of a power stage that is off."""
         if self.power.watch(self.report):
             self.mode.clear_bits()
-        if not self.report.powered and not self.activity.is_idle:
+        if not self.activity.is_idle:
             self.hold()
             self.activity.complete = False
 
@@ -188,7 +196,7 @@ class Axis:
             case Operation.VELOCITY if self.setpoint.target_velocity == 0 and self._is_at_rest():
                 self.hold()
             case Operation.STOPPING if self._is_at_rest():
-                if not self.mode.is_cyclic_position:
+                if not self.mode.requested.is_cyclic_position:
                     self.setpoint.position = self.present_position()
                 self.hold()
             case _:
@@ -200,49 +208,67 @@ class Axis:
     def _is_at_rest(self) -> bool:
         """Return True for an axis whose command is 0 and whose motor is at rest."""
         enabled = self.report.state is DriveState.OPERATION_ENABLED
-        commanded = self.mode.is_ours and self.setpoint.velocity != 0.0 and enabled
+        commanded = self.mode.requested.is_ours and self.setpoint.velocity != 0.0 and enabled
         return self.activity.is_at_rest(self.report.velocity, commanded=commanded)
-
-    def _fill(self, image: ProcessImage) -> None:
-        if self.report.known:
-            self._fill_values(image)
-        state = self._state()
-        if state != self._shown or image.offline[self.number]:  # offline: also a forgotten image
-            self._shown = state
-            for row, value in zip(_STATE_ROWS, state, strict=True):
-                getattr(image, row)[self.number] = value
-
-    def _state(self) -> tuple[object, ...]:
-        """Return the values of ``_STATE_ROWS``; they change rarely, and writing them is slow."""
-        report, activity = self.report, self.activity
-        alarm = report.in_alarm
-        code = (report.error_code or _GENERIC_ERROR) if alarm else 0
-        servo = not report.known, report.powered, alarm, code, self._reason()
-        motion = activity.home_done, activity.complete, self.mode.command_mode, activity.operation
-        return servo + motion + report.switches
 
     def _fill_values(self, image: ProcessImage) -> None:
         """Write the measured values, and the command: ours, the estimated or the measured one."""
-        mode, setpoint, report, number = self.mode, self.setpoint, self.report, self.number
+        report, number = self.report, self.number
         image.position[number] = report.position
         image.velocity[number] = report.velocity
         image.torque[number] = report.torque
-        own = mode.is_cyclic_position or self.activity.is_idle
-        position = setpoint.position if own else self.estimate.position
-        homing = mode.requested is OperationMode.HOMING
-        if not report.powered or mode.is_velocity or mode.is_torque or homing:
-            position = report.position
+        position, velocity = self._command()
         image.position_command[number] = position
-        velocity = setpoint.velocity if mode.is_ours else self.estimate.velocity
-        if mode.is_torque:
-            velocity = report.velocity
         image.velocity_command[number] = velocity
 
-    def _reason(self) -> str:
-        """Return why the axis cannot move, beginning with the node; "" if it can."""
+    def _command(self) -> tuple[float, float]:
+        """Return position and velocity of the present command."""
+        mode, setpoint, report = self.mode.requested, self.setpoint, self.report
+        if mode.is_cyclic_position:
+            position = setpoint.position if report.powered else report.position
+            return position, setpoint.velocity
+        if mode.is_torque:
+            return report.position, report.velocity
+        velocity = setpoint.velocity if mode.is_ours else self.estimate.velocity
+        if not report.powered or mode.is_velocity or mode is OperationMode.HOMING:
+            return report.position, velocity
+        idle = self.activity.is_idle
+        return setpoint.position if idle else self.estimate.position, velocity
+
+    def _fill_state(self, image: ProcessImage) -> None:
+        """Write the state if it has changed; that is rare, and writing is slow.
+
+        Alarm codes and texts are not compared: while there may be one, it is written each time. An
+        image whose axis is offline may have been cleared.
+        """
+        report, activity, number = self.report, self.activity, self.number
+        state = (
+            report.known, report.powered, report.in_alarm, report.digital_inputs,
+            self.scaling.polarity, activity.operation, activity.complete, activity.home_done,
+            self.mode.command_mode, self.power.lost,
+        )  # fmt: skip
+        if state == self._shown and not report.in_alarm and not image.offline[number]:
+            return
+        self._shown = state
+        known, powered, alarm, inputs, polarity, operation, complete, home_done, mode, lost = state
+        image.offline[number], image.servo_on[number] = not known, powered
+        image.amp_alarm[number] = alarm
+        image.alarm_code[number] = (report.error_code or _GENERIC_ERROR) if alarm else 0
+        image.reason[number] = self._reason(lost)
+        image.operation[number], image.motion_complete[number] = operation, complete
+        image.home_done[number], image.mode[number] = home_done, mode
+        negative, positive, home = switches(inputs, polarity)
+        image.negative_limit[number], image.positive_limit[number] = negative, positive
+        image.home_switch[number] = home
+
+    def _reason(self, lost: str) -> str:
+        """Return why the axis cannot move, beginning with the node; "" if it can.
+
+        ``lost``: as ``PowerStage.lost``.
+        """
         name, report = self.drive.name, self.report
         if not report.known:
             return f"{name}: {self.drive.fault or 'its PDOs have not come yet'}"
         if report.in_alarm:
             return f"{name}: {report.alarm_text}"
-        return f"{name}: {self.power.lost}" if self.power.lost else ""
+        return f"{name}: {lost}" if lost else ""

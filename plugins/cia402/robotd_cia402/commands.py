@@ -19,7 +19,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd_cia402.axis import Axis
-from robotd_cia402.modes import CYCLIC, STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
+from robotd_cia402.modes import STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
 from robotd_cia402.object_numbers import TARGET_TORQUE
 from robotd_cia402.state_machine import TOWARDS_ENABLED, Control, DriveState, Status
 
@@ -141,7 +141,7 @@ class Commands:
         """Stop an axis that is in cyclic torque mode and will not stream."""
         axis = self._axis
         with axis.lock:
-            if axis.mode.is_torque:
+            if axis.mode.requested.is_torque:
                 axis.activity.begin(Operation.STREAM)
                 axis.brake(axis.options.stop_deceleration_rad_s2)
 
@@ -151,7 +151,7 @@ class Commands:
         with axis.lock:
             if not axis.streaming:
                 return
-            if axis.mode.is_torque or abs(axis.setpoint.velocity) > 1e-3:
+            if axis.mode.requested.is_torque or abs(axis.setpoint.velocity) > 1e-3:
                 axis.brake(axis.options.stop_deceleration_rad_s2)
                 return
             axis.hold()
@@ -302,7 +302,7 @@ class Commands:
         """Change the mode of a powered axis at rest; wait for the mode display."""
         axis, report = self._axis, self._axis.report
         if report.displayed_mode != mode or axis.mode.requested is not mode:
-            if not axis.mode.is_cyclic_position:
+            if not axis.mode.requested.is_cyclic_position:
                 axis.setpoint.position = report.demand()
             axis.setpoint.velocity = 0.0
             axis.mode.requested = mode
@@ -310,7 +310,7 @@ class Commands:
             shown = f"the drive shows mode {report.displayed_mode} after {_STEP_S:g} s"
             text = f"mode {mode.name.lower()} was requested, {shown}"
             raise self._error(DeviceTimeout, text)
-        if mode in CYCLIC:
+        if mode.is_cyclic_position:
             axis.mode.clear_bits()
 
     def _enter_torque(self) -> None:
@@ -318,7 +318,7 @@ class Commands:
         axis = self._axis
         if TARGET_TORQUE not in axis.drive.outputs:
             raise self._error(NotReady, "no PDO holds 0x6071 (target torque)")
-        if not math.isfinite(axis.report.torque):
+        if not math.isfinite(axis.scaling.rated_torque_nm):
             raise self._error(NotReady, "the rated torque of the joint is not known")
         axis.setpoint.torque = axis.report.torque
         try:
@@ -343,7 +343,7 @@ class Commands:
                 text = f"it still moves in its quick stop, {self._status()}"
                 raise self._error(DeviceTimeout, text)
             axis.setpoint.stand_at(axis.present_position())
-            if axis.mode.is_torque:
+            if axis.mode.requested.is_torque:
                 axis.mode.requested = self._rest_mode()
             torque = OperationMode.CYCLIC_TORQUE
             if not self._wait(lambda: report.displayed_mode != torque, _STEP_S):

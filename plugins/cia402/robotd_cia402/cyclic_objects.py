@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Protocol
 
 from robotd.api import OperationError
@@ -38,8 +38,11 @@ class CyclicObjects(Protocol):
         """Cause of the loss of the node; "" while it is online. Any thread."""
 
     @property
-    def complete(self) -> bool:
-        """True once every cyclic input has come since the node was configured. Control loop."""
+    def known(self) -> bool:
+        """True for an online node whose cyclic inputs have all come since it was configured.
+
+        Control loop.
+        """
 
     @property
     def frames(self) -> int:
@@ -57,16 +60,17 @@ class CyclicObjects(Protocol):
     def outputs(self) -> Collection[int]:
         """Objects in the cyclic frames to the drive, once it is configured."""
 
-    def put(self, index: int, value: int) -> None:
-        """Set an output for the next cyclic frame, and those after it. Control loop.
+    def put(self, values: Sequence[int]) -> None:
+        """Set the outputs for the next cyclic frame, and those after it. Control loop.
 
-        No effect for an object that the frames do not hold.
+        Args:
+            values: of the objects in ``OUTPUTS``; those that the frames do not hold are ignored.
         """
 
-    def get(self, index: int) -> int:
-        """Return the input that the control loop has taken last. Any thread.
+    def values(self) -> Sequence[int]:
+        """Return the inputs taken last, in the order of ``INPUTS``. Control loop.
 
-        0 before it has come, and for an object that is not in ``inputs``.
+        0 before an object has come, and for one that the frames do not hold.
         """
 
     def has(self, index: int) -> bool:

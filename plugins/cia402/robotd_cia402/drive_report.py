@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from robotd_cia402.cyclic_objects import CyclicObjects
 from robotd_cia402.emcy import error_text
-from robotd_cia402.object_numbers import (
-    DEMAND,
-    ERROR_CODE,
-    MODE_DISPLAY,
-    POSITION,
-    STATUSWORD,
-    SWITCHES,
-    TORQUE,
-    VELOCITY,
-)
+from robotd_cia402.object_numbers import DEMAND
 from robotd_cia402.scaling import Scaling, wrapped
 from robotd_cia402.state_machine import FAULTY, POWERED, DriveState, drive_state
 
@@ -27,52 +18,28 @@ class DriveReport:
         known: the node is online and every cyclic input has come.
         state: UNKNOWN while the drive is not ``known``.
         powered, in_alarm: the power stage is on, the drive reports a fault.
-        statusword: object 0x6041.
-        displayed_mode: object 0x6061.
+        statusword, displayed_mode, error_code: objects 0x6041, 0x6061, 0x603F.
+        position: measured, rad or m; an endless axis runs over 32 bits.
+        velocity: measured, rad/s or m/s.
+        torque: measured, N·m; NaN where the rated torque is not known.
+        digital_inputs: object 0x60FD.
     """
 
     def __init__(self, drive: CyclicObjects, scaling: Scaling) -> None:
         self.known = False
         self.state = DriveState.UNKNOWN
         self.powered = self.in_alarm = False
-        self.statusword = self.displayed_mode = 0
+        self.statusword = self.displayed_mode = self.error_code = self.digital_inputs = 0
+        self.position = self.velocity = self.torque = 0.0
         self._drive, self._scaling = drive, scaling
         self._counts = self._raw = 0  # position without and with the wrap of the encoder
-
-    @property
-    def position(self) -> float:
-        """Measured position, rad or m; an endless axis runs over 32 bits."""
-        return self._counts * self._scaling.position
-
-    @property
-    def velocity(self) -> float:
-        """Measured velocity, rad/s or m/s."""
-        return self._drive.get(VELOCITY) * self._scaling.velocity
-
-    @property
-    def torque(self) -> float:
-        """Measured torque, N·m; NaN where the rated torque is not known."""
-        return self._drive.get(TORQUE) * self._scaling.torque
-
-    @property
-    def error_code(self) -> int:
-        """Object 0x603F."""
-        return self._drive.get(ERROR_CODE)
+        self._demand = 0
 
     @property
     def alarm_text(self) -> str:
         """Cause of an alarm: the emergency in force, else object 0x603F."""
         active = self._drive.emergency
         return active.text if active is not None else f"error code {error_text(self.error_code)}"
-
-    @property
-    def switches(self) -> tuple[bool, bool, bool]:
-        """Negative limit, positive limit and home switch, by the axis' own direction."""
-        inputs = self._drive.get(SWITCHES)
-        negative, positive = bool(inputs & 1), bool(inputs & 2)  # as the drive counts
-        if self._scaling.polarity < 0:
-            negative, positive = positive, negative
-        return negative, positive, bool(inputs & 4)
 
     @property
     def frames(self) -> int:
@@ -83,17 +50,20 @@ class DriveReport:
         """Return the drive's own position command; the measured one where it reports none."""
         if DEMAND not in self._drive.inputs:
             return self.position
-        ahead = wrapped(self._drive.get(DEMAND) - self._raw)
+        ahead = wrapped(self._demand - self._raw)
         return (self._counts + ahead) * self._scaling.position
 
     def update(self) -> None:
         """Control loop: decode the values taken last."""
-        drive = self._drive
-        self.displayed_mode = drive.get(MODE_DISPLAY)
-        raw = drive.get(POSITION)
+        drive, scaling = self._drive, self._scaling
+        word, mode, raw, self._demand, velocity, torque, error, inputs = drive.values()
+        self.displayed_mode, self.error_code, self.digital_inputs = mode, error, inputs
         self._counts += wrapped(raw - self._raw)
         self._raw = raw
-        word, known = drive.get(STATUSWORD), drive.online and drive.complete
+        self.position = self._counts * scaling.position
+        self.velocity = velocity * scaling.velocity
+        self.torque = torque * scaling.torque
+        known = drive.known
         if word != self.statusword or known is not self.known:
             self.statusword, self.known = word, known
             self.state = state = drive_state(word) if known else DriveState.UNKNOWN
@@ -101,8 +71,17 @@ class DriveReport:
 
     def rebase(self) -> None:
         """Worker: restart the count at a position that the drive has set."""
-        self._counts = self._raw = self._drive.get(POSITION)
+        self._counts = self._raw
+        self.position = self._counts * self._scaling.position
 
     def forget(self) -> None:
         """Worker: discard the values; the drive has been configured anew."""
         self._drive.forget()
+
+
+def switches(digital_inputs: int, polarity: int) -> tuple[bool, bool, bool]:
+    """Return negative limit, positive limit and home switch, by the axis' own direction."""
+    negative, positive = bool(digital_inputs & 1), bool(digital_inputs & 2)  # as the drive counts
+    if polarity < 0:
+        negative, positive = positive, negative
+    return negative, positive, bool(digital_inputs & 4)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from robotd.api import CommandMode
 from robotd_cia402.drive_report import DriveReport
-from robotd_cia402.modes import CYCLIC, OperationMode
-from robotd_cia402.modes import VELOCITY as VELOCITY_MODES
+from robotd_cia402.modes import OperationMode
 from robotd_cia402.set_point_handshake import Handshake, Phase
 from robotd_cia402.state_machine import Control
 
@@ -24,24 +23,6 @@ class ModeControl:
         self.command_mode = CommandMode.POSITION
         self.bits = 0
         self._handshake = Handshake()
-
-    @property
-    def is_cyclic_position(self) -> bool:
-        """The setpoint is a position in each frame."""
-        return self.requested in CYCLIC
-
-    @property
-    def is_velocity(self) -> bool:
-        return self.requested in VELOCITY_MODES
-
-    @property
-    def is_torque(self) -> bool:
-        return self.requested is OperationMode.CYCLIC_TORQUE
-
-    @property
-    def is_ours(self) -> bool:
-        """True in the cyclic modes: the drive makes no ramp of its own."""
-        return self.requested in CYCLIC or self.requested is OperationMode.CYCLIC_VELOCITY
 
     @property
     def target_taken(self) -> bool:

@@ -9,7 +9,13 @@ from robotd_cia402.options import DriveOptions, StreamMode, VelocityMode
 
 
 class OperationMode(IntEnum):
-    """Numbers of objects 0x6060 and 0x6061."""
+    """Numbers of objects 0x6060 and 0x6061.
+
+    Attributes:
+        is_cyclic_position: the setpoint is a position in each frame.
+        is_velocity, is_torque: the setpoint is a velocity or a torque.
+        is_ours: the drive makes no ramp of its own: in the cyclic modes except that of torque.
+    """
 
     NONE = 0
     PROFILE_POSITION = 1
@@ -19,6 +25,13 @@ class OperationMode(IntEnum):
     CYCLIC_POSITION = 8
     CYCLIC_VELOCITY = 9
     CYCLIC_TORQUE = 10
+
+    def __init__(self, number: int) -> None:
+        # Plain attributes: they are read for each axis in each period.
+        self.is_cyclic_position = number in (7, 8)
+        self.is_velocity = number in (3, 9)
+        self.is_torque = number == 10
+        self.is_ours = number in (7, 8, 9)
 
     @property
     def support_bit(self) -> int:
@@ -34,8 +47,6 @@ VELOCITY_MODES = {
     VelocityMode.PV: OperationMode.PROFILE_VELOCITY,
     VelocityMode.CSV: OperationMode.CYCLIC_VELOCITY,
 }
-# Tuples: a set would call the slow hash of an enum, several times in each period.
-CYCLIC = tuple(STREAM_MODES.values())
 VELOCITY = tuple(VELOCITY_MODES.values())
 
 

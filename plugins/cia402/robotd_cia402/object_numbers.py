@@ -9,6 +9,11 @@ TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE = 0x607A, 0x60FF, 0x6071
 INTERPOLATION = 0x60C1
 ERROR_CODE, SWITCHES = 0x603F, 0x60FD
 
+INPUTS = (STATUSWORD, MODE_DISPLAY, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, SWITCHES)
+"""Objects that an axis takes from the cyclic frames, in the order of ``CyclicObjects.values``."""
+OUTPUTS = (CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE, INTERPOLATION)
+"""Objects that an axis puts into the cyclic frames, in the order of ``CyclicObjects.put``."""
+
 AXIS_STEP = 0x800  # distance of the profile objects of two axes in one drive (CiA 402-1)
 PROFILE_AREA = range(0x6000, 0xA000)
 

@@ -18,6 +18,12 @@ class Scaling:
         options: the axis' section.
         rated_torque_nm: None where it is not known.
         velocity_limit: rad/s or m/s; None for an axis that is no joint.
+
+    Attributes:
+        counts_per_unit, polarity: set by ``change``.
+        position: rad or m for one count.
+        velocity: rad/s or m/s for one velocity unit of the drive.
+        torque: N·m for one per mille of the rated torque; NaN where that is not known.
     """
 
     def __init__(
@@ -26,27 +32,18 @@ class Scaling:
         rated_torque_nm: float | None,
         velocity_limit: float | None = None,
     ) -> None:
-        self.counts_per_unit = options.counts_per_rad
-        self.polarity = options.polarity
         self.rated_torque_nm = float("nan") if rated_torque_nm is None else rated_torque_nm
         self.velocity_limit = velocity_limit or _UNLIMITED
         self._velocity = options.velocity_per_rad_s
         self._acceleration = options.acceleration_per_rad_s2
+        self.change(options.counts_per_rad, options.polarity)
 
-    @property
-    def position(self) -> float:
-        """Rad or m for one count."""
-        return self.polarity / self.counts_per_unit
-
-    @property
-    def velocity(self) -> float:
-        """rad/s or m/s for one velocity unit of the drive."""
-        return self.polarity / (self._velocity or self.counts_per_unit)
-
-    @property
-    def torque(self) -> float:
-        """N·m for one per mille of the rated torque; NaN where that is not known."""
-        return self.polarity * self.rated_torque_nm / 1000
+    def change(self, counts_per_unit: float, polarity: int) -> None:
+        """Worker: set the scale, and the factors that follow from it."""
+        self.counts_per_unit, self.polarity = counts_per_unit, polarity
+        self.position = polarity / counts_per_unit
+        self.velocity = polarity / (self._velocity or counts_per_unit)
+        self.torque = polarity * self.rated_torque_nm / 1000
 
     def counts(self, position: float) -> int:
         """Counts of a position, not wrapped."""

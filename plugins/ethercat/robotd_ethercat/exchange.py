@@ -8,6 +8,7 @@ from typing import Any
 
 from robotd_ethercat.io_image import IoImage
 from robotd_ethercat.slave import Slave
+from robotd_ethercat.slave_image import SlaveImage
 from robotd_ethercat.soem import NO_FRAME, Soem
 
 _LIVE_TIMEOUT_US = 100  # the frame was sent a period ago: it is here, or it is lost
@@ -40,6 +41,7 @@ class Exchange:
         frames: frames sent.
         good_frames: frames that came back from every slave that is online.
         bad_in_row: frames in a row, lost or incomplete.
+        in_flight: a frame was sent and not received yet.
         sent_ns: monotonic time at which the last frame was sent; the inputs are of that time.
         needed: working counter of the slaves that are online.
         working_counter: of the last frame; -1 if it did not come back.
@@ -51,18 +53,20 @@ class Exchange:
         self.working_counter = NO_FRAME
         self.counters = Counters()
         self._bus, self._slaves, self._io = bus, slaves, io
-        self._drives: list[tuple[Slave, Any]] = []
-        self._in_flight = False
+        self._drives: list[tuple[SlaveImage, Any]] = []
+        self.in_flight = False
         self._suspect = 0  # frames from now on that may be late ones
 
     def begin(self) -> None:
         """Worker: the slaves are configured; send outputs of all, receive from all."""
         self._drives = [
-            (slave, self._bus.slaves[slave.number]) for slave in self._slaves if slave.is_drive
+            (slave.image, self._bus.slaves[slave.number])
+            for slave in self._slaves
+            if slave.is_drive
         ]
         self._io.begin(self._bus.slaves)
         self.needed = self._bus.expected_counter
-        self.bad_in_row, self._in_flight = 0, False
+        self.bad_in_row, self.in_flight = 0, False
 
     def go_live(self) -> None:
         """Worker: all slaves are in Op; the frames of bring-up do not count."""
@@ -73,18 +77,13 @@ class Exchange:
         """Update ``needed`` after a slave was lost or has come back."""
         self.needed = sum(slave.counter for slave in self._slaves if slave.online)
 
-    @property
-    def in_flight(self) -> bool:
-        """A frame was sent and not received yet."""
-        return self._in_flight
-
     def send(self, now_ns: int) -> None:
         """Encode and send the outputs of all slaves."""
-        for slave, raw in self._drives:
-            raw.output = slave.image.pack()
+        for image, raw in self._drives:
+            raw.output = image.pack()
         self._io.pack()
         self._bus.send()
-        self.sent_ns, self._in_flight = now_ns, True
+        self.sent_ns, self.in_flight = now_ns, True
         self.frames += 1
         self.counters.sent += 1
 
@@ -93,7 +92,7 @@ class Exchange:
 
         While frames are lost, the interpreter lock is released: the wait may take 4 ms.
         """
-        self._in_flight = False
+        self.in_flight = False
         counter = self._bus.receive(timeout_us, release_gil=self.bad_in_row > 0)
         if self._suspect and self._bus.drop_late_frames():
             counter = NO_FRAME  # with others behind it: it may be an old one of the same number
@@ -108,8 +107,8 @@ class Exchange:
             return False
         self.bad_in_row = 0
         self.counters.received += 1
-        for slave, raw in self._drives:
-            slave.image.take(raw.input)
+        for image, raw in self._drives:
+            image.take(raw.input)
         self._io.take()
         self.good_frames += 1
         return True

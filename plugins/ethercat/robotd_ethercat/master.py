@@ -156,7 +156,8 @@ class Master:
             return
         if self._receive():
             image.fresh_ns = self._timing.time_ns
-        self.supervision.watch()
+        else:
+            self.supervision.note_bad_frame()
         streaming = (slave.name for axis, slave in self.drives if axis.streaming)
         if problem := self._stream.problem(now_ns, streaming):
             self.supervision.stop(problem)
@@ -183,7 +184,7 @@ class Master:
         self._stream.restart()
         for axis in self.axes:
             axis.follow_torque(torque[axis.number])
-        if all(axis.mode.is_torque or not axis.streaming for axis in self.axes):
+        if all(axis.mode.requested.is_torque or not axis.streaming for axis in self.axes):
             self._transmit_once()
 
     def begin_stream(self) -> None:
@@ -224,8 +225,11 @@ class Master:
         After a stall it waits for up to a fifth of a period, for a time at which the drives count
         the missed periods as this master does: their profiles have advanced by as many.
         """
-        self.clock.sleep_until_ns(self._timing.clear_ns(self.clock.now_ns()))
         now_ns = self.clock.now_ns()
+        clear_ns = self._timing.clear_ns(now_ns)
+        if clear_ns > now_ns:
+            self.clock.sleep_until_ns(clear_ns)
+            now_ns = self.clock.now_ns()
         if self.exchange.sent_ns and self._timing.time_ns:
             deviation_ns = abs(now_ns - self.exchange.sent_ns - self._period_ns)
             self.jitter_ns = max(self.jitter_ns, deviation_ns)

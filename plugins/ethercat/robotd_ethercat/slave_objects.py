@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from operator import itemgetter
 
 from robotd_cia402.emcy import Emergency
-from robotd_cia402.object_numbers import (
-    AXIS_STEP,
-    CONTROLWORD,
-    INTERPOLATION,
-    MODE,
-    PROFILE_AREA,
-    TARGET_POSITION,
-    TARGET_TORQUE,
-    TARGET_VELOCITY,
-    on_axis,
-)
+from robotd_cia402.object_numbers import AXIS_STEP, INPUTS, OUTPUTS, PROFILE_AREA, on_axis
 from robotd_ethercat.exchange import Exchange
 from robotd_ethercat.slave import Slave
 
-_SET_BY_AXIS = (
-    CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE, INTERPOLATION,
-)  # fmt: skip
+_UNMAPPED = -1  # slot of the 0 that follows the values of the slave
 
 
 class SlaveObjects:
@@ -34,9 +23,11 @@ class SlaveObjects:
     def __init__(self, slave: Slave, axis_offset: int, exchange: Exchange) -> None:
         self._slave, self._offset, self._exchange = slave, axis_offset, exchange
         self._image = slave.image
-        self._output_slots: dict[int, int] = {}
-        self._input_slots: dict[int, int] = {}
         self._forgotten_at = 0
+        self.inputs: Collection[int] = ()
+        self.outputs: Collection[int] = ()
+        self._pick_inputs = itemgetter(*[_UNMAPPED] * len(INPUTS))
+        self._output_slots: list[tuple[int, int]] = []  # places in OUTPUTS, and in the image
 
     @property
     def name(self) -> str:
@@ -51,8 +42,8 @@ class SlaveObjects:
         return self._slave.fault
 
     @property
-    def complete(self) -> bool:
-        return self._exchange.good_frames > self._forgotten_at
+    def known(self) -> bool:
+        return self._slave.online and self._exchange.good_frames > self._forgotten_at
 
     @property
     def frames(self) -> int:
@@ -62,22 +53,14 @@ class SlaveObjects:
     def emergency(self) -> Emergency | None:
         return self._slave.emergency
 
-    @property
-    def inputs(self) -> Collection[int]:
-        return self._input_slots
+    def put(self, values: Sequence[int]) -> None:
+        outputs = self._image.outputs
+        for place, slot in self._output_slots:
+            outputs[slot] = values[place]
 
-    @property
-    def outputs(self) -> Collection[int]:
-        return self._output_slots
-
-    def put(self, index: int, value: int) -> None:
-        slot = self._output_slots.get(index)
-        if slot is not None:
-            self._image.outputs[slot] = value
-
-    def get(self, index: int) -> int:
-        slot = self._input_slots.get(index)
-        return self._image.inputs[slot] if slot is not None else 0
+    def values(self) -> Sequence[int]:
+        found: Sequence[int] = self._pick_inputs((*self._image.inputs, 0))
+        return found
 
     def has(self, index: int) -> bool:
         return self._slave.has(on_axis(index, self._offset))
@@ -93,9 +76,13 @@ class SlaveObjects:
 
     def find_slots(self) -> None:
         """Worker: take the mapping of the slave, which has been configured."""
-        self._input_slots = self._slots(self._image.input_slots)
-        found = self._slots(self._image.output_slots)
-        self._output_slots = {index: found[index] for index in _SET_BY_AXIS if index in found}
+        inputs = self._slots(self._image.input_slots)
+        outputs = self._slots(self._image.output_slots)
+        self.inputs, self.outputs = inputs.keys(), outputs.keys() & set(OUTPUTS)
+        self._pick_inputs = itemgetter(*(inputs.get(index, _UNMAPPED) for index in INPUTS))
+        self._output_slots = [
+            (place, outputs[index]) for place, index in enumerate(OUTPUTS) if index in outputs
+        ]
 
     def _slots(self, slots: dict[tuple[int, int], int]) -> dict[int, int]:
         """Slots of this axis by the profile's number of the object."""

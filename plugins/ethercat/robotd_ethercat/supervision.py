@@ -67,7 +67,7 @@ class Supervision:
     @property
     def is_dead(self) -> bool:
         """No frame comes back; incomplete ones still reach the slaves before the loss."""
-        return self.is_silent and self._exchange.working_counter <= 0
+        return self._exchange.working_counter <= 0 and self.is_silent
 
     def fault(self) -> str:
         """Return the lost slaves with causes, or the bus fault; "" without one."""
@@ -93,8 +93,8 @@ class Supervision:
             self._thread.join(2.0)
             self._thread = None
 
-    def watch(self) -> None:
-        """Control loop: after each frame; stop all axes when too many are bad.
+    def note_bad_frame(self) -> None:
+        """Control loop: after a lost or incomplete frame; stop all axes when there are too many.
 
         Incomplete ones are looked into at once: no stall of this computer is their cause.
         """

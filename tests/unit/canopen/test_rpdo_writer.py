@@ -11,7 +11,7 @@ from robotd.errors import DescriptorError
 from robotd_canopen.frame import Frame
 from robotd_canopen.rpdo_writer import RpdoWriter
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import MODE
+from robotd_cia402.object_numbers import MODE, OUTPUTS
 
 CONTROL = ["0x6040", "0x6060"]
 POSITION, VELOCITY, TORQUE = "0x607A", "0x60FF", "0x6071"
@@ -32,7 +32,7 @@ def sent(mode: OperationMode, *mappings: list[str], **keys: Any) -> list[int]:
     rpdos = [{"number": number, "objects": each} for number, each in enumerate(mappings, 1)]
     layout = plan(options(axes=[drive(0, rpdos=rpdos, **keys), drive(1)])).axes[0]
     writer, bus = RpdoWriter(layout), SentFrames()
-    writer.values[MODE] = mode
+    writer.values = [mode if index == MODE else 0 for index in OUTPUTS]
     writer.send(bus)  # type: ignore[arg-type]
     return [(cob_id - 0x100) // 0x100 for cob_id in bus.cob_ids]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from robotd.api import NANOSECONDS, ProcessImage
@@ -11,23 +12,7 @@ from robotd_cia402.commands import Commands
 from robotd_cia402.cyclic_objects import CyclicObjects, SdoAbort
 from robotd_cia402.drive_setup import set_up
 from robotd_cia402.emcy import Emergency
-from robotd_cia402.object_numbers import (
-    CONTROLWORD,
-    DEMAND,
-    ERROR_CODE,
-    INTERPOLATION,
-    MODE,
-    MODE_DISPLAY,
-    POSITION,
-    STATUSWORD,
-    SWITCHES,
-    TARGET_POSITION,
-    TARGET_TORQUE,
-    TARGET_VELOCITY,
-    TORQUE,
-    VELOCITY,
-    on_axis,
-)
+from robotd_cia402.object_numbers import INPUTS, INTERPOLATION, OUTPUTS, on_axis
 from robotd_cia402.options import DriveOptions
 from robotd_cia402.scaling import Scaling
 from robotd_cia402.simulated import Drive, DriveFaults, Motors, drive_defaults
@@ -45,53 +30,52 @@ class LoopedObjects:
 
     def __init__(self, axis_offset: int) -> None:
         self.online, self.fault = True, ""
-        self.complete, self.frames = False, 0
+        self.frames = 0
         self.emergency: Emergency | None = None
-        self.inputs = (
-            STATUSWORD, MODE_DISPLAY, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, SWITCHES,
-        )  # fmt: skip
-        self.outputs = (
-            CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE, INTERPOLATION,
-        )  # fmt: skip
-        self.values = drive_defaults(axes=2)  # the drive's side
+        self.inputs, self.outputs = INPUTS, OUTPUTS
+        self.dictionary = drive_defaults(axes=2)  # the drive's side
         self.written: list[tuple[int, int, int]] = []
         self._offset = axis_offset
-        self._sent: dict[int, int] = {}
-        self._taken: dict[int, int] = {}
+        self._complete = False
+        self._sent: Sequence[int] = ()
+        self._taken: list[int] = [0] * len(INPUTS)
 
-    def put(self, index: int, value: int) -> None:
-        self._sent[index] = value
+    @property
+    def known(self) -> bool:
+        return self.online and self._complete
 
-    def get(self, index: int) -> int:
-        return self._taken.get(index, 0)
+    def put(self, values: Sequence[int]) -> None:
+        self._sent = values
+
+    def values(self) -> Sequence[int]:
+        return self._taken
 
     def has(self, index: int) -> bool:
-        return (on_axis(index, self._offset), 0) in self.values
+        return (on_axis(index, self._offset), 0) in self.dictionary
 
     def read(self, index: int, sub: int = 0) -> int:
         key = on_axis(index, self._offset), sub
-        if key not in self.values:
+        if key not in self.dictionary:
             raise SdoAbort(f"{self.name}: no object 0x{index:04X}", UNKNOWN_OBJECT)
-        return self.values[key]
+        return self.dictionary[key]
 
     def write(self, index: int, sub: int, value: int) -> None:
         self.written.append((index, sub, value))
-        self.values[on_axis(index, self._offset), sub] = value
+        self.dictionary[on_axis(index, self._offset), sub] = value
 
     def forget(self) -> None:
-        self.complete = False
+        self._complete = False
 
     def send(self) -> None:
         """Outputs as the frame carries them, interpolation data at subindex 1."""
-        for index, value in self._sent.items():
+        for index, value in zip(OUTPUTS, self._sent, strict=False):  # none before the first
             sub = 1 if index == INTERPOLATION else 0
-            self.values[on_axis(index, self._offset), sub] = value
+            self.dictionary[on_axis(index, self._offset), sub] = value
         self.frames += 1
 
     def take(self) -> None:
-        for index in self.inputs:
-            self._taken[index] = self.values[on_axis(index, self._offset), 0]
-        self.complete = True
+        self._taken = [self.dictionary[on_axis(index, self._offset), 0] for index in INPUTS]
+        self._complete = True
 
 
 class LoopedDrive:
@@ -109,7 +93,7 @@ class LoopedDrive:
         self.motors = Motors([0.0], self.clock.now_ns())
         self.drive = Drive(
             drive_model(0, section, 50.0),
-            self.objects.values,
+            self.objects.dictionary,
             self.motors,
             self.faults,
             self._on_emergency,

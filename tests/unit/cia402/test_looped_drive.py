@@ -21,7 +21,7 @@ from robotd.api import (
 )
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import MODE_DISPLAY
+from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE_DISPLAY, POSITION
 from robotd_cia402.state_machine import DriveState
 from robotd_cia402.switch_off import switch_off
 
@@ -205,7 +205,7 @@ def test_a_servo_that_does_not_take_its_mode_goes_off_again() -> None:
 
     def other_mode() -> None:
         take()
-        looped.objects._taken[MODE_DISPLAY] = OperationMode.PROFILE_VELOCITY
+        looped.objects._taken[INPUTS.index(MODE_DISPLAY)] = OperationMode.PROFILE_VELOCITY
 
     looped.objects.take = other_mode  # type: ignore[method-assign]
     with pytest.raises(DeviceTimeout, match="mode cyclic_position was requested"):
@@ -306,7 +306,7 @@ def test_a_trip_switches_off_with_the_emergency_and_is_cleared(on: LoopedDrive) 
 
 
 def test_a_blocked_motor_trips_by_its_following_error(on: LoopedDrive) -> None:
-    on.objects.values[0x6065, 0] = 1000
+    on.objects.dictionary[0x6065, 0] = 1000
     on.faults.blocked = True
     on.commands.move(1.0, FAST)
     on.run(1.0)
@@ -357,13 +357,24 @@ def test_a_node_that_returns_holds_its_position(on: LoopedDrive) -> None:
     assert on.image.velocity_command[0] == 0.0
 
 
+def test_a_node_that_returns_continues_where_it_has_got_to(on: LoopedDrive) -> None:
+    """Its first values after the loss count: the command of before would be a jump."""
+    on.objects.online = False
+    on.run(0.1)
+    on.objects.dictionary[DEMAND, 0] = on.objects.dictionary[POSITION, 0] = 30_000
+    on.objects.online = True
+    on.objects.take()
+    on.axis.resume()
+    assert on.axis.setpoint.position == pytest.approx(0.3)
+
+
 def test_the_second_axis_of_a_drive_has_objects_of_its_own() -> None:
     looped = LoopedDrive(axis_offset=1, polarity=-1)
     looped.commands.enable(1.0)
     looped.commands.move(0.2, FAST)
     idle(looped)
-    assert looped.objects.values[0x6864, 0] == pytest.approx(-20_000, abs=200)
-    assert looped.objects.values[0x6064, 0] == 0
+    assert looped.objects.dictionary[0x6864, 0] == pytest.approx(-20_000, abs=200)
+    assert looped.objects.dictionary[0x6064, 0] == 0
 
 
 def test_an_endless_axis_runs_over_32_bits() -> None:
@@ -408,14 +419,14 @@ def test_a_servo_that_stays_on_is_logged(on: LoopedDrive) -> None:
 
 def test_a_missing_mode_names_the_option() -> None:
     looped = LoopedDrive()
-    looped.objects.values[SUPPORTED_MODES, 0] = 1 << 7
+    looped.objects.dictionary[SUPPORTED_MODES, 0] = 1 << 7
     with pytest.raises(OperationError, match="velocity_mode needs profile_velocity"):
         set_up(looped.axis, 0.004)
 
 
 def test_option_codes_are_written_where_the_drive_has_them() -> None:
     looped = LoopedDrive()
-    del looped.objects.values[0x605D, 0]
+    del looped.objects.dictionary[0x605D, 0]
     looped.objects.written.clear()
     set_up(looped.axis, 0.002)
     written = {index for index, _, _ in looped.objects.written}

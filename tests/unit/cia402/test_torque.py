@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from tests.unit.cia402.looped_drive import PERIOD_S, LoopedDrive
@@ -9,7 +11,7 @@ from tests.unit.cia402.test_axes import LoopedAxes
 
 from robotd.api import CommandMode, NotReady, Operation
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import MODE, TARGET_POSITION, TARGET_TORQUE
+from robotd_cia402.object_numbers import MODE, OUTPUTS, TARGET_POSITION, TARGET_TORQUE
 from robotd_cia402.state_machine import DriveState
 
 # The model of a motor, see ``Motors.push``.
@@ -58,20 +60,20 @@ def test_a_torque_that_is_not_a_number_leaves_the_last_one(axes: LoopedAxes) -> 
     axes.begin_stream([0])
     drive(axes, 4.0, PERIOD_S)
     drive(axes, float("nan"), PERIOD_S)
-    assert axes.looped.objects.values[TARGET_TORQUE, 0] == round(4.0 / RATED_NM * 1000)
+    assert axes.looped.objects.dictionary[TARGET_TORQUE, 0] == round(4.0 / RATED_NM * 1000)
 
 
 def test_the_stream_begins_with_the_torque_that_holds_the_axis(axes: LoopedAxes) -> None:
     axes.looped.motors._torque[0] = 6.5  # as gravity would ask for
     axes.looped.drive._measure()
     axes.looped.objects.take()
+    axes.looped.axis.observe(axes.looped.image)
     sent: list[tuple[int, int]] = []
     put = axes.looped.objects.put
 
-    def note(index: int, value: int) -> None:
-        put(index, value)
-        if index == TARGET_TORQUE:
-            sent.append((axes.looped.objects._sent[MODE], value))
+    def note(values: Sequence[int]) -> None:
+        put(values)
+        sent.append((values[OUTPUTS.index(MODE)], values[OUTPUTS.index(TARGET_TORQUE)]))
 
     axes.looped.objects.put = note  # type: ignore[method-assign]
     axes.begin_stream([0])
@@ -101,10 +103,10 @@ def test_every_end_is_a_quick_stop_and_then_position_control(axes: LoopedAxes, e
     seen: list[tuple[int, int]] = []
     put = axes.looped.objects.put
 
-    def note(index: int, value: int) -> None:
-        put(index, value)
-        if index == TARGET_POSITION and axes.looped.axis.report.state is not None:
-            seen.append((axes.looped.objects._sent[MODE], value))
+    def note(values: Sequence[int]) -> None:
+        put(values)
+        if axes.looped.axis.report.state is not None:
+            seen.append((values[OUTPUTS.index(MODE)], values[OUTPUTS.index(TARGET_POSITION)]))
 
     axes.looped.objects.put = note  # type: ignore[method-assign]
     axes.set_command_mode(0, CommandMode.POSITION)
@@ -155,4 +157,4 @@ def test_a_drive_that_does_not_change_its_mode_keeps_position_control(axes: Loop
     with pytest.raises(Exception, match="mode cyclic_torque was requested, the drive shows mode 8"):
         axes.begin_stream([0])
     axes.looped.run(0.1)
-    assert axes.looped.objects.values[MODE, 0] == OperationMode.CYCLIC_POSITION
+    assert axes.looped.objects.dictionary[MODE, 0] == OperationMode.CYCLIC_POSITION

@@ -37,6 +37,7 @@ def test_a_mapped_demand_is_the_command_of_the_drive(harness: Harness) -> None:
     image, report = harness.master.slaves[0].image, harness.master.axes[0].report
     demand = image.input_slots[0x6062, 0]
     image.inputs = [v + 500 * (slot == demand) for slot, v in enumerate(image.inputs)]
+    report.update()
     assert report.demand() == pytest.approx(report.position + 500 / COUNTS_PER_RAD)
 
 
