@@ -11,7 +11,6 @@ import ctypes
 import sys
 import threading
 from collections.abc import Callable
-from functools import partial
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
@@ -75,7 +74,6 @@ class ControlLoop:
         self._image, self._mixer = image, mixer
         stale_after_s = connection.settings.stale_after_s
         self._tasks = PeriodicTasks(self.period_ns, image)
-        self._reader = ImageReader(driver, image, stale_after_s)
         self._loss = DeviceLoss(connection, image)
         self._deadlines = PeriodDeadlines(
             self._clock,
@@ -84,6 +82,7 @@ class ControlLoop:
             skips_start=not mixer.extrapolates,
             imminent=not self._simulated,
         )
+        self._reader = ImageReader(driver, image, stale_after_s, self._deadlines.nominal)
         self._realtime_priority = realtime_priority
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -193,7 +192,7 @@ class ControlLoop:
         try:
             self._tasks.run(time_ns, first=True)
             if self._communicates(time_ns):
-                nominal_ns = self._reader.read(partial(self._deadlines.nominal, time_ns))
+                nominal_ns = self._reader.read(time_ns)
                 if self._is_fresh(time_ns):  # when the read began: a slow one is no loss
                     self._mixer.advance(nominal_ns, self._image)
                 self._loss.report(nominal_ns)

@@ -20,30 +20,35 @@ class ImageReader:
         driver: of the axes.
         image: the live process image.
         stale_after_s: age of values that are not trusted any more.
+        nominal: returns the nominal time of the period that began at a deadline.
 
     Attributes:
         failure: reason of the last read that failed; None: it succeeded.
     """
 
-    def __init__(self, driver: AxisDriver, image: ProcessImage, stale_after_s: float) -> None:
+    def __init__(
+        self,
+        driver: AxisDriver,
+        image: ProcessImage,
+        stale_after_s: float,
+        nominal: Callable[[int], int],
+    ) -> None:
         self.failure: str | None = None
-        self._driver, self._image = driver, image
+        self._driver, self._image, self._nominal = driver, image, nominal
         self._stale_after_ns = round(stale_after_s * NANOSECONDS)
         self._since_ns = 0  # first read of this communication
 
-    def read(self, nominal: Callable[[], int]) -> int:
-        """Fill the image and return the nominal time of the period.
+    def read(self, time_ns: int) -> int:
+        """Fill the image; return the nominal time of the period that began at ``time_ns``.
 
-        An exception of the driver is logged once.
-
-        Args:
-            nominal: returns that time; called after the driver's ``read``, which may be slow.
+        That is fixed after the driver's ``read``, which may be slow. An exception of the driver is
+        logged once.
         """
         image = self._image
         image.begin_write()
         try:
             self._driver.read(image)
-            image.stamp_ns = time_ns = nominal()
+            image.stamp_ns = nominal_ns = self._nominal(time_ns)
             self.failure = None
         except Exception as error:
             expected = isinstance(error, RobotdError)
@@ -51,11 +56,11 @@ class ImageReader:
                 log.error("reading the process image failed", reason=str(error))
                 log.debug("traceback of the failed read", exc_info=error)
             self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
-            time_ns = nominal()
+            nominal_ns = self._nominal(time_ns)
         finally:
             image.end_write()
-        self._since_ns = self._since_ns or time_ns
-        return time_ns
+        self._since_ns = self._since_ns or nominal_ns
+        return nominal_ns
 
     def staleness(self, time_ns: int) -> str | None:
         """Return why the values are too old to be trusted; None: they are fresh."""

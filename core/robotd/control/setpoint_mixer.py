@@ -43,6 +43,7 @@ class SetpointMixer:
         self._driver = driver
         self._clock = clock or MonotonicClock()
         self._setpoints: FloatArray = np.full((2, axes), np.nan)
+        self._position, self._velocity = self._setpoints
         self._slots: list[SourceSlot] = []
 
     def slot(self) -> SourceSlot:
@@ -78,7 +79,7 @@ class SetpointMixer:
         try:
             self._check_time()
             self._check_buffers()
-            self._driver.stream(self._setpoints[0], self._setpoints[1], self.due_ns)
+            self._driver.stream(self._position, self._velocity, self.due_ns)
         except LateSetpoint:  # the device has continued without it
             self.stats.late_setpoints += 1
             return
@@ -98,8 +99,8 @@ class SetpointMixer:
         Another group may be streaming when a worker has just claimed these axes.
         """
         idle = image.operation != Operation.STREAM
-        np.copyto(self._setpoints[0], image.position_command, where=idle)
-        np.copyto(self._setpoints[1], 0.0, where=idle)
+        np.copyto(self._position, image.position_command, where=idle)
+        np.copyto(self._velocity, 0.0, where=idle)
 
     def _check_time(self) -> None:
         """Raise LateSetpoint where the device extrapolates and half of the period has passed."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Trajectory:
         for array in (self.breaks, self.coefficients, self.final_position):
             array.flags.writeable = False
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """Return the time of the last knot."""
         return float(self.breaks[-1])
@@ -118,5 +119,5 @@ class Sampler:
         for index in self._descending:
             powers[index] = power
             power *= since_knot
-        np.dot(powers, self._segments[segment], self._out)
+        powers.dot(self._segments[segment], self._out)
         out[:] = self._motion
