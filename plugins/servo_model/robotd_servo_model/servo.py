@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -153,7 +153,8 @@ class Servo:
 
     def state(self) -> list[list[float]]:
         """Return (4, n): measured positions; commanded positions, velocities, accelerations."""
-        return cast(list[list[float]], self._state.tolist())
+        state: list[list[float]] = self._state.tolist()
+        return state
 
     def measure(self, state: list[list[float]]) -> tuple[list[float], list[float]]:
         """Measured velocities of all axes in ``state``, and torques of their motors.
@@ -193,7 +194,7 @@ class Servo:
         axes, tick_s, cells = self.axes, self.tick_s, self._cells
         for axis, (path, loop) in enumerate(zip(self._paths, self._loops, strict=True)):
             origin, p, v, h, j = path
-            of_before, of_position, of_command, *_ = loop
+            of_before, of_position, of_command = loop[:3]
             position, command, t = cells[axis], cells[axes + axis], 0.0
             for elapsed in range(tick + 1 - origin, stop + 1 - origin):
                 before, t = command, elapsed * tick_s
