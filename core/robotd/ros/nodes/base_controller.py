@@ -91,7 +91,7 @@ class BaseController(Node):
         )
 
     def _publish_state(self, settings: BaseSettings, robot: Robot) -> None:
-        topics = OdometryTopics(self, robot, settings)
+        topics = OdometryTopics(self, robot, self._base, settings)
         robot.control_loop.every(settings.rate_hz, "odometry", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-from robotd.device.bus_status import BusNode, BusState, BusStatus
+from robotd.device.bus_status import BusState, BusStatus
 
 AL_STATES = {
     BusState.UNKNOWN: 0,  # None
@@ -17,26 +16,7 @@ AL_STATES = {
 }
 """Numbers of the vendor's interface; another bus is shown as the nearest state."""
 
-# Response field → entry of ``extra`` of the bus, and of a node; 0 where it is not known.
-_BUS_EXTRA = {
-    "master_mode": "mode",
-    "total_rxpdo_size": "rx_pdo_size",
-    "total_txpdo_size": "tx_pdo_size",
-    "tx_delay": "tx_delay",
-    "min_tx_delay": "min_tx_delay",
-    "max_tx_delay": "max_tx_delay",
-}
-_NODE_FLAGS = {
-    "slave_inaccessible": "inaccessible",
-    "slave_new": "new",
-    "slave_reverse": "reverse",
-}
-_NODE_EXTRA = {
-    "slave_aliases": "alias",
-    "slave_input_addrs": "input_address",
-    "slave_output_addrs": "output_address",
-}
-# Response field → attribute.
+# Response field → attribute or entry of ``extra`` of the bus, and of a node; 0 where not known.
 _BUS = {
     "total_axes": "axes",
     "total_input_size": "input_size",
@@ -44,6 +24,12 @@ _BUS = {
     "packet_loss": "lost_frames",
     "packet_timeout": "timeouts",
     "over_cycle": "late_cycles",
+    "master_mode": "mode",
+    "total_rxpdo_size": "rx_pdo_size",
+    "total_txpdo_size": "tx_pdo_size",
+    "tx_delay": "tx_delay",
+    "min_tx_delay": "min_tx_delay",
+    "max_tx_delay": "max_tx_delay",
 }
 _NODE = {
     "slave_ids": "id",
@@ -58,6 +44,14 @@ _NODE = {
     "slave_input_sizes": "input_size",
     "slave_output_sizes": "output_size",
     "slave_num_of_axes": "axes",
+    "slave_aliases": "alias",
+    "slave_input_addrs": "input_address",
+    "slave_output_addrs": "output_address",
+}
+_NODE_FLAGS = {
+    "slave_inaccessible": "inaccessible",
+    "slave_new": "new",
+    "slave_reverse": "reverse",
 }
 
 
@@ -66,26 +60,16 @@ def fill_network_state(response: Any, status: BusStatus) -> Any:
     response.master_state = AL_STATES[status.state]
     response.comm_period = round(status.period_s * 1e6)
     response.ring_num = status.extra.get("rings", 1)
-    _fill(response, _BUS, vars(status))
-    _fill(response, _BUS_EXTRA, status.extra)
-    nodes = status.nodes
-    response.slave_states = [AL_STATES[node.state] for node in nodes]
-    for field, attribute in _NODE.items():
-        setattr(response, field, [getattr(node, attribute) for node in nodes])
-    for field, name in _NODE_EXTRA.items():
-        setattr(response, field, [_extra(node, name) for node in nodes])
+    values = {**status.extra, **vars(status)}
+    for field, name in _BUS.items():
+        setattr(response, field, values.get(name, 0))
+    response.slave_states = [AL_STATES[node.state] for node in status.nodes]
+    nodes = [{**node.extra, **vars(node)} for node in status.nodes]
+    for field, name in _NODE.items():
+        setattr(response, field, [node.get(name, 0) for node in nodes])
     for field, name in _NODE_FLAGS.items():
-        setattr(response, field, [bool(_extra(node, name)) for node in nodes])
+        setattr(response, field, [bool(node.get(name, 0)) for node in nodes])
     response.num_of_slaves = len(nodes)
     response.success = True
     response.message = status.note or f"{len(nodes)} slaves"
     return response
-
-
-def _fill(response: Any, fields: Mapping[str, str], values: Mapping[str, Any]) -> None:
-    for field, name in fields.items():
-        setattr(response, field, values.get(name, 0))
-
-
-def _extra(node: BusNode, name: str) -> int:
-    return node.extra.get(name, 0)

@@ -55,14 +55,19 @@ class JointCommandNode(Node):
         if topics.trajectory:
             stream = self._stream(group, topics.trajectory, OWNER)
             TrajectoryTopic(self, group, robot.clock, host, topics.trajectory, stream)
-        if topics.position:
-            self._forward(group, topics.position, Float64MultiArray, _positions_or_efforts)
-        if topics.velocity:
-            self._forward(group, topics.velocity, Float64MultiArray, _velocities)
+        for topic, message_type, command in (
+            (topics.position, Float64MultiArray, _positions_or_efforts),
+            (topics.velocity, Float64MultiArray, _velocities),
+            (topics.jog, JointJog, _jog),
+        ):
+            if topic:
+                self._forward(topic, message_type, self._stream(group, topic, topic), command)
         if topics.effort:
-            self._forward_efforts(group, topics.effort)
-        if topics.jog:
-            self._forward(group, topics.jog, JointJog, _jog)
+            open_stream = partial(
+                group.torque_stream, timeout_s=self._timeout_s, owner=topics.effort
+            )
+            efforts = TopicStream(open_stream, host, topics.effort)
+            self._forward(topics.effort, Float64MultiArray, efforts, _positions_or_efforts)
         if topics.state:
             publisher = ControllerStateTopic(self, robot, group, topics.state)
             robot.control_loop.every(self._state_rate_hz, "controller state", publisher.publish)
@@ -71,19 +76,11 @@ class JointCommandNode(Node):
             answer = TrajectoryQuery(self, group, robot.clock).answer
             add_service(self, host, QueryTrajectoryState, topics.query, answer, blocking=False)
 
-    def _forward(self, group: JointGroup, topic: str, message_type: Any, command: Any) -> None:
-        """Let every message of ``topic`` command a stream of its own."""
-        self._subscribe(topic, message_type, self._stream(group, topic, topic), command)
-
-    def _forward_efforts(self, group: JointGroup, topic: str) -> None:
-        """Let every message of ``topic`` command a torque stream."""
-        open_stream = partial(group.torque_stream, timeout_s=self._timeout_s, owner=topic)
-        stream = TopicStream(open_stream, self._host, topic)
-        self._subscribe(topic, Float64MultiArray, stream, _positions_or_efforts)
-
-    def _subscribe(
+    def _forward(
         self, topic: str, message_type: Any, stream: TopicStream[Any], command: Any
     ) -> None:
+        """Let every message of ``topic`` command ``stream``."""
+
         def on_message(message: Any) -> None:
             stream.apply(lambda open_stream: command(message, open_stream))
 

@@ -13,6 +13,7 @@ from std_msgs.msg import Float64MultiArray
 from tf2_msgs.msg import TFMessage
 
 from robotd.arrays import FloatArray
+from robotd.control.mobile_base import MobileBase
 from robotd.device.process_image import ProcessImage
 from robotd.node_settings.base_settings import BaseSettings
 from robotd.robot import Robot
@@ -36,10 +37,8 @@ class OdometryTopics:
         topics: resolved names of all that is published.
     """
 
-    def __init__(self, node: Node, robot: Robot, settings: BaseSettings) -> None:
-        if robot.base is None:
-            raise ValueError(f"{robot.descriptor.name} has no base")
-        self._base = robot.base
+    def __init__(self, node: Node, robot: Robot, base: MobileBase, settings: BaseSettings) -> None:
+        self._base = base
         self._connection, self._control_loop = robot.connection, robot.control_loop
         self._clock = StampClock(node.get_clock())
         self._axes = list(robot.wheel_axes)

@@ -46,18 +46,16 @@ class WmxCoreMotionNode(Node):
         self._add_axis_services(host)
         add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)
+        jog = AxisJog(robot, host, JOG, JOG_TIMEOUT_S)
         for message_type, topic, command in (
             (AxisVelocity, "wmx/axis/velocity", self._jog),
             (AxisPose, "wmx/axis/position", self._move),
             (AxisPose, "wmx/axis/position/relative", self._move_relative),
+            (AxisVelocity, JOG, jog.take),
         ):
             handler = self._execute_or_log(topic, command)
             add_subscription(self, host, message_type, topic, handler, COMMAND_DEPTH)
         add_service(self, host, SetAxis, "wmx/axis/stop", self._stop, urgent=True)
-        jog = AxisJog(robot, host, JOG, JOG_TIMEOUT_S)
-        add_subscription(
-            self, host, AxisVelocity, JOG, self._execute_or_log(JOG, jog.take), COMMAND_DEPTH
-        )
         state = AxisStateTopic(self, robot, prefix)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "axis state", state.publish)
