@@ -12,7 +12,7 @@ from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd.ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import check_overrides, use_profiles
+from robotd.ros.middleware import check_overrides
 from robotd.ros.node_registry import (
     BUILT_IN,
     OPERATOR_NODE,
@@ -73,30 +73,3 @@ def run_nodes(
         if recorder is not None:
             stack.enter_context(PageTopics(operator, recorder.tap, [*chosen]))
         yield nodes
-
-
-@contextmanager
-def served_robot(
-    robot: Robot, names: Sequence[str], faults: FaultSchedule, domain_id: int
-) -> Iterator[None]:
-    """A simulated robot, started and served until the block ends. Signals are left alone.
-
-    Args:
-        robot: not started; it is shut down at the end.
-        names: nodes to make; one that ``enables_servos`` switches them on.
-        faults: begins when the robot is ready.
-        domain_id: ROS domain.
-
-    Raises:
-        DescriptorError, PluginError: a node or a parameter is wrong.
-        RobotdError: the robot did not start.
-    """
-    chosen = select_nodes(names)
-    use_profiles()
-    with RosHost(domain_id=domain_id) as host, run_nodes(robot, names, host, faults=faults):
-        try:
-            robot.start(enable=any(info.enables_servos for info in chosen.values()))
-            faults.begin()
-            yield
-        finally:
-            robot.shutdown()

@@ -18,7 +18,10 @@ from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd.ros.client.motion_client import Arm, Ending, move
 from robotd.ros.client.ros_client import RosClient
-from robotd.ros.run_nodes import served_robot
+from robotd.ros.host import RosHost
+from robotd.ros.middleware import use_profiles
+from robotd.ros.node_registry import select_nodes
+from robotd.ros.run_nodes import run_nodes
 from robotd.scenario import FaultSchedule, Scenario, load_scenario, validate_fault
 from robotd.scenario.expectations import standing
 
@@ -180,9 +183,15 @@ def robot_under_test(
     clock = PacedClock(time_scale)
     robot = Robot(descriptor, load_backend(plan.backend), clock)
     faults = FaultSchedule(robot, plan.faults)
-    with served_robot(robot, descriptor.nodes if nodes is None else nodes, faults, domain_id):
+    names = descriptor.nodes if nodes is None else nodes
+    enable = any(info.enables_servos for info in select_nodes(names).values())
+    use_profiles()
+    with RosHost(domain_id=domain_id) as host, run_nodes(robot, names, host, faults=faults):
         under_test = RobotUnderTest(robot, clock, faults, domain_id)
         try:
+            robot.start(enable=enable)
+            faults.begin()
             yield under_test
         finally:
             under_test.close()
+            robot.shutdown()
