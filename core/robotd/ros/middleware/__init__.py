@@ -5,20 +5,19 @@ benchmark that shows what breaks without it.
 """
 
 import robotd.ros.middleware.type_support  # noqa: F401 - before the first message
-from robotd.ros.middleware.action_names import remapped_action
 from robotd.ros.middleware.action_server import WorkerActionServer
 from robotd.ros.middleware.cdr import HotPublisher
 from robotd.ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd.ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
 from robotd.ros.middleware.exit_timer import exit_after
 from robotd.ros.middleware.fastdds_profiles import use_profiles
-from robotd.ros.middleware.parameter_overrides import check_overrides, overrides_of
 from robotd.ros.middleware.participants import Participant
 from robotd.ros.middleware.rate_limit import RateLimit
 from robotd.ros.middleware.release_gil import request_id_of
 from robotd.ros.middleware.service_responses import ServiceResponses
 from robotd.ros.middleware.shared_memory import remove_leftovers
 from robotd.ros.middleware.stamp_clock import StampClock
+from robotd.ros.middleware.start_arguments import check_overrides, overrides_of, remapped_action
 from robotd.ros.middleware.type_mismatch import TypeMismatchCheck
 
 __all__ = [

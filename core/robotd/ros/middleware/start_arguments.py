@@ -1,9 +1,12 @@
-"""Check of the ROS parameters given at start: unknown names are errors, not silence.
+"""ROS arguments given at start: unknown parameters are errors, and actions are remapped.
 
 Works around: rclpy ignores an override that no node declares, so that a misspelled limit has no
-effect.
+effect. rcl of Jazzy remaps (``-r``) nodes, topics and services; an action's own services and topics
+have other names (``NAME/_action/send_goal``), so that a rule for the action matches none of them.
 Measured: nothing; once at start.
-Upstream: by design (https://github.com/ros2/rclcpp/pull/1751 documents it).
+Upstream: by design (https://github.com/ros2/rclcpp/pull/1751 documents it); for actions
+https://github.com/ros2/ros2/issues/1312, done in later versions by
+https://github.com/ros2/rcl/pull/1170.
 Shown by: tests/ros/test_unknown_parameters.py, tests/ros/test_middleware.py.
 """
 
@@ -76,6 +79,14 @@ def overrides_of(node: Node) -> Mapping[str, Any]:
     """Parameters that the command line and files give a node, by name; rclpy hides them."""
     overrides: Mapping[str, Any] = node._parameter_overrides  # noqa: SLF001
     return overrides
+
+
+def remapped_action(node: Node, name: str) -> str:
+    """Full name of an action after the node's namespace and remapping rules.
+
+    Raises the exceptions of ``Node.resolve_topic_name`` for a name that ROS does not allow.
+    """
+    return str(node.resolve_topic_name(name))
 
 
 def _check_sections(
