@@ -6,10 +6,17 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import Field, ValidatorFunctionWrapHandler, WrapValidator
 
-from robotd.descriptor.section import Axis, Name, Positive, Problem, Section, twice
+from robotd.descriptor.section import (
+    Axis,
+    Name,
+    Positive,
+    Problem,
+    Section,
+    twice,
+    validation_error,
+)
 
 _SEPARATION = "Distance between the treads of the left and the right wheels."
 MAX_FIXED_ANGLE = 1.4  # rad; at π/2 a base whose fixed axle drives cannot move
@@ -70,7 +77,7 @@ class DriveSettings(Section):
             if axis in first:
                 yield (key,), f"used before, by {first[axis]}", axis
             first.setdefault(axis, key)
-        yield from twice("wheel_joints", self.wheel_joints)
+        yield from twice("wheel_joints", enumerate(self.wheel_joints))
         if self.wheel_joints and len(self.wheel_joints) != len(self.axes):
             what = f"must be as many as wheels ({len(self.axes)}), or none"
             yield ("wheel_joints",), what, self.wheel_joints
@@ -166,16 +173,7 @@ def _by_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> DriveSettings
     if isinstance(kind, str) and kind in KINDS:
         return KINDS[kind].model_validate(value)
     what = f"unknown kind of base (available: {', '.join(KINDS)})"
-    raise ValidationError.from_exception_data(
-        "drive",
-        [
-            InitErrorDetails(
-                type=PydanticCustomError("robotd", "{what}", {"what": what}),
-                loc=("kind",),
-                input=kind,
-            )
-        ],
-    )
+    raise validation_error("drive", [(("kind",), what, kind)])
 
 
 Drive = Annotated[DifferentialDrive | MecanumDrive | TricycleDrive, WrapValidator(_by_kind)]

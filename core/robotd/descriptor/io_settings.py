@@ -78,7 +78,7 @@ class GripperSettings(Section):
     )
 
     def problems(self) -> Iterator[Problem]:
-        yield from twice("joints", self.joints)
+        yield from twice("joints", enumerate(self.joints))
         if self.multipliers and len(self.multipliers) != len(self.joints):
             what = f"must be as many as joints ({len(self.joints)}), or none"
             yield ("multipliers",), what, self.multipliers

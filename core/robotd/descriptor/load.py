@@ -12,11 +12,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from robotd.descriptor.files import beside, is_file, is_folder
-from robotd.descriptor.merge import merge
 from robotd.descriptor.model import RobotDescriptor
 from robotd.descriptor.overrides import FIXED_KEYS, Override, overridden
 from robotd.descriptor.problems import Model, join, problems_of, validate
-from robotd.descriptor.source import Node, read_yaml
+from robotd.descriptor.source import Node, merge, read_yaml
 from robotd.errors import DescriptorError, unknown_name
 
 FILE_NAME = "robot.yaml"

@@ -7,7 +7,7 @@ tables of the robots' README are made from them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -303,20 +303,20 @@ class RobotDescriptor(Section):
         if self.axes == 0:  # the default of a robot of bare axes, which pydantic does not check
             yield ("axes",), "missing: no joint says how many axes there are", self.axes
         yield from self._drive_problems()
-        yield from _named_twice("inputs", self.inputs)
-        yield from _named_twice("outputs", self.outputs)
+        for key, names in (("inputs", self.inputs), ("outputs", self.outputs)):
+            yield from twice(key, ((name, str(address)) for name, address in names.items()))
         yield from self._gripper_problems()
         for index, joint in enumerate(self.joints):
             if joint.axis >= self.axes:
                 what = f"must be less than axes ({self.axes})"
                 yield ("joints", index, "axis"), what, joint.axis
-        yield from twice("joints", self.joint_names, "name")
-        yield from twice("joints", (joint.axis for joint in self.joints), "axis")
+        yield from twice("joints", enumerate(self.joint_names), "name")
+        yield from twice("joints", enumerate(joint.axis for joint in self.joints), "axis")
         yield from group_problems(self.groups, self.joint_names)
         if self.groups and self.tool_link is not None:
             what = f"belongs into a group ({', '.join(self.groups)})"
             yield ("tool_link",), what, self.tool_link
-        yield from twice("nodes", self.nodes)
+        yield from twice("nodes", enumerate(self.nodes))
         for node in self.ros_parameters:
             if node not in self.nodes:
                 yield ("ros_parameters", node), f"not in nodes ({', '.join(self.nodes)})", node
@@ -347,11 +347,3 @@ class RobotDescriptor(Section):
         for name, address in self.outputs.items():
             if address == valve:
                 yield ("outputs", name), "is the output of the gripper", str(address)
-
-
-def _named_twice(key: str, names: Mapping[str, IoAddress]) -> Iterator[Problem]:
-    first: dict[IoAddress, str] = {}
-    for name, address in names.items():
-        if address in first:
-            yield (key, name), f"used before, by {key}.{first[address]}", str(address)
-        first.setdefault(address, name)

@@ -51,7 +51,7 @@ def parse_override(text: str) -> Override:
         node = read_value(value, ORIGIN)
     except DescriptorError:
         raise _error(f"{value!r} is no value of a descriptor", path) from None
-    return Override(keys, _without_lines(node))
+    return Override(keys, node)
 
 
 def overridden(tree: Node, overrides: Sequence[Override]) -> Node:
@@ -83,15 +83,6 @@ def _placed(tree: Node | None, keys: Sequence[str], override: Override) -> Node:
     items = [*children]
     items[index] = _placed(items[index], rest, override)
     return Node(items, override.node.path, None)
-
-
-def _without_lines(node: Node) -> Node:
-    value = node.value
-    if isinstance(value, dict):
-        value = {key: _without_lines(child) for key, child in value.items()}
-    elif isinstance(value, list):
-        value = [_without_lines(child) for child in value]
-    return Node(value, node.path, None)
 
 
 def _error(message: str, key: str | None) -> DescriptorError:

@@ -18,10 +18,10 @@ _MAX_FINDINGS = 200  # more than a text shows; each costs a search for the neare
 _CONSEQUENCE = "default_factory_not_called"  # of another finding, which is reported
 _KEY = "[key]"  # of pydantic: the key of a mapping is wrong, not its value
 _BOUNDS = {
-    "greater_than": ("must be greater than {gt:g}", "gt"),
-    "greater_than_equal": ("must be at least {ge:g}", "ge"),
-    "less_than": ("must be less than {lt:g}", "lt"),
-    "less_than_equal": ("must be at most {le:g}", "le"),
+    "greater_than": "must be greater than {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be less than {lt:g}",
+    "less_than_equal": "must be at most {le:g}",
 }
 
 
@@ -81,7 +81,7 @@ def _text(model: type[BaseModel], found: ErrorDetails, loc: Sequence[str | int])
     if kind == "missing":
         return "missing"
     if kind in _BOUNDS:
-        text = _BOUNDS[kind][0].format(**context)
+        text = _BOUNDS[kind].format(**context)
     elif kind == "value_error":
         text = str(context["error"])
     elif kind == "string_pattern_mismatch":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -15,7 +16,8 @@ Problem = tuple[tuple[str | int, ...], str, Any]
 """Key path below the model, problem, and the value that has it."""
 
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+Name = Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
 Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -33,21 +35,32 @@ class Section(BaseModel):
 
     @model_validator(mode="after")
     def _between_keys(self) -> Self:
-        details = [
-            InitErrorDetails(type=PydanticCustomError("robotd", "{what}", {"what": what}),
-                             loc=keys, input=value)
-            for keys, what, value in self.problems()
-        ]  # fmt: skip
-        if details:
-            raise ValidationError.from_exception_data(type(self).__name__, details)
+        if problems := [*self.problems()]:
+            raise validation_error(type(self).__name__, problems)
         return self
 
 
-def twice(key: str, values: Iterable[str | int], subkey: str | None = None) -> Iterator[Problem]:
-    """Yield a problem for every value that occurs twice in the list ``key``."""
-    first: dict[str | int, int] = {}
-    for index, value in enumerate(values):
+def validation_error(title: str, problems: Iterable[Problem]) -> ValidationError:
+    """Return the error of pydantic with ``problems``; ``title``: name of the model."""
+    details = [
+        InitErrorDetails(
+            type=PydanticCustomError("robotd", "{what}", {"what": what}), loc=keys, input=value
+        )
+        for keys, what, value in problems
+    ]
+    return ValidationError.from_exception_data(title, details)
+
+
+def twice(
+    key: str, items: Iterable[tuple[str | int, str | int]], subkey: str | None = None
+) -> Iterator[Problem]:
+    """Yield a problem for every value that occurs twice in the list or mapping ``key``.
+
+    ``items``: places and values; ``subkey``: key of the value in each place, None: it is the place.
+    """
+    first: dict[str | int, str | int] = {}
+    for place, value in items:
         if value in first:
-            keys = (key, index) if subkey is None else (key, index, subkey)
+            keys = (key, place) if subkey is None else (key, place, subkey)
             yield keys, f"used before, by {key}.{first[value]}", value
-        first.setdefault(value, index)
+        first.setdefault(value, place)

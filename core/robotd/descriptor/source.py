@@ -70,6 +70,26 @@ class Node:
         return node
 
 
+def merge(base: Node, overlay: Node) -> Node:
+    """Return ``base`` overridden by ``overlay``; neither is changed.
+
+    Mappings merge key by key; scalars and lists replace what was there. A null deletes the key,
+    which brings back its default. A null for a key that the base does not have stays a null, so
+    that a misspelt deletion is found by the validation instead of being lost.
+    """
+    if not (isinstance(base.value, dict) and isinstance(overlay.value, dict)):
+        return overlay
+    children = dict(base.value)
+    for key, node in overlay.value.items():
+        if key not in children:
+            children[key] = node
+        elif node.value is None:
+            del children[key]
+        else:
+            children[key] = merge(children[key], node)
+    return Node(children, overlay.path, overlay.line)
+
+
 def read_yaml(path: Path) -> Node:
     """Read a file whose top level is a mapping. Raises DescriptorError."""
     try:
@@ -83,15 +103,15 @@ def read_yaml(path: Path) -> Node:
 
 
 def read_value(text: str, origin: Path) -> Node:
-    """Read one value in the syntax of a file: scalar, list or mapping.
+    """Read one value, without lines, in the syntax of a file: scalar, list or mapping.
 
     Raises DescriptorError for text that is no YAML, with ``origin`` as the file.
     """
-    return _build(text, origin)
+    return _build(text, origin, has_lines=False)
 
 
-def _build(text: str, path: Path) -> Node:
-    builder = _Builder(path)
+def _build(text: str, path: Path, *, has_lines: bool = True) -> Node:
+    builder = _Builder(path, has_lines=has_lines)
     try:
         root = builder.document(iter(yaml.parse(text, Loader=_LOADER)))
     except yaml.YAMLError as error:
@@ -109,8 +129,8 @@ def _build(text: str, path: Path) -> Node:
 class _Builder:
     """Builds nodes from parser events; collects recoverable errors, raises the others."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, *, has_lines: bool) -> None:
+        self._path, self._has_lines = path, has_lines
         self._values = 0
         self.problems: list[DescriptorError] = []
 
@@ -143,7 +163,7 @@ class _Builder:
             value = self._sequence(events, depth)
         else:
             value = self._scalar(event)
-        return Node(value, self._path, line)
+        return Node(value, self._path, line if self._has_lines else None)
 
     def _mapping(self, events: Iterator[Any], depth: int) -> dict[str, Node]:
         children: dict[str, Node] = {}

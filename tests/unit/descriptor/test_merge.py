@@ -4,8 +4,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.descriptor.merge import merge
-from robotd.descriptor.source import Node
+from robotd.descriptor.source import Node, merge
 
 SCALARS = st.one_of(st.integers(0, 3), st.text("xy", max_size=2), st.booleans())
 LEAVES = st.one_of(SCALARS, st.lists(SCALARS, max_size=2))

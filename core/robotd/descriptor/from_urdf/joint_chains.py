@@ -6,10 +6,10 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
 
+from robotd.descriptor.section import NAME
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
 
 _GENERIC = re.compile(r"_*(joint|axis|link)?_*[0-9]*$", re.IGNORECASE)
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def propose_groups(
@@ -41,7 +41,7 @@ def propose_groups(
         return {}
     names = [_name(chain) for chain in chains]
     clash = len({*names, *(joint.name for joint in joints)}) < len(names) + len(joints)
-    if clash or not all(map(_NAME.fullmatch, names)):
+    if clash or not all(map(NAME.fullmatch, names)):
         names = [f"group{number}" for number in range(1, len(chains) + 1)]
     return {name: tuple(chain) for name, chain in zip(names, chains, strict=True)}
 

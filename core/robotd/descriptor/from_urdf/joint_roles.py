@@ -9,12 +9,12 @@ from enum import StrEnum
 from pathlib import Path
 
 from robotd.descriptor.from_urdf.wheel_base import WheelBase, wheel_base
+from robotd.descriptor.section import NAME
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
 from robotd.errors import DescriptorError, did_you_mean
 
 _PASSIVE = re.compile(r"caster|castor|swivel|roller|idler", re.IGNORECASE)
 _WHEEL = re.compile(r"wheel", re.IGNORECASE)
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 class GripperDrive(StrEnum):
@@ -152,7 +152,7 @@ def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[Fingers
     """Return the grippers: a leader with its mimics, or prismatic siblings, that carry nothing."""
     groups: dict[str, list[UrdfJoint]] = {}
     for joint in joints:
-        groups.setdefault(_leader(urdf, joint).name, []).append(joint)
+        groups.setdefault(urdf.leader(joint)[0].name, []).append(joint)
     mimicking = [group for group in groups.values() if len(group) > 1]
     singles = [group[0] for group in groups.values() if len(group) == 1]
     found = []
@@ -161,7 +161,7 @@ def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[Fingers
         carried = {each.name for joint in group for each in urdf.carries(joint)}
         if carried <= names:
             group.sort(key=lambda joint: joint.mimic is not None)  # the leader first
-            found.append(Fingers(tuple(group), tuple(_share(urdf, joint) for joint in group)))
+            found.append(Fingers(tuple(group), tuple(urdf.leader(joint)[1] for joint in group)))
     return found
 
 
@@ -172,21 +172,6 @@ def _siblings(urdf: UrdfRobot, joints: Iterable[UrdfJoint]) -> list[list[UrdfJoi
         if joint.type == "prismatic" and not urdf.carries(joint):
             pairs.setdefault((joint.parent, joint.lower, joint.upper), []).append(joint)
     return [pair for pair in pairs.values() if len(pair) > 1]
-
-
-def _leader(urdf: UrdfRobot, joint: UrdfJoint) -> UrdfJoint:
-    while joint.mimic is not None:
-        joint = urdf.joint[joint.mimic.joint]
-    return joint
-
-
-def _share(urdf: UrdfRobot, joint: UrdfJoint) -> float:
-    """Return the motion of ``joint`` per motion of its leader."""
-    share = 1.0
-    while joint.mimic is not None:
-        share *= joint.mimic.multiplier
-        joint = urdf.joint[joint.mimic.joint]
-    return share
 
 
 def _check_offsets(fingers: Fingers | None, path: Path) -> None:
@@ -202,7 +187,7 @@ def _check_offsets(fingers: Fingers | None, path: Path) -> None:
 def _check(arm: Sequence[UrdfJoint], fingers: Fingers | None, path: Path) -> None:
     problems = []
     for joint in (*arm, *(fingers.joints if fingers else ())):
-        if not _NAME.fullmatch(joint.name):
+        if not NAME.fullmatch(joint.name):
             what = "name must begin with a letter and hold only letters, digits and _"
             problems.append(DescriptorError(what, path=path, line=joint.line, key=joint.name))
     for joint in arm:

@@ -85,16 +85,10 @@ def _share(
     urdf: UrdfRobot, joint: UrdfJoint, known: dict[str, int]
 ) -> tuple[int, float, float] | None:
     """Return column, ratio and offset of a joint's position; None: it follows none."""
-    if not joint.moves:
+    leader, ratio, offset = urdf.leader(joint, known)
+    if not joint.moves or leader.name not in known:
         return None
-    ratio, offset = 1.0, 0.0
-    while joint.name not in known:
-        if joint.mimic is None:
-            return None
-        offset += ratio * joint.mimic.offset
-        ratio *= joint.mimic.multiplier
-        joint = urdf.joint[joint.mimic.joint]
-    return known[joint.name], ratio, offset
+    return known[leader.name], ratio, offset
 
 
 def _quaternion(rotation: FloatArray) -> FloatArray:

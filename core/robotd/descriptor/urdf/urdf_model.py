@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -123,10 +123,26 @@ class UrdfRobot:
 
     def position(self, joint: UrdfJoint, positions: Mapping[str, float]) -> float:
         """Return the position of ``joint``: its own, that of a mimic, or 0."""
-        if joint.mimic is None:
-            return positions.get(joint.name, 0.0)
-        leader = self.position(self.joint[joint.mimic.joint], positions)
-        return joint.mimic.multiplier * leader + joint.mimic.offset
+        leader, multiplier, offset = self.leader(joint)
+        return multiplier * positions.get(leader.name, 0.0) + offset
+
+    def leader(
+        self, joint: UrdfJoint, known: Container[str] = ()
+    ) -> tuple[UrdfJoint, float, float]:
+        """Return the joint that ``joint`` follows, itself without a mimic, and how.
+
+        Its position is multiplier · that of the leader + offset.
+
+        Args:
+            joint: of this robot.
+            known: names of joints that are taken as leaders even where they are mimics.
+        """
+        multiplier, offset = 1.0, 0.0
+        while joint.mimic is not None and joint.name not in known:
+            offset += multiplier * joint.mimic.offset
+            multiplier *= joint.mimic.multiplier
+            joint = self.joint[joint.mimic.joint]
+        return joint, multiplier, offset
 
     def pose(
         self, link: str, positions: Mapping[str, float], base: str | None = None
