@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 Result = TypeVar("Result")
 
@@ -25,25 +25,20 @@ def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) ->
     """
     if sys.is_finalizing():
         return call()
-    run = _Run(call)
+    results: list[Result] = []
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            results.append(call())
+        except BaseException as error:  # noqa: BLE001 - SystemExit too belongs to the caller
+            errors.append(error)
+
     thread = threading.Thread(target=run, name=name, daemon=True)
     thread.start()
     thread.join(budget_s)
     if thread.is_alive():
         raise CallTimeout
-    if run.error is not None:
-        raise run.error
-    return run.results[0]
-
-
-class _Run(Generic[Result]):
-    def __init__(self, call: Callable[[], Result]) -> None:
-        self.results: list[Result] = []
-        self.error: BaseException | None = None
-        self._call = call
-
-    def __call__(self) -> None:
-        try:
-            self.results.append(self._call())
-        except BaseException as error:  # noqa: BLE001 - SystemExit too belongs to the caller
-            self.error = error
+    if errors:
+        raise errors[0]
+    return results[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from robotd.device.capabilities import Capability
@@ -89,12 +89,10 @@ class Drivers:
             fieldbus=self.fieldbus and isolated(self.fieldbus, FieldbusDriver, plugin, backend),
         )
 
-    def _made(self) -> Iterator[object]:
-        yield from (self.device, self.axes, self.io, self.fieldbus)
-
     def _driver(self, contract: type) -> object | None:
-        made = next((made for made in self._made() if isinstance(made, contract)), None)
-        return getattr(made, "wrapped", made)  # an isolated driver has every method
+        drivers = (self.device, self.axes, self.io, self.fieldbus)
+        driver = next((each for each in drivers if isinstance(each, contract)), None)
+        return getattr(driver, "wrapped", driver)  # an isolated driver has every method
 
     def _has(self, contract: type, name: str) -> bool:
         driver = self._driver(contract)

@@ -60,8 +60,8 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
             timed = _timed(call, signature, what, accepts)
             members[name] = staticmethod(_named(timed, what, backend))
     if isinstance(driver, DeviceDriver):
-        members["state"] = staticmethod(_State(members["state"]))
-        members["fault"] = staticmethod(_Fault(members["fault"], f"plugin {plugin}"))
+        members["state"] = staticmethod(_state(members["state"].__func__))
+        members["fault"] = staticmethod(_fault(members["fault"].__func__, f"plugin {plugin}"))
     guard = type(f"Guarded{contract.__name__}", (contract,), members)()
     guard.__dict__["wrapped"] = driver
     return cast(Driver, guard)
@@ -109,43 +109,41 @@ def _getter(name: str, driver: object) -> Call:
     return lambda _: getattr(driver, name)
 
 
-class _State:
-    """``state`` of a device; UNKNOWN while an earlier question is not answered."""
+def _state(ask: Callable[[], ConnectionState]) -> Callable[[], ConnectionState]:
+    """Wrap ``state`` of a device: UNKNOWN while an earlier question is not answered."""
+    asking = threading.Lock()
 
-    def __init__(self, ask: Callable[[], ConnectionState]) -> None:
-        self._ask = ask
-        self._asking = threading.Lock()
-
-    def __call__(self) -> ConnectionState:
-        if not self._asking.acquire(timeout=ANSWER_BUDGET_S):
+    def state() -> ConnectionState:
+        if not asking.acquire(timeout=ANSWER_BUDGET_S):
             return ConnectionState.UNKNOWN
         try:
-            return self._ask()
+            return ask()
         finally:
-            self._asking.release()
+            asking.release()
+
+    return state
 
 
-class _Fault:
-    """Return the ``fault`` of a device, or why it has no answer. Never raises."""
+def _fault(ask: Callable[[], str], plugin: str) -> Callable[[], str]:
+    """Wrap ``fault`` of a device: without an answer, the reason. Never raises."""
+    asking = threading.Lock()
+    silent = f"{plugin}: DeviceDriver.fault does not return"
 
-    def __init__(self, ask: Callable[[], str], plugin: str) -> None:
-        self._ask = ask
-        self._silent = f"{plugin}: DeviceDriver.fault does not return"
-        self._asking = threading.Lock()
-
-    def __call__(self) -> str:
-        if not self._asking.acquire(timeout=ANSWER_BUDGET_S):
-            return self._silent
+    def answer() -> str:
+        """In a thread that may hang for ever; it is not called again then."""
         try:
-            return call_with_timeout(ANSWER_BUDGET_S, self._answer, "robotd-fault")
+            return ask()
+        finally:
+            asking.release()
+
+    def fault() -> str:
+        if not asking.acquire(timeout=ANSWER_BUDGET_S):
+            return silent
+        try:
+            return call_with_timeout(ANSWER_BUDGET_S, answer, "robotd-fault")
         except CallTimeout:
-            return self._silent
+            return silent
         except RobotdError as error:
             return str(error)
 
-    def _answer(self) -> str:
-        """In a thread that may hang for ever; it is not called again then."""
-        try:
-            return self._ask()
-        finally:
-            self._asking.release()
+    return fault

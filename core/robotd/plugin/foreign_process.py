@@ -80,7 +80,7 @@ def run_noted(
 
 def death_of(name: str, status: int, step: str) -> PluginError:
     """Return the error for a plugin ``name`` whose process ended by itself during ``step``."""
-    origin = " and ".join(str(each) for each in (find_backend(name)[0],))
+    origin, _ = find_backend(name)
     how = f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
     return PluginError(f"plugin {origin} ended the process with {how} while {step}")
 

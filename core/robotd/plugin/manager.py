@@ -100,7 +100,7 @@ def discover(group: str = BACKENDS) -> list[tuple[PluginOrigin, EntryPoint]]:
 
 
 class Plugin:
-    """One registered plugin and the typed calls of the hooks that any plugin may have."""
+    """One registered plugin, and calls of its hooks with a time limit."""
 
     def __init__(self, origin: PluginOrigin, module: object) -> None:
         self.origin = origin
@@ -115,18 +115,11 @@ class Plugin:
                 f"plugin {origin} has no robotd hook; mark them with robotd.api.hookimpl"
             )
 
-    def register_robots(self, registry: RobotRegistry) -> None:
-        """Call ``robotd_register_robots``."""
-        self._call("robotd_register_robots", registry=registry)
-
-    def register_nodes(self, registry: NodeRegistry) -> None:
-        """Call ``robotd_register_nodes``."""
-        self._call("robotd_register_nodes", registry=registry)
-
     def _check_version(self) -> None:
         """A plugin of another API version fails validation; only a backend has a version."""
 
-    def _call(self, hook: str, **arguments: object) -> Any:
+    def call(self, hook: str, **arguments: object) -> Any:
+        """Call ``hook``; None: no answer. Raises PluginError: it fails or does not return."""
         return self._limited(hook, partial(MANAGER.call, self._module, hook, arguments))
 
     def _limited(self, hook: str, call: Callable[[], Answer]) -> Answer:
@@ -214,7 +207,7 @@ class Backend(Plugin):
         return result
 
     def _maybe(self, hook: str, kind: type[Answer], **arguments: object) -> Answer | None:
-        result = self._call(hook, **arguments)
+        result = self.call(hook, **arguments)
         if result is not None and not isinstance(result, kind):
             raise PluginError(
                 f"plugin {self.origin}: {hook} returned {type(result).__name__},"
@@ -277,8 +270,8 @@ def register_all(plugins: Iterable[Plugin]) -> tuple[RobotRegistry, NodeRegistry
     """Collect robots and nodes of ``plugins``."""
     robots, nodes = RobotRegistry(), NodeRegistry()
     for plugin in plugins:
-        plugin.register_robots(robots)
-        plugin.register_nodes(nodes)
+        plugin.call("robotd_register_robots", registry=robots)
+        plugin.call("robotd_register_nodes", registry=nodes)
     return robots, nodes
 
 
