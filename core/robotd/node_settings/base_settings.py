@@ -1,4 +1,4 @@
-"""Settings of the nodes of mobile bases: the drive section of the robot under their parameters."""
+"""Settings of the nodes of mobile bases: a drive section under their ROS parameters."""
 
 from __future__ import annotations
 

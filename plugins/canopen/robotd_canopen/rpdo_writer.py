@@ -55,5 +55,5 @@ class RpdoWriter:
 
 
 def _place(index: int) -> int:
-    """Return the place of an object in ``OUTPUTS``; behind them for one that no axis sets."""
+    """Return the place of an object in ``OUTPUTS``; behind them where none sets it."""
     return OUTPUTS.index(index) if index in OUTPUTS else len(OUTPUTS)

@@ -94,7 +94,7 @@ class Supervision:
             self._thread = None
 
     def note_bad_frame(self) -> None:
-        """Control loop: after a lost or incomplete frame; stop all axes when there are too many.
+        """Control loop: note a lost or incomplete frame; too many stop all axes.
 
         Incomplete ones are looked into at once: no stall of this computer is their cause.
         """

@@ -128,14 +128,14 @@ def disabled(unopened: Harness) -> Harness:
 
 @pytest.fixture
 def fresh(unopened: Harness) -> Harness:
-    """A started harness of its own, with the servos on; the check may leave it as it likes."""
+    """A started harness of its own, servos on; may be left in any state."""
     unopened.start()
     return unopened
 
 
 @pytest.fixture
 def rescalable(fresh: Harness) -> Harness:
-    """A harness of its own, away from zero, with the servos off, whose scale may change."""
+    """A harness of its own, away from zero, servos off, whose scale may change."""
     fresh.require_rescaling()
     fresh.move_all()
     fresh.rest()

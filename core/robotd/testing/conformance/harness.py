@@ -156,7 +156,7 @@ class Harness:
 
     @property
     def injector(self) -> FaultInjector:
-        """Fault injector; without one, the check is skipped, as by a call that it does not have."""
+        """Fault injector of the backend; the check is skipped where there is none."""
         if self._faults is None:
             pytest.skip(f"the {self.robot.backend.name} backend has no fault injector")
         return cast(FaultInjector, self._faults)

@@ -47,7 +47,7 @@ def record_stream(
 
 
 def ramped(time_s: float, ramp_s: float, brake_s: float = math.inf) -> tuple[float, float]:
-    """Return the way of a motion, per speed, s, and the share of its speed at ``time_s``.
+    """Return distance and velocity of a motion at ``time_s``, both per unit of its speed.
 
     It speeds up for ``ramp_s``, cruises until ``brake_s``, and slows down for ``ramp_s``.
     """
