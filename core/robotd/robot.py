@@ -15,7 +15,7 @@ from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
 from robotd.control.axis_limits import axis_names
 from robotd.control.control_loop import ControlLoop
 from robotd.control.device_fit import fit_device
-from robotd.control.joint_group import make_groups
+from robotd.control.joint_group import JointGroups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import MotionStop, stop_input
@@ -158,7 +158,7 @@ class Robot:
             *stop_input(self.io, descriptor.stop_input),
         )
         self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
-        self.groups = make_groups(descriptor, self.axes, mixer, clock, driver, name)
+        self.groups = JointGroups(descriptor, self.axes, mixer, clock, driver, name)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
         self.servos = Servos(descriptor, self.connection, self.axes, self.groups, self.base)

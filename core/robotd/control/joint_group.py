@@ -68,7 +68,31 @@ class JointGroup:
 
 
 class JointGroups(dict[str, JointGroup]):
-    """Groups of a robot by name; every joint is in one. Any thread."""
+    """Groups of a robot by name; every joint is in one. Any thread.
+
+    Args:
+        descriptor, axes, clock, driver, backend: as of ``JointGroup``, with all joints.
+        mixer: makes a slot for each group.
+
+    Raises Unsupported: there are several and the device interpolates trajectories itself.
+    """
+
+    def __init__(
+        self,
+        descriptor: RobotDescriptor,
+        axes: Axes,
+        mixer: SetpointMixer,
+        clock: Clock,
+        driver: AxisDriver,
+        backend: str,
+    ) -> None:
+        super().__init__()
+        groups = descriptor.joint_groups
+        if len(groups) > 1 and axes.trajectories_on_device:
+            raise Unsupported(ON_DEVICE, backend)
+        for name, joints in groups.items():
+            part = descriptor.model_copy(update={"joints": joints})
+            self[name] = JointGroup(name, part, axes, mixer.slot(), clock, driver, backend)
 
     @property
     def only(self) -> JointGroup:
@@ -105,35 +129,3 @@ class JointGroups(dict[str, JointGroup]):
             group.motion.cancel()
         for group in self.values():
             group.motion.stop(timeout_s)
-
-
-def make_groups(
-    descriptor: RobotDescriptor,
-    axes: Axes,
-    mixer: SetpointMixer,
-    clock: Clock,
-    driver: AxisDriver,
-    backend: str,
-) -> JointGroups:
-    """Return the groups of a robot, each with a slot of ``mixer``.
-
-    Raises Unsupported: there are several and the device interpolates trajectories itself.
-    """
-    groups = descriptor.joint_groups
-    if len(groups) > 1 and axes.trajectories_on_device:
-        raise Unsupported(ON_DEVICE, backend)
-    return JointGroups(
-        (
-            name,
-            JointGroup(
-                name,
-                descriptor.model_copy(update={"joints": joints}),
-                axes,
-                mixer.slot(),
-                clock,
-                driver,
-                backend,
-            ),
-        )
-        for name, joints in groups.items()
-    )

@@ -11,7 +11,6 @@ from robotd.arrays import IntArray
 from robotd.clock import NANOSECONDS
 
 WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
-NONE = (0.0, 0.0, 0.0)  # percentiles of no samples
 
 
 @dataclass(frozen=True)
@@ -91,12 +90,8 @@ class LoopStatistics:
         """Return the figures of the last ``WINDOW`` periods; zeros before the first."""
         cycles = self.cycles
         samples = min(cycles, WINDOW)
-        if samples == 0:
-            return LoopReport(
-                0, self.missed, 0, math.nan, *NONE, *NONE, late_setpoints=self.late_setpoints
-            )
         started = self._start_ns[:samples]
-        span_s = float(started.max() - started.min()) / NANOSECONDS
+        span_s = float(np.ptp(started)) / NANOSECONDS if samples else 0.0
         rate_hz = (samples - 1) / span_s if span_s > 0 else math.nan
         return LoopReport(
             cycles,
@@ -110,10 +105,12 @@ class LoopStatistics:
 
 
 def _percentiles_us(values_ns: IntArray) -> tuple[float, float, float]:
-    """Return p50, p99 and the maximum, interpolated as by ``np.percentile``.
+    """Return p50, p99 and the maximum, interpolated as by ``np.percentile``; 0 without values.
 
     That imports ``numpy.ma`` when it is first called: 10 ms without the interpreter for others.
     """
+    if not len(values_ns):
+        return 0.0, 0.0, 0.0
     ordered = np.sort(values_ns)
     places = np.array([0.5, 0.99, 1.0]) * (len(ordered) - 1)
     p50, p99, top = np.interp(places, np.arange(len(ordered)), ordered) / 1000.0

@@ -77,8 +77,7 @@ class SetpointMixer:
         if not streamed:
             return
         try:
-            self._check_time()
-            self._check_buffers()
+            self._check_late()
             self._driver.stream(self._position, self._velocity, self.due_ns)
         except LateSetpoint:  # the device has continued without it
             self.stats.late_setpoints += 1
@@ -102,12 +101,13 @@ class SetpointMixer:
         np.copyto(self._position, image.position_command, where=idle)
         np.copyto(self._velocity, 0.0, where=idle)
 
-    def _check_time(self) -> None:
-        """Raise LateSetpoint where the device extrapolates and half of the period has passed."""
+    def _check_late(self) -> None:
+        """Raise LateSetpoint where the device would not take the setpoint.
+
+        It extrapolates and half of the period has passed, or it has run dry in motion: its path
+        has to wait.
+        """
         if self.extrapolates and self._clock.now_ns() > self.due_ns - self.period_ns // 2:
             raise LateSetpoint("more than half of the period has passed")
-
-    def _check_buffers(self) -> None:
-        """Raise LateSetpoint where the device has run dry in motion: its path has to wait."""
         if self._driver.stream_ran_dry(self.due_ns):
             raise LateSetpoint("the device has executed all setpoints that it held")

@@ -12,11 +12,9 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import ticks
-from robotd.control.command_history import CommandHistory
 from robotd.control.completion import Outcome
-from robotd.control.goal_passage import GoalPassage
 from robotd.control.joint_source import STALL_S, JointSource, Phase
-from robotd.control.joint_tracking import JointTracking, Progress
+from robotd.control.joint_tracking import CommandHistory, GoalPassage, JointTracking, Progress
 from robotd.control.source_slot import PREEMPTED
 from robotd.device.process_image import ProcessImage
 from robotd.motion import JointLimits, Tolerances, Trajectory

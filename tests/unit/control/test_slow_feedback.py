@@ -10,7 +10,7 @@ from tests.conformance.whole_arm import ArmAxes, WholeArm
 from tests.unit.control.harness import arm
 
 from robotd.clock.simulated import SteppedClock
-from robotd.control.command_history import CommandHistory
+from robotd.control.joint_tracking import CommandHistory
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, Operation

@@ -62,7 +62,7 @@ def after_the_image_was_read(harness: Harness, delay: Delay) -> None:
 
 
 def after_the_path_was_sampled(harness: Harness, delay: Delay) -> None:
-    wrap(harness.mixer, "_check_time", before=delay)
+    wrap(harness.mixer, "_check_late", before=delay)
 
 
 def within_the_driver(harness: Harness, delay: Delay) -> None:
