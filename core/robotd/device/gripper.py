@@ -64,9 +64,15 @@ class Gripper:
         self._moves = 0  # counts them: the newest one replaces the others
         self._lock = threading.Lock()
 
-    def command(self, closed: bool) -> None:
-        """Close (True) or open the gripper; any worker. Raises NotReady without the engine."""
-        self._switch(closed)
+    def command(self, closed: bool) -> int:
+        """Close (True) or open the gripper; any worker. Raises NotReady without the engine.
+
+        Returns the number of the move that this begins.
+        """
+        with self._lock:
+            self._moves += 1
+            self._io.set_output_bit(self._byte, self._bit, closed)
+            return self._moves
 
     def checked(self, position_m: float) -> float:
         """Return a commanded finger position.
@@ -93,7 +99,7 @@ class Gripper:
         open_m, closed_m = self._settings.open_m, self._settings.closed_m
         closes = abs(position_m - closed_m) < abs(position_m - open_m)
         begin_m = open_m + (closed_m - open_m) * self._closed
-        move, began_ns = self._switch(closes), self._clock.now_ns()
+        move, began_ns = self.command(closes), self._clock.now_ns()
 
         def interrupted() -> bool:
             return is_canceled() or self._moves != move
@@ -130,13 +136,6 @@ class Gripper:
         target = 1.0 if self._commanded() else 0.0
         step = time_ns / self._travel_ns if self._travel_ns else 1.0
         return closed + min(max(target - closed, -step), step)
-
-    def _switch(self, closed: bool) -> int:
-        """Set the output; return the number of the move that this begins."""
-        with self._lock:
-            self._moves += 1
-            self._io.set_output_bit(self._byte, self._bit, closed)
-            return self._moves
 
     def _share(self, began_ns: int) -> float:
         """Return the part of the way that has passed since ``began_ns``."""

@@ -74,22 +74,21 @@ class StopLatch:
 
     def engage(self, reason: str) -> None:
         """Forbid motion; a later reason does not replace the first. Read-only axes: no effect."""
-        if self.read_only:
-            return
-        self._set(reason, only_if_free=True)
+        with self._lock:
+            if reason and not (self.read_only or self.reason):
+                self._change(reason)
 
     def release(self) -> None:
         """Allow motion again; nothing starts to move."""
-        self._set("", only_if_free=False)
-
-    def _set(self, reason: str, *, only_if_free: bool) -> None:
         with self._lock:
-            if self.reason == reason or (only_if_free and self.reason):
-                return
-            self.reason = reason
-            if reason:
-                log.warning("motion stopped", reason=reason)
-            else:
-                log.info("motion allowed again")
-            for listener in self._listeners:
-                listener(reason)
+            if self.reason:
+                self._change("")
+
+    def _change(self, reason: str) -> None:
+        self.reason = reason
+        if reason:
+            log.warning("motion stopped", reason=reason)
+        else:
+            log.info("motion allowed again")
+        for listener in self._listeners:
+            listener(reason)

@@ -42,7 +42,7 @@ def along_arc(pose: Pose, way: PlanarTwist) -> Pose:
     mean heading. In this form nothing cancels where the arc is almost straight.
     """
     half = way.angular / 2
-    chord = _sinc(half)
+    chord = math.sin(half) / half if half else 1.0
     direction = pose.heading + half
     ahead, aside = chord * way.linear, chord * way.lateral
     cosine, sine = math.cos(direction), math.sin(direction)
@@ -51,8 +51,3 @@ def along_arc(pose: Pose, way: PlanarTwist) -> Pose:
         pose.y + ahead * sine + aside * cosine,
         math.remainder(pose.heading + way.angular, 2 * math.pi),
     )
-
-
-def _sinc(angle: float) -> float:
-    """sin(angle) / angle, 1 at 0."""
-    return math.sin(angle) / angle if angle else 1.0
