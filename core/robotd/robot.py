@@ -18,7 +18,7 @@ from robotd.control.device_fit import fit_device
 from robotd.control.joint_group import JointGroups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
-from robotd.control.motion_stop import MotionStop, stop_input
+from robotd.control.motion_stop import MotionStop
 from robotd.control.problem import Problem, ProblemKind
 from robotd.control.recovery import Recovery, Report
 from robotd.control.servos import Servos
@@ -150,12 +150,7 @@ class Robot:
         guard = SoftLimitGuard(self.axes, driver, 1.0 / rate_hz)
         self.control_loop.every(rate_hz, "travel", guard.look)
         self._motion_stop = MotionStop(
-            self.axes,
-            driver,
-            mixer,
-            self.connection,
-            clock,
-            *stop_input(self.io, descriptor.stop_input),
+            self.axes, driver, mixer, self.connection, clock, self.io, descriptor.stop_input
         )
         self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
         self.groups = JointGroups(descriptor, self.axes, mixer, clock, driver, name)

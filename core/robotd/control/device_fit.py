@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from robotd.control.axis_limits import axis_limits, axis_names
 from robotd.descriptor import RobotDescriptor
@@ -46,7 +46,7 @@ def fit_device(descriptor: RobotDescriptor, driver: AxisDriver, backend: str) ->
             key="engine.stale_after_s",
         )
     given = axis_limits(descriptor)
-    device = tuple(driver.device_limits) or tuple(_unlimited(each) for each in given)
+    device = tuple(driver.device_limits) or tuple(AxisLimits.unlimited(each.unit) for each in given)
     if len(device) != len(given):
         raise PluginError(
             f"backend {backend}: device_limits are of {len(device)} axes, the robot has"
@@ -63,10 +63,6 @@ def fit_device(descriptor: RobotDescriptor, driver: AxisDriver, backend: str) ->
             raise DescriptorError("; ".join(exceeding), path=descriptor.path, key="drive")
         notes += exceeding
     return DeviceFit(tuple(limits), tuple(notes))
-
-
-def _unlimited(limits: AxisLimits) -> AxisLimits:
-    return replace(AxisLimits.unlimited(), unit=limits.unit)
 
 
 def _within(

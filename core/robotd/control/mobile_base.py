@@ -17,6 +17,7 @@ from robotd.control.axis_limits import (
 )
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
+from robotd.control.open_stream import chosen_timeout
 from robotd.control.source_slot import SourceSlot
 from robotd.control.twist_command import TwistCommand
 from robotd.control.wheel_motion import OWNER, SteeredMotion, WheelMotion
@@ -134,8 +135,7 @@ class MobileBase:
                 f"twist of {linear_m_s} m/s ahead, {lateral_m_s} m/s to the left and"
                 f" {angular_rad_s} rad/s is not finite"
             )
-        if timeout_s is not None and not (math.isfinite(timeout_s) and timeout_s > 0.0):
-            raise InvalidArgument(f"timeout_s is {timeout_s}, must be a positive number")
+        seconds = chosen_timeout(timeout_s, self.settings.command_timeout_s)
         if lateral_m_s and not self.wheels.moves_sideways:
             raise InvalidArgument(f"{lateral_m_s} m/s to the left: the base cannot move sideways")
         if angular_rad_s and not (linear_m_s or self.wheels.turns_on_the_spot):
@@ -152,7 +152,7 @@ class MobileBase:
             raise NotReady(
                 f"motion was stopped: send a zero twist, or none for {pause_s:g} s, first"
             )
-        self._command.set(twist, now_ns, timeout_s)
+        self._command.set(twist, now_ns, seconds)
         if not self.moving:
             self._worker.wake()
 

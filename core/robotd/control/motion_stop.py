@@ -20,15 +20,6 @@ BY_DEVICE = (Operation.POSITION, Operation.VELOCITY, Operation.HOMING)
 QUICK_STOP_S = 1.0  # for what a controlled stop has not brought to rest
 
 
-def stop_input(io: Io, settings: StopInputSettings | None) -> tuple[Callable[[], bool] | None, str]:
-    """Return the check of the stop input, for the control loop, and its name."""
-    if settings is None:
-        return None, ""
-    watch = io.input_watcher(settings.input_byte, settings.input_bit)
-    name = f"stop input {settings.input_byte}.{settings.input_bit}"
-    return (watch if settings.motion_level else lambda: not watch()), name
-
-
 class MotionStop:
     """Ends all motion while the latch is engaged, and engages it by an input.
 
@@ -40,8 +31,8 @@ class MotionStop:
         mixer: source slots of all groups of axes.
         connection: of the device; the input counts while it is ready.
         clock: to wait by.
-        allows_motion: returns the state of the stop input, in the control loop; None: no input.
-        input_name: for texts.
+        io: of the robot.
+        stop_input: input that forbids motion; None: there is none.
     """
 
     def __init__(
@@ -51,12 +42,18 @@ class MotionStop:
         mixer: SetpointMixer,
         connection: Connection,
         clock: Clock,
-        allows_motion: Callable[[], bool] | None = None,
-        input_name: str = "",
+        io: Io,
+        stop_input: StopInputSettings | None,
     ) -> None:
         self._axes, self._driver, self._mixer = axes, driver, mixer
         self._connection, self._clock = connection, clock
-        self._allows_motion, self._input_name = allows_motion, input_name
+        self._input_name = ""
+        self._forbids_motion: Callable[[], bool] = lambda: False  # by the input
+        if stop_input is not None:
+            level, byte, bit = stop_input.motion_level, stop_input.input_byte, stop_input.input_bit
+            watch = io.input_watcher(byte, bit)
+            self._input_name = f"stop input {byte}.{bit}"
+            self._forbids_motion = lambda: connection.ready and watch() != bool(level)
 
     @property
     def at_rest(self) -> bool:
@@ -68,7 +65,7 @@ class MotionStop:
     def enforce(self, image: ProcessImage) -> None:
         """Check the input, and request the end of all motion while stopped. Control loop."""
         latch = self._axes.stop_latch
-        if not latch.reason and self._is_forbidden():
+        if not latch.reason and self._forbids_motion():
             latch.engage(f"{self._input_name} forbids motion")
         if latch.reason:
             self._mixer.end_all(Outcome.STOPPED, f"stopped: {latch.reason}")
@@ -104,14 +101,10 @@ class MotionStop:
         latch = self._axes.stop_latch
         if not latch.reason:
             return "motion was not stopped"
-        if self._is_forbidden():
+        if self._forbids_motion():
             raise NotReady(f"{self._input_name} forbids motion: release it first")
         if not wait_until(lambda: self.at_rest, timeout_s, self._clock):
             raise DeviceTimeout(f"axes still move after {timeout_s:g} s; motion stays stopped")
         reason = latch.reason
         latch.release()
         return f"motion is allowed again; it was stopped: {reason}"
-
-    def _is_forbidden(self) -> bool:
-        allows_motion = self._allows_motion
-        return allows_motion is not None and self._connection.ready and not allows_motion()

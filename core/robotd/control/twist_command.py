@@ -15,7 +15,7 @@ class TwistCommand:
     ``target`` is for the control loop, the rest for any thread.
 
     Args:
-        timeout_s: of a command that brings none of its own.
+        timeout_s: pause after which a client is taken for a new one, see ``require_neutral``.
 
     Attributes:
         stopped: no command holds until it is False again.
@@ -33,15 +33,14 @@ class TwistCommand:
         """The last ``target`` was standstill because of the time-out or ``stopped``."""
         return self._late or self.stopped
 
-    def set(self, twist: PlanarTwist, time_ns: int, timeout_s: float | None = None) -> None:
+    def set(self, twist: PlanarTwist, time_ns: int, timeout_s: float) -> None:
         """Replace the command by ``twist``, which arrived at ``time_ns``."""
-        own_ns = self._timeout_ns if timeout_s is None else round(timeout_s * NANOSECONDS)
-        self._command = (twist, time_ns, own_ns)
+        self._command = (twist, time_ns, round(timeout_s * NANOSECONDS))
 
     def require_neutral(self) -> None:
         """Drop the command; accept none until a zero twist or a pause.
 
-        The pause has to be as long as the time-out. After a stop, a client that still sends its
+        The pause has to be as long as ``timeout_s``. After a stop, a client that still sends its
         last command must not move the base.
         """
         self._command, self._neutral = (ZERO_TWIST, 0, 0), self._seen_ns == 0

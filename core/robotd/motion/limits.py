@@ -53,9 +53,9 @@ class AxisLimits:
         )
 
     @classmethod
-    def unlimited(cls) -> AxisLimits:
+    def unlimited(cls, unit: str = "rad") -> AxisLimits:
         """Return the limits of an axis of which nothing is known."""
-        return cls(-math.inf, math.inf, math.inf, math.inf)
+        return cls(-math.inf, math.inf, math.inf, math.inf, unit)
 
 
 def check_move(limits: AxisLimits, target: float, profile: Profile) -> None:
