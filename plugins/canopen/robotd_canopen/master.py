@@ -127,7 +127,7 @@ class Master:
         for axis in self.axes:
             axis.observe(image)
         self._date(image)
-        if not any(axis.streaming for axis in self.axes):
+        if not any(axis.activity.streaming for axis in self.axes):
             self._transmit()
 
     def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
@@ -140,7 +140,7 @@ class Master:
         if self.sync.after_rest and now_ns > due_ns:
             raise LateSetpoint
         for axis in self.axes:
-            if axis.streaming:
+            if axis.activity.streaming:
                 axis.follow(position[axis.number], velocity[axis.number])
         self._transmit()
 
@@ -149,7 +149,7 @@ class Master:
         self._stream.restart()
         for axis in self.axes:
             axis.follow_torque(torque[axis.number])
-        if all(axis.mode.requested.is_torque or not axis.streaming for axis in self.axes):
+        if all(axis.mode.requested.is_torque or not axis.activity.streaming for axis in self.axes):
             self._transmit()
 
     def begin_stream(self) -> None:
@@ -190,7 +190,7 @@ class Master:
         elapsed_ns = min(now_ns - self._read_ns, _LONGEST_PERIODS * self._period_ns)
         self._read_ns = now_ns
         self.supervision.watch(elapsed_ns)
-        streaming = (axis.node.name for axis in self.axes if axis.streaming)
+        streaming = (axis.node.name for axis in self.axes if axis.activity.streaming)
         if problem := self._stream.problem(now_ns, streaming):
             self.supervision.fail(problem)
 

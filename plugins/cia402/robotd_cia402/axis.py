@@ -58,11 +58,6 @@ class Axis:
         self.objects = DriveObjects(drive)
         self._shown: tuple[object, ...] = ()  # state that the image has
 
-    @property
-    def streaming(self) -> bool:
-        """Setpoints come from ``AxisDriver.stream``."""
-        return self.activity.streaming
-
     def transmit(self, period_s: float, periods: int = 1) -> None:
         """Control loop: put the outputs of the next cyclic frame.
 
@@ -167,7 +162,7 @@ class Axis:
             setpoint.stand_at(self.report.position)
         elif self.mode.requested.is_cyclic_position and operation is Operation.STOPPING:
             setpoint.brake(period_s)
-        elif self.mode.requested is OperationMode.CYCLIC_VELOCITY and not self.streaming:
+        elif self.mode.requested is OperationMode.CYCLIC_VELOCITY and not self.activity.streaming:
             setpoint.ramp(period_s)
 
     def _advance_target(self, period_s: float) -> None:

@@ -116,7 +116,7 @@ class Commands:
         axis = self._axis
         with axis.lock:
             self._require_power()
-            if axis.streaming:
+            if axis.activity.streaming:
                 return
             self._recover()
             if axis.mode.command_mode is CommandMode.TORQUE:
@@ -149,7 +149,7 @@ class Commands:
         """Hold the last setpoint; still moving there, brake."""
         axis = self._axis
         with axis.lock:
-            if not axis.streaming:
+            if not axis.activity.streaming:
                 return
             if axis.mode.requested.is_torque or abs(axis.setpoint.velocity) > 1e-3:
                 axis.brake(axis.options.stop_deceleration_rad_s2)

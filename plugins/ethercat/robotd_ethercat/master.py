@@ -158,11 +158,11 @@ class Master:
             image.fresh_ns = self._timing.time_ns
         else:
             self.supervision.note_bad_frame()
-        streaming = (slave.name for axis, slave in self.drives if axis.streaming)
+        streaming = (slave.name for axis, slave in self.drives if axis.activity.streaming)
         if problem := self._stream.problem(now_ns, streaming):
             self.supervision.stop(problem)
         self._observe(image)
-        if not any(axis.streaming for axis in self.axes):
+        if not any(axis.activity.streaming for axis in self.axes):
             self._transmit()
 
     def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
@@ -175,7 +175,7 @@ class Master:
         if now_ns > due_ns and self._timing.periods_at(now_ns) >= HOLD_PERIODS:
             raise LateSetpoint
         for axis in self.axes:
-            if axis.streaming:
+            if axis.activity.streaming:
                 axis.follow(position[axis.number], velocity[axis.number])
         self._transmit_once()
 
@@ -184,7 +184,7 @@ class Master:
         self._stream.restart()
         for axis in self.axes:
             axis.follow_torque(torque[axis.number])
-        if all(axis.mode.requested.is_torque or not axis.streaming for axis in self.axes):
+        if all(axis.mode.requested.is_torque or not axis.activity.streaming for axis in self.axes):
             self._transmit_once()
 
     def begin_stream(self) -> None:

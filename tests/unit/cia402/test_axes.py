@@ -73,7 +73,7 @@ def test_motion_and_its_stops(axes: LoopedAxes) -> None:
 def test_a_stream_begins_and_ends(axes: LoopedAxes) -> None:
     axes.begin_stream([0])
     assert axes.master.begun == 1
-    assert axes.looped.axis.streaming
+    assert axes.looped.axis.activity.streaming
     axes.end_stream([0])
     assert axes.looped.axis.activity.is_idle
 
