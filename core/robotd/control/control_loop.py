@@ -168,7 +168,8 @@ class ControlLoop:
             self.step(deadline_ns)
             self._began_ns = 0
             deadline_ns = self._deadlines.end()
-            self._observe()
+            if self._observer is not None:
+                self._observe(self._observer)
         self._deadlines.expect(deadline_ns)
         return deadline_ns
 
@@ -213,13 +214,12 @@ class ControlLoop:
             self._clock.sleep_until_ns(deadline_ns)
             deadline_ns = self.period(deadline_ns)
 
-    def _observe(self) -> None:
-        if self._observer is not None:
-            try:
-                self._observer()
-            except Exception:
-                self._observer = None
-                log.exception("the observer of the control loop failed")
+    def _observe(self, observer: Callable[[], None]) -> None:
+        try:
+            observer()
+        except Exception:
+            self._observer = None
+            log.exception("the observer of the control loop failed")
 
     def _communicates(self, time_ns: int) -> bool:
         """Query the state of the device; the end of communication fails all motion."""

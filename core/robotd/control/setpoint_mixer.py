@@ -40,6 +40,7 @@ class SetpointMixer:
         self.sent_ns = 0
         self.stats = LoopStatistics()
         self.extrapolates = driver.underrun is Underrun.EXTRAPOLATE
+        self._buffers = driver.stream_buffer_s > 0.0
         self._driver = driver
         self._clock = clock or MonotonicClock()
         self._setpoints: FloatArray = np.full((2, axes), np.nan)
@@ -104,10 +105,10 @@ class SetpointMixer:
     def _check_late(self) -> None:
         """Raise LateSetpoint where the device would not take the setpoint.
 
-        It extrapolates and half of the period has passed, or it has run dry in motion: its path
-        has to wait.
+        It extrapolates, and half of the period has passed; or the setpoints that it holds have run
+        dry in motion, and its path has to wait.
         """
         if self.extrapolates and self._clock.now_ns() > self.due_ns - self.period_ns // 2:
             raise LateSetpoint("more than half of the period has passed")
-        if self._driver.stream_ran_dry(self.due_ns):
+        if self._buffers and self._driver.stream_ran_dry(self.due_ns):
             raise LateSetpoint("the device has executed all setpoints that it held")

@@ -72,6 +72,9 @@ class Connection:
     @property
     def state(self) -> ConnectionState:
         """The device's state; UNKNOWN while its values are stale, SHUTDOWN for good at the end."""
+        return self._query()
+
+    def _query(self) -> ConnectionState:
         if self._closed:
             return ConnectionState.SHUTDOWN
         state = self._driver.state()
@@ -304,7 +307,7 @@ class Connection:
 
     def update_ready(self) -> ConnectionState:
         """Recompute ``ready`` from the device's state, which is returned."""
-        return self._readiness.update(lambda: self.state)
+        return self._readiness.update(self._query)
 
     def _begin_communication(self) -> None:
         before = self._driver.state()

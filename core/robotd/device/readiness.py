@@ -44,18 +44,19 @@ class Readiness:
             return ConnectionState.UNKNOWN
         try:
             state = ask()
-            self._set(state is ConnectionState.COMMUNICATING and self.prepared)
+            ready = state is ConnectionState.COMMUNICATING and self.prepared
+            if ready is not self.ready:
+                self._set(ready)
             return state
         finally:
             self._lock.release()
 
     def withdraw(self) -> None:
         """Set ``ready`` to False without the lock: its holder may hang."""
-        self._set(False)
+        if self.ready:
+            self._set(False)
 
     def _set(self, ready: bool) -> None:
-        if ready is self.ready:
-            return
         self.ready = ready
         for listener in self._listeners:
             try:
