@@ -20,24 +20,19 @@ SLOW_STATE_S = 0.02
 ATTEMPTS = 3  # a busy computer makes calls slower, never faster: the best attempt counts
 
 
-def within_budget(harness: Harness, durations_s: list[float]) -> bool:
-    typical_s, worst_s = np.percentile(durations_s, (50, 99))
-    return bool(
-        typical_s <= TYPICAL_SHARE * harness.period_s and worst_s <= WORST_SHARE * harness.period_s
-    )
-
-
 def check(harness: Harness, what: str, measure: Callable[[], list[float]]) -> None:
     """Judge the durations in s that ``measure`` returns, by the best attempt."""
-    attempts = list[list[float]]()
-    while not (attempts and within_budget(harness, attempts[-1])):
-        if len(attempts) == ATTEMPTS:
-            typical_s, worst_s = min(tuple(np.percentile(each, (50, 99))) for each in attempts)
-            raise AssertionError(
-                f"{what} takes {typical_s * 1e6:.0f} µs, 99 of 100 times at most"
-                f" {worst_s * 1e6:.0f} µs; a period has {harness.period_s * 1e6:.0f} µs"
-            )
-        attempts.append(measure())
+    period_s, attempts = harness.period_s, list[tuple[float, float]]()
+    for _ in range(ATTEMPTS):
+        typical_s, worst_s = map(float, np.percentile(measure(), (50, 99)))
+        if typical_s <= TYPICAL_SHARE * period_s and worst_s <= WORST_SHARE * period_s:
+            return
+        attempts.append((typical_s, worst_s))
+    typical_s, worst_s = min(attempts)
+    raise AssertionError(
+        f"{what} takes {typical_s * 1e6:.0f} µs, 99 of 100 times at most"
+        f" {worst_s * 1e6:.0f} µs; a period has {period_s * 1e6:.0f} µs"
+    )
 
 
 def reads(harness: Harness, count: int = CALLS) -> list[float]:

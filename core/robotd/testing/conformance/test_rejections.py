@@ -9,7 +9,6 @@ import pytest
 
 from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
-from robotd.device.drivers import AxisDriver
 from robotd.device.state import CommandMode
 from robotd.errors import DescriptorError, OperationError, Unsupported
 from robotd.motion.profile import Profile
@@ -86,24 +85,19 @@ def test_values_outside_are_rejected_before_the_driver_sees_them(harness: Harnes
     assert harness.image.position == pytest.approx(start, abs=1e-3)
 
 
-def test_a_driver_without_communication_refuses_by_robotds_errors(
-    unopened: Harness,
-) -> None:
+def test_a_driver_without_communication_refuses_by_robotds_errors(unopened: Harness) -> None:
     driver = unopened.drivers.axes
     unopened.drivers.device.open()
     profile = Profile(0.5, 2.0, 2.0)
-    for call in commands(driver, profile):
-        with pytest.raises((OperationError, TimeoutError)):
-            call()
-
-
-def commands(driver: AxisDriver, profile: Profile) -> list[Callable[[], object]]:
-    return [
+    calls: list[Callable[[], object]] = [
         lambda: driver.servo(0, True, 0.5),
         lambda: driver.move(0, 0.1, profile),
         lambda: driver.jog(0, profile),
         lambda: driver.begin_stream([0]),
     ]
+    for call in calls:
+        with pytest.raises((OperationError, TimeoutError)):
+            call()
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
