@@ -13,11 +13,11 @@ import sys
 
 import numpy as np
 
-from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
 from robotd.motion.profile import Profile
 from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.kit_target import KitTarget
+from robotd.testing.conformance.recorded_motion import jog
 
 SPEED_RAD_S, RAMP_RAD_S2 = 0.05, 1.0
 RUNNING_S, REPORT_S = 3.0, 0.02
@@ -25,10 +25,10 @@ RUNNING_S, REPORT_S = 3.0, 0.02
 
 def begin(harness: Harness, speeds: np.ndarray) -> None:
     """Start velocity commands; moves where the backend has none."""
-    profiles = [Profile(float(speed), RAMP_RAD_S2, RAMP_RAD_S2) for speed in speeds]
     if harness.can(Capability.VELOCITY_MODE):
         harness.set_velocity_mode()
-        harness.robot.axes.jog([Jog(*pair) for pair in enumerate(profiles)])
+        ramps = Profile(SPEED_RAD_S, RAMP_RAD_S2, RAMP_RAD_S2)
+        jog(harness, speeds, [ramps] * harness.count)
     else:
         harness.move(harness.all, harness.image.position + RUNNING_S * speeds)
 

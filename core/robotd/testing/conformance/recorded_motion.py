@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pytest
 
+from robotd.arrays import FloatArray
+from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage
+from robotd.motion.profile import Profile
 from robotd.testing.busy_computer import UNDECIDED
 from robotd.testing.conformance.harness import Harness
 from robotd.testing.conformance.recording import Recording
@@ -32,13 +36,27 @@ def record_move(harness: Harness, share: float = 1.0) -> Recording:
     return recording
 
 
+def jog(harness: Harness, speeds: FloatArray, profiles: Sequence[Profile] | None = None) -> None:
+    """Command velocities (n_axes,), with the ramps of ``profiles[axis]``."""
+    chosen = profiles or [harness.profile(axis) for axis in harness.all]
+    harness.robot.axes.jog(
+        [
+            Jog(axis, replace(profile, velocity=float(speeds[axis])))
+            for axis, profile in enumerate(chosen)
+        ]
+    )
+
+
 def record_stream(
-    harness: Harness, send: Callable[[ProcessImage], None], seconds: float
+    harness: Harness,
+    send: Callable[[ProcessImage], None],
+    seconds: float,
+    axes: Sequence[int] | None = None,
 ) -> Recording:
-    """Call ``send`` in each period for ``seconds``, with all axes claimed; then wait for rest."""
+    """Call ``send`` in each period for ``seconds``, with ``axes`` (all) claimed; wait for rest."""
     with (
         harness.recording() as recording,
-        harness.robot.axes.claimed("conformance", harness.all),
+        harness.robot.axes.claimed("conformance", harness.all if axes is None else axes),
         harness.each_period(send),
     ):
         harness.pass_time(seconds)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from robotd.control.trajectory_execution import Outcome
-from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver
 from robotd.motion.profile import Profile
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
-from robotd.testing.conformance.recorded_motion import judge
+from robotd.testing.conformance.recorded_motion import jog, judge
 from robotd.testing.conformance.recording import Recording
 
 SPAN_S = 0.02  # over which ramps are measured
@@ -85,24 +83,15 @@ def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
 def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle: str) -> None:
     fresh.set_velocity_mode()
     profiles = [uneven(fresh, axis, gentle) for axis in fresh.all]
-
-    def jog(velocities: np.ndarray) -> None:
-        fresh.robot.axes.jog(
-            [
-                Jog(axis, replace(profile, velocity=float(velocities[axis])))
-                for axis, profile in enumerate(profiles)
-            ]
-        )
-
     speeds = JOG_SHARE * np.array([profile.velocity for profile in profiles])
     stops: list[Callable[[], None]] = [
         lambda: fresh.robot.axes.stop(fresh.all),
-        lambda: jog(0.0 * speeds),
+        lambda: jog(fresh, 0.0 * speeds, profiles),
     ]
     for stop in stops:
         with fresh.recording() as recording:
             # Towards zero, away from the position limits.
-            jog(np.where(fresh.image.position > 0.0, -speeds, speeds))
+            jog(fresh, np.where(fresh.image.position > 0.0, -speeds, speeds), profiles)
             fresh.pass_time(0.45)
             stop()
             fresh.rest()

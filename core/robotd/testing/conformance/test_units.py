@@ -7,14 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from robotd.device.axes import Jog
 from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
-from robotd.motion.profile import Profile
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
-from robotd.testing.conformance.recorded_motion import judge, ramped, record_move
+from robotd.testing.conformance.recorded_motion import (
+    jog,
+    judge,
+    ramped,
+    record_move,
+    record_stream,
+)
+from robotd.testing.conformance.recording import Recording
 
 LAG_S = 0.03  # granted between a commanded and a measured value
 
@@ -42,8 +47,7 @@ def test_each_axis_moves_alone(harness: Harness) -> None:
 def test_a_streamed_radian_is_a_measured_radian(streamed: Harness) -> None:
     start = streamed.image.position_command.copy()
     end = start + streamed.travel(0.3)
-    with streamed.recording() as recording:
-        stream_ramp(streamed, start, end, seconds=1.0)
+    recording = stream_ramp(streamed, start, end, seconds=1.0)
     assert streamed.image.position == pytest.approx(end, abs=SETTLED_RAD)
     fastest = 1.5 * np.abs(end - start)  # of the cubic, in 1 s
     assert np.abs(recording.velocity_command).max(0) == pytest.approx(fastest, rel=0.3)
@@ -171,23 +175,14 @@ def test_homing_makes_the_position_zero_and_moves_nothing(fresh: Harness) -> Non
     assert injector is None or not fresh.image.velocity.any()
 
 
-def jog(harness: Harness, speeds: np.ndarray) -> None:
-    jogs = []
-    for axis in harness.all:
-        ramp = harness.profile(axis).acceleration
-        jogs.append(Jog(axis, Profile(float(speeds[axis]), ramp, ramp)))
-    harness.robot.axes.jog(jogs)
-
-
 def stream_ramp(
     harness: Harness,
     start: np.ndarray,
     end: np.ndarray,
     seconds: float,
     axes: Sequence[int] | None = None,
-) -> None:
+) -> Recording:
     """Stream a smooth path from ``start`` to ``end`` for all axes; ``axes`` (all) follow it."""
-    chosen = harness.all if axes is None else axes
     began_ns = harness.clock.now_ns()
 
     def setpoint(image: object) -> None:
@@ -195,6 +190,4 @@ def stream_ramp(
         way, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
         harness.stream(start + way * (end - start), slope * (end - start))
 
-    with harness.robot.axes.claimed("conformance", chosen), harness.each_period(setpoint):
-        harness.pass_time(seconds + 0.1)
-    harness.rest()
+    return record_stream(harness, setpoint, seconds + 0.1, axes)
