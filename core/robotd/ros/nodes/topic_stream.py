@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from robotd.control.open_stream import OpenStream
-from robotd.errors import NotReady, RobotdError
+from robotd.errors import RobotdError
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
 
@@ -49,11 +49,10 @@ class TopicStream(Generic[Stream]):
             else:
                 command(stream)
                 self._rejections.accepted(self._topic, ())
-        except NotReady as error:  # it is ending; the next message opens another one
-            self._rejections.rejected(self._topic, (), str(error))
-        except RobotdError as error:
-            with self._lock:
-                self._opening = stream is not None and self._opening
+        except RobotdError as error:  # NotReady: it is ending, the next message opens another one
+            if stream is None:
+                with self._lock:
+                    self._opening = False
             self._rejections.rejected(self._topic, (), str(error))
 
     def stop(self) -> None:

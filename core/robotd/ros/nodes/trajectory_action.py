@@ -141,7 +141,8 @@ class TrajectoryAction:
             goal.canceled()
         else:
             goal.abort()
-        self._log.info("goal ended", outcome=_word(ending), reason=ending.text)
+        word = ending.outcome.name.lower() if ending.outcome else "rejected"
+        self._log.info("goal ended", outcome=word, reason=ending.text)
         return _RESULT(error_code=ending.code, error_string=ending.text)
 
     def _follow(self, goal: Any, ticket: int, motion: ExitStack) -> Ending:
@@ -181,7 +182,3 @@ def _ending(goal: Any, execution: TrajectoryExecution, tolerances: Tolerances) -
         code, text = _RESULT.INVALID_GOAL, "stopped by the robot, not by the client"
     notes = (*execution.trajectory.notes, *tolerances.notes)
     return Ending(outcome, code, "; ".join([text, *notes]))
-
-
-def _word(ending: Ending) -> str:
-    return "rejected" if ending.outcome is None else ending.outcome.name.lower()
