@@ -6,28 +6,50 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
-from wmx_ros2_message.msg import AxisPose, AxisVelocity
+from std_msgs.msg import Header
+from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
 from robotd.device.each_axis import each
+from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
 from robotd.node_settings.device_settings import read_core_motion
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
+from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.axis_jog import AxisJog
-from robotd.ros.nodes.axis_state_topic import RATE_HZ, AxisStateTopic
 from robotd.ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.services import ServiceHandler, add_service, add_subscription
 
-COMMAND_DEPTH = 10
+DEPTH = 10  # of all topics
+RATE_HZ = 100.0  # of the state
+FRAME = "base_link"
 MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log
 READY = "wmx/core_motion/ready"
+STATE = "wmx/axis/state"
 JOG = "wmx/axis/jog"
 JOG_TIMEOUT_S = 0.2  # jog_timeout_ms of the reference
+
+# Field of the message → array of the process image.
+FIELDS = {
+    "amp_alarm": "amp_alarm",
+    "servo_on": "servo_on",
+    "home_done": "home_done",
+    "home_switch": "home_switch",
+    "negative_ls": "negative_limit",
+    "positive_ls": "positive_limit",
+    "motion_complete": "motion_complete",
+    "pos_cmd": "position_command",
+    "velocity_cmd": "velocity_command",
+    "actual_pos": "position",
+    "actual_velocity": "velocity",
+    "actual_torque": "torque",
+}
 
 
 class WmxCoreMotionNode(Node):
@@ -54,7 +76,7 @@ class WmxCoreMotionNode(Node):
             (AxisVelocity, JOG, jog.take),
         ):
             handler = self._execute_or_log(topic, command)
-            add_subscription(self, host, message_type, topic, handler, COMMAND_DEPTH)
+            add_subscription(self, host, message_type, topic, handler, DEPTH)
         add_service(self, host, SetAxis, "wmx/axis/stop", self._stop, urgent=True)
         state = AxisStateTopic(self, robot, prefix)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
@@ -158,3 +180,32 @@ class WmxCoreMotionNode(Node):
 
     def _move_relative(self, message: Any) -> None:
         self._axes.move(axis_conversions.moves(message), relative=True)
+
+
+class AxisStateTopic:
+    """State of all axes; ``publish`` belongs to the control loop.
+
+    Nothing is published without subscribers, nor while the engine is not ready: old values
+    must not look current.
+
+    Args:
+        prefix: put before the name of the frame.
+
+    Attributes:
+        topic: its resolved name.
+    """
+
+    def __init__(self, node: Node, robot: Robot, prefix: str) -> None:
+        arrays = {field: getattr(robot.image, name) for field, name in FIELDS.items()}
+        zeros = {field: np.zeros_like(array).tolist() for field, array in arrays.items()}
+        template = AxisState(header=Header(frame_id=prefix + FRAME), **zeros)
+        self._connection, self._control_loop = robot.connection, robot.control_loop
+        self._clock = StampClock(node.get_clock())
+        self._message = HotPublisher(node, STATE, DEPTH, template, sources=arrays)
+        self.topic = self._message.topic
+
+    def publish(self, image: ProcessImage) -> None:
+        if not self._connection.ready or not self._message.has_readers:
+            return
+        self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
+        self._message.publish()
