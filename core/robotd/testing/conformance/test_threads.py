@@ -20,7 +20,7 @@ BLOCKED_SHARE = 0.2  # of the time; a busy computer holds a read up now and then
 
 
 def together(*works: Callable[[], None], seconds: float = SECONDS) -> None:
-    """Repeat every work in a thread of its own for a while; none of them may raise."""
+    """Repeat every work in its own thread for a while; none may raise."""
     errors: list[Exception] = []
     end_s = time.monotonic() + seconds
 
