@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
-from robotd.ros.diagnostics import Diagnostics
+from robotd.ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import check_overrides
 from robotd.ros.node_registry import (
