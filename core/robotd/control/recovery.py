@@ -86,11 +86,24 @@ class Recovery:
             return
         if not self._connection.ready:
             self._reconnect(report)
-        before = self._axes.image.copy().position
+        image = self._axes.image
+        before = image.copy().position
         self._join_offline(report)
         self._await_rest()
-        self._clear_alarms(report)
-        self._switch_on(report)
+        self._run_each(
+            [axis for axis in range(len(self._axes)) if image.amp_alarm[axis]],
+            self._axes.clear_alarm,
+            "alarms cleared",
+            "alarms cannot be cleared",
+            report,
+        )
+        self._run_each(
+            [axis for axis in self._used if not image.servo_on[axis]],
+            self._enable,
+            "servos on",
+            "servos cannot be switched on",
+            report,
+        )
         self._verify(before, report)
 
     def _reconnect(self, report: Report) -> None:
@@ -147,32 +160,12 @@ class Recovery:
             axis = min(axis for axis in owned if axes.owner(axis))
             raise NotReady(f"{axes.names[axis]}: in use by {axes.owner(axis)}")
 
-    def _clear_alarms(self, report: Report) -> None:
-        image = self._axes.image
-        self._run_each(
-            [axis for axis in range(len(self._axes)) if image.amp_alarm[axis]],
-            "alarms cleared",
-            "alarms cannot be cleared",
-            self._axes.clear_alarm,
-            report,
-        )
-
-    def _switch_on(self, report: Report) -> None:
-        image = self._axes.image
-        self._run_each(
-            [axis for axis in self._used if not image.servo_on[axis]],
-            "servos on",
-            "servos cannot be switched on",
-            self._enable,
-            report,
-        )
-
     def _run_each(
         self,
         axes: Sequence[int],
+        command: Callable[[int], None],
         done: str,
         failed: str,
-        command: Callable[[int], None],
         report: Report,
     ) -> None:
         if not axes:

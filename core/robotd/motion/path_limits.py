@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robotd.arrays import FloatArray
+from robotd.arrays import BoolArray, FloatArray
 from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.digits import distinct
 from robotd.motion.extremes import Extreme, PathPeaks
@@ -20,25 +20,21 @@ _ROUNDING = 1e-6
 class _Bound:
     """Bound of a rate: a limit with its margin, or the device's limit if smaller.
 
-    Arrays of shape (m,), in the unit of the rate.
+    Attributes:
+        value: (m,) in the unit of the rate.
+        limit: (m,) limit that ``value`` comes from, without the margin.
     """
 
     def __init__(self, limit: FloatArray, margin: float, device: FloatArray) -> None:
-        self._limit, self._margin, self._device = limit, margin, device
         self.value: FloatArray = np.minimum(limit * (1.0 + margin), device)
-
-    def limit(self, joint: int) -> float:
-        """Return the limit that ``value`` comes from, without the margin."""
-        return float((self._device if self._by_device(joint) else self._limit)[joint])
+        self._by_device, self._margin = device <= self.value, margin
+        self.limit: FloatArray = np.where(self._by_device, device, limit)
 
     def note(self, joint: int) -> str:
         """Return the end of a sentence that names ``limit``."""
-        if self._by_device(joint):
+        if self._by_device[joint]:
             return " (limit of the device)"
         return f" (+{100.0 * self._margin:.3g} % margin)"
-
-    def _by_device(self, joint: int) -> bool:
-        return bool(self._device[joint] <= self.value[joint])
 
 
 def check_path_limits(
@@ -59,9 +55,13 @@ def check_path_limits(
     acceleration = _Bound(
         limits.acceleration, math.inf if margin is None else margin, limits.device_acceleration
     )
+    upper, lower = peaks.highest.value, peaks.lowest.value
+    highest = np.maximum(limits.upper, start.position)
+    lowest = np.minimum(limits.lower, start.position)
+    above, below = upper > highest + _ROUNDING, lower < lowest - _ROUNDING
     faults = [
-        *_above(peaks.highest, "position", "", np.maximum(limits.upper, start.position), limits),
-        *_below(peaks.lowest, np.minimum(limits.lower, start.position), limits),
+        *_texts(peaks.highest, above, "position", "exceeds", highest, "", limits),
+        *_texts(peaks.lowest, below, "position", "is below", lowest, "", limits),
         *_beyond_bound(peaks.velocity, "velocity", "/s", velocity, limits),
     ]
     if found := _beyond_bound(peaks.acceleration, "acceleration", "/s²", acceleration, limits):
@@ -79,48 +79,38 @@ def acceleration_notes(peaks: PathPeaks, limits: JointLimits) -> tuple[str, ...]
     Planners limit acceleration at their own sampling; the polynomials through the samples
     have peaks between them.
     """
-    ratio = peaks.acceleration.value / limits.acceleration
+    peak = peaks.acceleration
+    ratio = peak.value / limits.acceleration
     bound = np.where(ratio < ratio.max(), np.inf, limits.acceleration * (1.0 + _ROUNDING))
-    return tuple(_above(peaks.acceleration, "acceleration", "/s²", bound, limits)[:1])
-
-
-def _above(
-    peak: Extreme, quantity: str, per: str, bound: FloatArray, limits: JointLimits
-) -> list[str]:
-    return [
-        _sentence(peak, j, quantity, "exceeds", bound[j], limits.units[j] + per, limits)
-        for j in np.flatnonzero(peak.value > bound + _ROUNDING).tolist()
-    ]
-
-
-def _below(peak: Extreme, bound: FloatArray, limits: JointLimits) -> list[str]:
-    return [
-        _sentence(peak, j, "position", "is below", bound[j], limits.units[j], limits)
-        for j in np.flatnonzero(peak.value < bound - _ROUNDING).tolist()
-    ]
+    beyond = peak.value > bound + _ROUNDING
+    return tuple(_texts(peak, beyond, "acceleration", "exceeds", bound, "/s²", limits)[:1])
 
 
 def _beyond_bound(
     peak: Extreme, quantity: str, per: str, bound: _Bound, limits: JointLimits
 ) -> list[str]:
-    return [
-        _sentence(peak, j, quantity, "exceeds", bound.limit(j), limits.units[j] + per, limits)
-        + bound.note(j)
-        for j in np.flatnonzero(peak.value > bound.value * (1.0 + _ROUNDING)).tolist()
-    ]
+    beyond = peak.value > bound.value * (1.0 + _ROUNDING)
+    texts = _texts(peak, beyond, quantity, "exceeds", bound.limit, per, limits)
+    joints = np.flatnonzero(beyond).tolist()
+    return [text + bound.note(joint) for text, joint in zip(texts, joints, strict=True)]
 
 
-def _sentence(
+def _texts(
     peak: Extreme,
-    joint: int,
+    beyond: BoolArray,
     quantity: str,
     relation: str,
-    bound: float,
-    unit: str,
+    bound: FloatArray,
+    per: str,
     limits: JointLimits,
-) -> str:
-    value, limit = distinct(float(peak.value[joint]), float(bound))
-    return (
-        f"{limits.names[joint]} at {peak.time_s[joint]:.3f} s: {quantity} {value} {unit} "
-        f"{relation} {limit} {unit}"
-    )
+) -> list[str]:
+    """Return a sentence for each joint whose ``peak`` is ``beyond`` its ``bound``."""
+    texts = []
+    for joint in np.flatnonzero(beyond).tolist():
+        unit = limits.units[joint] + per
+        value, limit = distinct(float(peak.value[joint]), float(bound[joint]))
+        texts.append(
+            f"{limits.names[joint]} at {peak.time_s[joint]:.3f} s: {quantity} {value} {unit} "
+            f"{relation} {limit} {unit}"
+        )
+    return texts
