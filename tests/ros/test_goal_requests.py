@@ -119,6 +119,7 @@ def test_a_goal_id_that_is_known_is_rejected(ends: tuple[Server, GoalClient]) ->
     identity = UUID(uuid=range(16))
     assert wait_for(client.send_goal_async(goal_of(1), goal_uuid=identity)).accepted
     assert not wait_for(client.send_goal_async(goal_of(1), goal_uuid=identity)).accepted
+    wait_until(lambda: server.goals, "the accepted goal")  # handed on after its answer
     assert len(server.goals) == 1
 
 
