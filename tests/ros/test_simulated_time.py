@@ -24,6 +24,7 @@ from tests.ros.robot_process import Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 
+from robotd.cli.exit_codes import ExitCode
 from robotd.ros.middleware.action_server import RESULT_TIMEOUT_S
 
 pytestmark = pytest.mark.ros
@@ -216,7 +217,7 @@ def test_the_commands_reach_the_simulation(client: Client) -> None:
         assert result.returncode == 0, result.stderr
         assert text in result.stdout
     result = robotd(client, "sim", "inject", "amp_alarm", "axis=7")
-    assert result.returncode == 5
+    assert result.returncode == ExitCode.FAILED
     assert "axis 7 is outside 0..5" in result.stderr
 
 

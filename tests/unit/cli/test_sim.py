@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -86,12 +87,13 @@ def test_words_become_fields(
 ) -> None:
     asked: list[Any] = []
 
-    def inject(ros_args: Any, timeout_s: float, fields: Any) -> str:
+    def inject(client: Any, fields: Any) -> str:
         asked.append(fields)
         return "done"
 
-    client = SimpleNamespace(inject=inject)
-    monkeypatch.setattr("robotd.cli.commands.sim_command.import_ros", lambda name: client)
+    requests = SimpleNamespace(inject=inject)
+    monkeypatch.setattr("robotd.cli.commands.sim_command.robot_client", nullcontext)
+    monkeypatch.setattr("robotd.cli.commands.sim_command.import_ros", lambda name: requests)
     result = robotd("sim", "inject", *words)
     assert result.exit_code == 0, result.output
     assert result.stdout == "done\n"

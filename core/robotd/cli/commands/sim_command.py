@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.group import ros_args
 from robotd.cli.installed import load_robot
 from robotd.cli.options import FILE, log_options
 from robotd.cli.preflight import import_ros
-from robotd.cli.robot_client import ROS_EPILOG, client_options
+from robotd.cli.robot_client import ROS_EPILOG, asks_robot, client_options, robot_client
 from robotd.cli.time_scale import time_scale
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import load_backend
 from robotd.scenario import FAULTS, Result, ScenarioRun, load_scenario
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd.ros.client.ros_client import RosClient
 
 MAX_STEPS = 1_000_000
 
@@ -72,30 +74,30 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     # What belongs to every fault, and what to this kind.
     common = {key: fields.pop(key) for key in list(fields) if key.split(".")[0] in ("at_s", "when")}
     own = {f"{fault}.{key}": value for key, value in fields.items()} or {fault: True}
-    client = import_ros("client.simulation_client")
-    click.echo(client.inject(ros_args(), timeout_s, {**own, **common}))
+    with robot_client(timeout_s) as client:
+        click.echo(import_ros("client.simulation_client").inject(client, {**own, **common}))
 
 
 @sim.command("step", epilog=ROS_EPILOG)
 @click.argument("periods", type=click.IntRange(1, MAX_STEPS), default=1)
-@client_options
-def step(periods: int, timeout_s: float) -> None:
+@asks_robot
+def step(client: RosClient, periods: int) -> object:
     """Run PERIODS control periods in the running simulation, then pause its time."""
-    click.echo(import_ros("client.simulation_client").step(ros_args(), timeout_s, periods))
+    return import_ros("client.simulation_client").step(client, periods)
 
 
 @sim.command("pause", epilog=ROS_EPILOG)
-@client_options
-def pause(timeout_s: float) -> None:
+@asks_robot
+def pause(client: RosClient) -> object:
     """Pause the time of the running simulation."""
-    click.echo(import_ros("client.simulation_client").pause(ros_args(), timeout_s, paused=True))
+    return import_ros("client.simulation_client").pause(client, paused=True)
 
 
 @sim.command("resume", epilog=ROS_EPILOG)
-@client_options
-def resume(timeout_s: float) -> None:
+@asks_robot
+def resume(client: RosClient) -> object:
     """Resume the time of the running simulation."""
-    click.echo(import_ros("client.simulation_client").pause(ros_args(), timeout_s, paused=False))
+    return import_ros("client.simulation_client").pause(client, paused=False)
 
 
 def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode:
