@@ -71,7 +71,7 @@ class Axis:
         word = self.power.control | self.mode.bits
         if mode is OperationMode.INTERPOLATED_POSITION and powered:
             word |= _ENABLE_INTERPOLATION
-        self.outputs.put(word, mode, self.setpoint)
+        self.outputs.put(word, mode, self.report.displayed_mode, self.setpoint)
 
     def observe(self, image: ProcessImage) -> None:
         """Control loop: act on the drive's report, and write this axis' part of ``image``."""

@@ -23,13 +23,18 @@ class OutputValues:
         self.controlword = _NOTHING_SENT
         self._drive, self._scaling = drive, scaling
 
-    def put(self, word: int, mode: OperationMode, setpoint: Setpoint) -> None:
-        """Put the values into the next frame, with controlword ``word``."""
+    def put(self, word: int, mode: OperationMode, displayed: int, setpoint: Setpoint) -> None:
+        """Put the values into the next frame, with controlword ``word``.
+
+        A drive takes some frames to change its mode. While it has not ``displayed`` the profile
+        position mode, it may still follow the target position as a cyclic setpoint.
+        """
         scaling, position = self._scaling, setpoint.position
         counts = wrapped(scaling.counts(position)) if math.isfinite(position) else 0
         target, velocity, torque = counts, 0, 0
         if mode is OperationMode.PROFILE_POSITION:
-            target = wrapped(setpoint.target_counts)
+            if displayed == mode:
+                target = wrapped(setpoint.target_counts)
         elif mode is OperationMode.CYCLIC_VELOCITY:
             velocity = scaling.velocity_units(setpoint.velocity)
         elif mode is OperationMode.PROFILE_VELOCITY:

@@ -21,7 +21,7 @@ from robotd.api import (
 )
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE_DISPLAY, POSITION
+from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, MODE_DISPLAY, POSITION
 from robotd_cia402.state_machine import DriveState
 from robotd_cia402.switch_off import switch_off
 
@@ -64,6 +64,22 @@ def test_a_move_reaches_its_target_and_shows_its_profile(on: LoopedDrive) -> Non
     assert on.axis.activity.complete
     assert on.drive.position == pytest.approx(0.5, abs=1e-3)
     assert on.image.position_command[0] == pytest.approx(0.5, abs=1e-5)
+
+
+def test_a_move_begins_without_a_step_in_a_drive_that_changes_its_mode_late() -> None:
+    looped = LoopedDrive()
+    send, requested = looped.objects.send, [0] * 5
+
+    def change_mode_late() -> None:
+        send()
+        requested.append(looped.objects.dictionary[MODE, 0])
+        looped.objects.dictionary[MODE, 0] = requested.pop(0)
+
+    looped.objects.send = change_mode_late  # type: ignore[method-assign]
+    looped.commands.enable(1.0)
+    looped.commands.move(2.0, FAST)
+    assert peak_velocity(looped, 700) == pytest.approx(FAST.velocity, abs=0.05)
+    assert looped.drive.position == pytest.approx(2.0, abs=1e-3)
 
 
 def test_a_stop_brakes_a_move_before_its_target(on: LoopedDrive) -> None:
