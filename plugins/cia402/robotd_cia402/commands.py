@@ -250,6 +250,7 @@ class Commands:
         self._require_no_stop(stops)
         axis.mode.bits = int(Control.START_HOMING)
         started = self._wait(lambda: bool(axis.outputs.controlword & Control.START_HOMING), _STEP_S)
+        self._wait_for_fresh_values()  # until then the statusword may be that of the homing before
         done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
 
         def failed() -> bool:
@@ -272,8 +273,13 @@ class Commands:
         if not axis.activity.is_idle:
             axis.activity.begin_stop()
             self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S)
-        seen = axis.report.frames
-        self._wait(lambda: axis.report.frames > seen + _FRESH_FRAMES, _STEP_S)
+        self._wait_for_fresh_values()
+
+    def _wait_for_fresh_values(self) -> None:
+        """Wait until every value is from after the present frame."""
+        report = self._axis.report
+        seen = report.frames
+        self._wait(lambda: report.frames > seen + _FRESH_FRAMES, _STEP_S)
 
     def _require_no_stop(self, stops: int) -> None:
         """Raise OperationError, with the axis stopped, after a stop since ``stops`` of them."""

@@ -22,6 +22,7 @@ from robotd.api import (
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, MODE_DISPLAY, POSITION
+from robotd_cia402.simulated.mode_motion import Mode
 from robotd_cia402.state_machine import DriveState
 from robotd_cia402.switch_off import switch_off
 
@@ -290,6 +291,21 @@ def test_homing_searches_the_switch() -> None:
     looped.run(0.5)
     assert looped.image.home_done[0]
     assert looped.motors.position(0) == pytest.approx(0.04, abs=5e-3)
+
+
+def test_the_statusword_of_the_homing_before_does_not_end_a_homing() -> None:
+    looped = LoopedDrive(homing_method=19, simulated_switches={"home_rad": 0.3})
+    looped.commands.enable(1.0)
+    motion = looped.drive.motion
+    change = motion._change
+
+    def change_to_homed(mode: Mode) -> None:
+        change(mode)
+        motion.mode_bit = mode is Mode.HOMING
+
+    motion._change = change_to_homed  # type: ignore[method-assign]
+    looped.commands.home(20.0)
+    assert motion.zero == pytest.approx(0.29, abs=1e-3)
 
 
 def test_homing_without_a_switch_names_the_limit() -> None:
