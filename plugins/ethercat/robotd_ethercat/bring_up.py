@@ -19,7 +19,7 @@ from robotd_cia402.drive_setup import set_up
 from robotd_cia402.object_numbers import CONTROLWORD, on_axis
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.clocks import slaves_with_clocks
-from robotd_ethercat.exchange import Exchange
+from robotd_ethercat.exchange import Exchange, full_counter
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, write_mapping
 from robotd_ethercat.options import AxisOptions, Clocks
 from robotd_ethercat.plan import NEEDED_INPUTS, BusPlan, missing_text, needed_outputs
@@ -31,7 +31,6 @@ log = get_logger("ethercat")
 
 _POLL_S = 0.002
 _EXCHANGED_PERIODS = 10  # between two looks at the states
-_LRW_OUTPUTS, _LRW_INPUTS = 2, 1  # working counter of a slave in one LRW datagram
 
 
 class BringUp:
@@ -166,7 +165,7 @@ class BringUp:
                 f" inputs, {source} {expected[0]} and {expected[1]}"
             )
         slave.sizes = sizes
-        slave.counter = _LRW_OUTPUTS * bool(sizes[0]) + _LRW_INPUTS * bool(sizes[1])
+        slave.counter = full_counter(*sizes)
 
     def _set_watchdogs(self) -> None:
         milliseconds = self._plan.options.watchdog_ms

@@ -6,14 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from robotd_ethercat.al_status import AlState
 from robotd_ethercat.io_image import IoImage
 from robotd_ethercat.slave import Slave
 from robotd_ethercat.slave_image import SlaveImage
-from robotd_ethercat.soem import NO_FRAME, Soem
+from robotd_ethercat.soem import NO_FRAME, SlaveState, Soem
 
 _LIVE_TIMEOUT_US = 100  # the frame was sent a period ago: it is here, or it is lost
 _FIRST_TIMEOUT_US = 2000
 _SUSPECT_FRAMES = 16  # after a lost one; SOEM numbers its frames from 0 to 15
+_LRW_OUTPUTS, _LRW_INPUTS = 2, 1  # working counter of a slave in one LRW datagram
 
 
 @dataclass
@@ -43,7 +45,8 @@ class Exchange:
         bad_in_row: frames in a row, lost or incomplete.
         in_flight: a frame was sent and not received yet.
         sent_ns: monotonic time at which the last frame was sent; the inputs are of that time.
-        needed: working counter of the slaves that are online.
+        needed: working counter of the slaves that are online, and of those in Op that are not in
+            the descriptor.
         working_counter: of the last frame; -1 if it did not come back.
     """
 
@@ -70,12 +73,23 @@ class Exchange:
 
     def go_live(self) -> None:
         """Worker: all slaves are in Op; the frames of bring-up do not count."""
-        self.count_online()
+        self.count_online(self._bus.states())
         self.bad_in_row, self.counters = 0, Counters()
 
-    def count_online(self) -> None:
-        """Update ``needed`` after a slave was lost or has come back."""
-        self.needed = sum(slave.counter for slave in self._slaves if slave.online)
+    def count_online(self, states: Sequence[SlaveState]) -> None:
+        """Update ``needed`` after a slave was lost or has come back.
+
+        Args:
+            states: of all slaves on the bus. One that is not in the descriptor adds to the working
+                counter in Op, and would hide the loss of one that is.
+        """
+        configured = {slave.number for slave in self._slaves}
+        others = sum(
+            full_counter(len(raw.output), len(raw.input))
+            for number, (raw, found) in enumerate(zip(self._bus.slaves, states, strict=True))
+            if number not in configured and found.state is AlState.OP
+        )
+        self.needed = others + sum(slave.counter for slave in self._slaves if slave.online)
 
     def send(self, now_ns: int) -> None:
         """Encode and send the outputs of all slaves."""
@@ -117,3 +131,8 @@ class Exchange:
         """Worker: one frame there and back, while no control loop exchanges."""
         self.send(now_ns)
         return self.receive(_FIRST_TIMEOUT_US)
+
+
+def full_counter(output_size: int, input_size: int) -> int:
+    """Return what an operational slave adds to the working counter; sizes in bytes."""
+    return _LRW_OUTPUTS * bool(output_size) + _LRW_INPUTS * bool(input_size)

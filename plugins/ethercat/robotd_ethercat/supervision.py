@@ -116,7 +116,9 @@ class Supervision:
         """Watch thread: read the AL states; lose slaves and take them back."""
         lost = []
         with self._lock:
-            for slave, found in zip(self._slaves, self._states(), strict=True):
+            states = self._bus.states()
+            for slave in self._slaves:
+                found = states[slave.number]
                 slave.state, slave.al_code = found.state, found.code if found.error else 0
                 if slave.online:
                     if self._has_left(slave, found):
@@ -124,7 +126,7 @@ class Supervision:
                         lost.append(slave)
                 else:
                     self._search(slave, found)
-            self._exchange.count_online()
+            self._exchange.count_online(states)
         for reason in _by_cause(lost):
             self.stop(reason)
 
@@ -147,10 +149,6 @@ class Supervision:
         if found.state is AlState.NONE:
             return self.is_silent or self.is_incomplete
         return found.state is not AlState.OP
-
-    def _states(self) -> list[SlaveState]:
-        states = self._bus.states()
-        return [states[slave.number] for slave in self._slaves]
 
     def _lose(self, slave: Slave, cause: str) -> None:
         """Mark ``slave`` as lost, and switch it off."""

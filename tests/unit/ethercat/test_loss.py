@@ -119,6 +119,34 @@ def test_a_cut_cable_loses_the_slaves_behind_it(harness: Harness) -> None:
     assert harness.master.exchange.bad_in_row == 0  # the others go on
 
 
+def test_a_slave_that_is_not_in_the_descriptor_hides_no_loss(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    harness = Harness(monkeypatch, io=[])
+    harness.robot.start()
+    harness.slave(1).state = AlState.INIT
+    harness.robot.step(6)
+    assert "working counter 6, expected 9" in harness.master.supervision.faults[0]
+    harness.master.supervision.check()
+    harness.robot.step(3)
+    assert harness.image.offline.tolist() == [False, True]
+    harness.robot.shutdown()
+
+
+def test_the_robot_goes_on_without_a_slave_that_is_not_in_the_descriptor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    harness = Harness(monkeypatch, io=[])
+    harness.robot.start()
+    harness.slave(2).present = False
+    harness.robot.step(6)
+    harness.master.supervision.check()
+    harness.robot.step(3)
+    assert harness.device.state() is ConnectionState.COMMUNICATING
+    assert not harness.image.offline.any()
+    harness.robot.shutdown()
+
+
 def test_a_slave_that_was_reset_needs_a_new_start(harness: Harness) -> None:
     harness.slave(1).present = False
     harness.robot.step(6)
