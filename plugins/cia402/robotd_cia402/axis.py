@@ -110,7 +110,11 @@ class Axis:
         self.activity.begin(Operation.POSITION)
 
     def brake(self, deceleration: float) -> None:
-        """Stop the running operation as its mode requires; no effect when idle. Any thread."""
+        """Stop the running operation as its mode requires. Any thread.
+
+        A command that is being started begins no motion then.
+        """
+        self.activity.stops += 1
         if self.activity.operation in (Operation.IDLE, Operation.STOPPING):
             return
         self.setpoint.deceleration = deceleration

@@ -226,7 +226,6 @@ class Commands:
     def stop(self) -> None:
         """Controlled stop; the control loop does the rest. A command that runs begins no motion."""
         axis = self._axis
-        axis.activity.stops += 1
         streamed = axis.activity.operation is Operation.STREAM
         ramp = axis.options.stop_deceleration_rad_s2
         axis.brake(ramp if streamed else axis.setpoint.deceleration)
@@ -234,9 +233,9 @@ class Commands:
     def quick_stop(self) -> None:
         """The drive's own quick stop; the axis stays powered. As ``stop``."""
         axis = self._axis
-        axis.activity.stops += 1
-        if not axis.activity.is_idle:
-            axis.brake(axis.options.quick_stop_deceleration_rad_s2)
+        moving = not axis.activity.is_idle
+        axis.brake(axis.options.quick_stop_deceleration_rad_s2)
+        if moving:
             axis.power.quick_stop()
 
     def require_online(self) -> None:

@@ -194,14 +194,20 @@ def test_the_servo_goes_off_from_a_quick_stop(on: LoopedDrive, resting: bool) ->
     assert peak_velocity(on, 50) < 0.01
 
 
+@pytest.mark.parametrize("by_supervision", [False, True])
 @pytest.mark.parametrize("command", ["move", "jog", "home"])
-def test_a_stop_during_the_sdo_of_a_command_prevents_its_motion(command: str) -> None:
+def test_a_stop_during_the_sdo_of_a_command_prevents_its_motion(
+    command: str, by_supervision: bool
+) -> None:
     looped = LoopedDrive(homing_method=19)
     looped.commands.enable(1.0)
     write = looped.objects.write
 
     def stop_meanwhile(index: int, sub: int, value: int) -> None:
-        looped.commands.stop()
+        if by_supervision:
+            looped.axis.brake(10.0)
+        else:
+            looped.commands.stop()
         write(index, sub, value)
 
     looped.objects.write = stop_meanwhile  # type: ignore[method-assign]
