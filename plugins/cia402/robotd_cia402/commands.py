@@ -66,8 +66,12 @@ class Commands:
             axis.power.request()
 
     def disable(self, timeout_s: float) -> None:
-        """Switch the power stage off; a homing ends by it."""
+        """Switch the power stage off; a homing ends by it.
+
+        A command that is being started begins no motion.
+        """
         axis = self._axis
+        axis.activity.stops += 1
         if axis.activity.operation is Operation.HOMING:  # it holds the lock
             axis.power.release(axis.report)
         with axis.lock:

@@ -12,12 +12,14 @@ from tests.unit.cia402.looped_drive import SUPPORTED_MODES, LoopedDrive
 from robotd.api import (
     CommandMode,
     DeviceTimeout,
+    MonotonicClock,
     NotReady,
     Operation,
     OperationError,
     ProcessImage,
     Profile,
     RobotdError,
+    wait_until,
 )
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
@@ -256,6 +258,31 @@ def test_servo_off_ends_a_homing() -> None:
     assert not looped.axis.report.powered
     assert len(failures) == 1
     assert looped.clock.now_ns() < 10e9
+
+
+@pytest.mark.parametrize("command", ["move", "home"])
+def test_servo_off_prevents_the_motion_of_a_command_that_is_being_started(command: str) -> None:
+    looped = LoopedDrive(homing_method=19)
+    looped.commands.enable(1.0)
+    write, stops = looped.objects.write, looped.axis.activity.stops
+    off = threading.Thread(target=looped.commands.disable, args=(2.0,))
+
+    def switch_off_meanwhile(index: int, sub: int, value: int) -> None:
+        if off.ident is None:
+            off.start()
+            wait_until(lambda: looped.axis.activity.stops > stops, 1.0, MonotonicClock())
+        write(index, sub, value)
+
+    looped.objects.write = switch_off_meanwhile  # type: ignore[method-assign]
+    start = {
+        "move": lambda: looped.commands.move(0.5, FAST),
+        "home": lambda: looped.commands.home(5.0),
+    }
+    with pytest.raises(OperationError, match="stopped before the motion began"):
+        start[command]()
+    off.join(10.0)
+    assert not looped.axis.report.powered
+    assert looped.drive.position == pytest.approx(0.0, abs=1e-4)
 
 
 def test_a_homing_that_fails_in_motion_ends_without_a_step() -> None:
