@@ -82,14 +82,15 @@ class Cia402Axes(AxisDriver):
         try:
             for axis in axes:
                 self._commands[axis].prepare_stream()
-        except RobotdError:
+            self._master.begin_stream()
             for axis in axes:
+                self._commands[axis].begin_stream()
+        except RobotdError:
+            self._master.begin_stream()
+            for axis in axes:
+                self._commands[axis].end_stream()
                 self._commands[axis].leave_torque()
             raise
-        finally:
-            self._master.begin_stream()
-        for axis in axes:
-            self._commands[axis].begin_stream()
         self._master.settle()
 
     def end_stream(self, axes: Sequence[int]) -> None:

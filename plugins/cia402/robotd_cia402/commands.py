@@ -36,6 +36,7 @@ class Commands:
 
     def __init__(self, axis: Axis, clock: Clock) -> None:
         self._axis, self._clock = axis, clock
+        self._stops = 0  # when the stream was prepared
 
     def enable(self, timeout_s: float) -> None:
         """Enable operation, with the command at the measured position.
@@ -118,6 +119,7 @@ class Commands:
     def prepare_stream(self) -> None:
         """Enter the mode of the stream, with the command at the present position."""
         axis = self._axis
+        self._stops = axis.activity.stops
         with axis.lock:
             self._require_power()
             if axis.activity.streaming:
@@ -135,11 +137,15 @@ class Commands:
             axis.setpoint.velocity = 0.0
 
     def begin_stream(self) -> None:
-        """Follow the setpoints of the control loop; after ``prepare_stream``."""
+        """Follow the setpoints of the control loop; after ``prepare_stream``.
+
+        Raises OperationError, with the axis stopped, after a stop since then.
+        """
         axis = self._axis
         with axis.lock:
             axis.activity.complete = False
             axis.activity.begin(Operation.STREAM)
+            self._require_no_stop(self._stops)
 
     def leave_torque(self) -> None:
         """Stop an axis that is in cyclic torque mode and will not stream."""

@@ -7,7 +7,14 @@ from collections.abc import Sequence
 import pytest
 from tests.unit.cia402.looped_drive import PERIOD_S, LoopedDrive
 
-from robotd.api import CommandMode, NotReady, ProcessImage, Profile
+from robotd.api import (
+    CommandMode,
+    NotReady,
+    Operation,
+    OperationError,
+    ProcessImage,
+    Profile,
+)
 from robotd_cia402.axes import Cia402Axes
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
@@ -87,6 +94,29 @@ def test_a_stream_that_ends_in_motion_brakes(axes: LoopedAxes) -> None:
     axes.looped.run(1.0)
     assert axes.looped.axis.activity.is_idle
     assert axes.looped.image.velocity[0] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("mode", [CommandMode.POSITION, CommandMode.VELOCITY, CommandMode.TORQUE])
+@pytest.mark.parametrize("by_supervision", [False, True])
+def test_a_stop_while_a_stream_is_being_started_prevents_it(
+    axes: LoopedAxes, mode: CommandMode, by_supervision: bool
+) -> None:
+    axes.set_command_mode(0, mode)
+    prepare = axes._commands[0].prepare_stream
+
+    def stop_meanwhile() -> None:
+        prepare()
+        if by_supervision:
+            axes.looped.axis.brake(10.0)
+        else:
+            axes.stop([0])
+
+    axes._commands[0].prepare_stream = stop_meanwhile  # type: ignore[method-assign]
+    with pytest.raises(OperationError, match="stopped before the motion began"):
+        axes.begin_stream([0])
+    axes.looped.run(0.2)
+    assert axes.looped.image.operation[0] == Operation.IDLE
+    assert axes.looped.drive.position == pytest.approx(0.0, abs=1e-4)
 
 
 def test_a_stream_of_a_lost_axis_does_not_begin(axes: LoopedAxes) -> None:
