@@ -475,6 +475,23 @@ def test_an_axis_in_motion_is_stopped_before_it_is_switched_off(on: LoopedDrive)
     assert on.drive.position < 1.0
 
 
+def test_an_axis_that_is_being_switched_on_is_switched_off() -> None:
+    looped = LoopedDrive()
+    off = threading.Thread(target=switch_off, args=([looped.axis], 1.0, looped.clock))
+    next_state = looped.commands._next_state
+
+    def switch_off_meanwhile(timeout_s: float) -> bool:
+        if off.ident is None:
+            off.start()
+            off.join(0.2)
+        return next_state(timeout_s)
+
+    looped.commands._next_state = switch_off_meanwhile  # type: ignore[method-assign]
+    looped.commands.enable(1.0)
+    off.join(10.0)
+    assert not looped.axis.report.powered
+
+
 def test_a_servo_that_stays_on_is_logged(on: LoopedDrive) -> None:
     on.faults.statusword = 0x0637  # operation enabled, whatever happens
     with capture_logs() as lines:
