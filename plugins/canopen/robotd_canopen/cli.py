@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from robotd_cia402.number_argument import NUMBER
+from robotd_cia402.number_argument import NUMBER, little_endian
 
 # Only click is imported at module level: other commands must not load python-can.
 
@@ -91,7 +91,7 @@ def write(
 
     with sdo_of(interface, channel, bitrate, node) as client:
         length = size or len(client.upload(index, sub))
-        client.download(index, sub, (value % (1 << 8 * length)).to_bytes(length, "little"))
+        client.download(index, sub, little_endian(value, length))
         click.echo(object_text(client.upload(index, sub)))
 
 

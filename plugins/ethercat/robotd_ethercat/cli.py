@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from robotd_cia402.number_argument import NUMBER
+from robotd_cia402.number_argument import NUMBER, little_endian
 from robotd_ethercat.simulate_command import simulate
 
 # No more is imported at module level: other commands must not load pysoem.
@@ -108,7 +108,7 @@ def write(interface: str, slave: int, index: int, sub: int, value: int, size: in
     with open_bus(interface) as bus:
         access = slave_of(bus, slave)
         length = size or len(access.upload(index, sub))
-        access.download(index, sub, (value % (1 << 8 * length)).to_bytes(length, "little"))
+        access.download(index, sub, little_endian(value, length))
         click.echo(object_text(access.upload(index, sub)))
 
 

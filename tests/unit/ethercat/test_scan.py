@@ -80,6 +80,12 @@ def test_objects_are_read_and_written(bus: FakeBus) -> None:
     assert bus.all[1].values[0x6072, 0] == 500
 
 
+def test_a_value_that_does_not_fit_is_not_written(bus: FakeBus) -> None:
+    outcome = CliRunner().invoke(ethercat, ["sdo", "write", "1", "0x6072", "0", "70000"])
+    assert "value 70000 does not fit in 2 bytes" in str(outcome.exception)
+    assert not bus.all[1].written
+
+
 def test_a_slave_that_is_not_there_is_an_error(bus: FakeBus) -> None:
     outcome = CliRunner().invoke(ethercat, ["sdo", "read", "7", "0x1000"])
     assert "slave 7 is not on the bus: it has 3 slaves, 0 to 2" in str(outcome.exception)
