@@ -94,6 +94,18 @@ def test_a_statusword_that_lies_is_not_switched_on_again(open_rig: OpenRig) -> N
         recover(harness)
 
 
+def test_a_reset_ends_the_emergency_before_it(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as harness:
+        harness.inject("2 emcy 0x3210")
+        harness.until(lambda: harness.device_state().details["EMCY in force"] != "none")
+        harness.inject("2 reboot")
+        harness.until(lambda: harness.image.offline[1])
+        assert "EMCY 0x3210" in harness.image.reason[1]
+        recover(harness)
+        assert harness.device_state().details["EMCY in force"] == "none"
+        assert harness.device_state().nodes[1].fault == ""
+
+
 def test_a_wrong_identity_after_a_reset(open_rig: OpenRig) -> None:
     identity = {"vendor_id": 0x1234}
     with open_rig(SMALL, axis_defaults={"counts_per_rad": 1e5, "identity": identity}) as harness:

@@ -61,6 +61,7 @@ class Node:
         self.startup = startup_writes(options)
         self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
         self._has_booted = False
+        self._boot_ns = 0  # of the latest boot-up message
         self._bus, self._clock, self._common = bus, clock, common
         self._expected = options.identity
         self._profile = profile
@@ -115,6 +116,7 @@ class Node:
     def start(self) -> None:
         """Start the node and wait for a heartbeat in state OPERATIONAL. Raises OperationError."""
         self.state, self._has_booted, self._silence_ns = NmtState.UNKNOWN, False, 0
+        self._emergencies.forget_before(self.id, self._boot_ns)
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self._clock):
             raise OperationError(
@@ -186,7 +188,8 @@ class Node:
     def _on_heartbeat(self, data: bytearray) -> None:
         self.state = heartbeat_state(data)
         self._heartbeats += 1
-        self._has_booted |= self.state is NmtState.BOOT_UP
+        if self.state is NmtState.BOOT_UP:
+            self._has_booted, self._boot_ns = True, self._clock.now_ns()
         if self.state is not NmtState.OPERATIONAL:
             self.configured = False
 

@@ -145,3 +145,9 @@ class EmergencyLog:
             self.active.pop(emergency.node, None)
         else:
             self.active[emergency.node] = emergency
+
+    def forget_before(self, node: int, time_ns: int) -> None:
+        """End an error that the node reported before it was reset at ``time_ns``. Worker."""
+        emergency = self.active.get(node)
+        if emergency is not None and emergency.time_ns < time_ns:
+            self.active.pop(node, None)
