@@ -137,8 +137,7 @@ class JointMotion:
             self._axes.stop_latch.check()
             self._claim.enter_context(_in_command_mode(self._axes, axes, mode))
             self._claim.enter_context(self._axes.claimed(owner, axes, mode))
-            source = make(max(self._slot.next_start_ns, self._clock.now_ns()))
-            self._slot.submit(source, None)
+            source = self._submit_at_rest(make)
             self._owner, self._is_alone = owner, True
             self._active += 1
             return source
@@ -243,6 +242,13 @@ class JointMotion:
         earliest_ns = max(self._slot.next_start_ns, self._clock.now_ns())
         source = make(max(earliest_ns, start_ns))
         return source if self._slot.submit(source, None) else None
+
+    def _submit_at_rest(self, make: Callable[[int], Source]) -> Source:
+        """Submit a source of claimed axes, again where it took longer than a period to make it."""
+        while True:
+            source = make(max(self._slot.next_start_ns, self._clock.now_ns()))
+            if self._slot.submit(source, None):
+                return source
 
     def _rest_state(self) -> MotionState:
         """Return the commanded position; a plan from the measured one would jump."""

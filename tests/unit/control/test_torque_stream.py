@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.fakes import FakeAxes
-from tests.unit.control.harness import Harness, arm
+from tests.unit.control.harness import PERIOD_S, Harness, arm
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, MonotonicClock
@@ -258,6 +258,29 @@ def test_a_backend_without_torques_says_so_and_frees_the_joints(harness: Harness
     assert harness.robot.axes.owner(1) == ""
     with harness.robot.stream() as stream:
         assert stream.open
+
+
+def test_a_start_that_takes_longer_than_a_period_is_repeated(harness: Harness) -> None:
+    motion, axes = harness.robot.groups.only.motion, harness.robot.axes
+    made: list[TorqueMotion] = []
+
+    def make(start_ns: int) -> TorqueMotion:
+        if not made:
+            harness.run(5 * PERIOD_S)
+        limits, chosen = harness.robot.follower.limits.of([1]), np.array([1])
+        stopped = np.array([0.01])
+        made.append(
+            TorqueMotion(
+                TorqueAxes(), chosen, limits, start_ns, TIMEOUT_S, stopped, axes.speed, 0.0
+            )
+        )
+        return made[-1]
+
+    source = motion.start_alone([1], CommandMode.POSITION, make, "policy")
+    assert source is made[1]
+    assert harness.slot.running is source
+    motion.release(source)
+    assert source.completion.outcome is Outcome.CANCELED
 
 
 def test_joints_that_move_are_not_taken(harness: Harness) -> None:
