@@ -49,7 +49,7 @@ class StreamedTrajectory(TrajectoryExecution):
         self._motion = self.setpoint[:2]  # position and velocity
         self._sampler = Sampler(goal.trajectory)
         self._rate = PathRate(speed or SpeedScale(), goal.limits)
-        self._due_ns = start_ns
+        self._due_ns = 0  # of the last setpoint; 0: none was made
         self._sent_time_s: float | None = 0.0  # of the last setpoint; None: it was off the path
         self._stop_plan: tuple[StopPlan, int] | None = None  # with the time of its beginning
         self._held: FloatArray = np.zeros_like(self.setpoint)  # last position, at rest
@@ -141,7 +141,9 @@ class StreamedTrajectory(TrajectoryExecution):
         self._recover(due_ns, period_ns)
 
     def _stop(self, time_ns: int) -> Phase:
-        """Plan the stop along the path."""
+        """Plan the stop along the path, from the first setpoint on it at the earliest."""
+        if not self._due_ns:
+            return Phase.RUNNING
         stop_plan = plan_stop(self.trajectory, self.time_s, self._limits, self.rate)
         self._stop_plan = stop_plan, time_ns
         return Phase.STOPPING

@@ -12,6 +12,7 @@ from tests.unit.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harnes
 
 from robotd.control import joint_motion, trajectory_follower
 from robotd.control.source_slot import ABANDONED, NOT_RUNNING
+from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.errors import NotReady
 from robotd.motion import TrajectoryRequest
@@ -51,6 +52,27 @@ def test_planning_that_takes_longer_than_its_lead_is_done_again(
             harness.end(second)
     assert (first.outcome, second.outcome) == (Outcome.PREEMPTED, Outcome.SUCCEEDED)
     harness.setpoints.assert_smooth(peak(first, second))
+
+
+@pytest.mark.parametrize("later_s", [0.0, 0.0005, 0.0015])
+@pytest.mark.parametrize("speed", [1.0, 0.5])
+def test_a_cancel_in_the_first_period_after_a_takeover_makes_no_jump(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch, speed: float, later_s: float
+) -> None:
+    take_over = StreamedTrajectory.take_over
+
+    def cancelled(self: StreamedTrajectory, *arguments: Any) -> None:
+        take_over(self, *arguments)
+        self.cancel()
+
+    monkeypatch.setattr(StreamedTrajectory, "take_over", cancelled)
+    harness.robot.axes.speed.set(speed)
+    with harness.goal(FAR) as first:
+        harness.run(0.5)
+        with harness.goal(HOME, seconds=1.5, start_in_s=0.05 + later_s) as second:
+            harness.end(second)
+    assert (first.outcome, second.outcome) == (Outcome.PREEMPTED, Outcome.CANCELED)
+    harness.setpoints.assert_smooth(1.05 * ACCELERATION)
 
 
 def test_a_cancel_of_the_running_goal_makes_the_next_start_from_rest(
