@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -87,7 +87,7 @@ class StreamSetpoints:
         if command is None or command.position is None:
             self.stop()
         elif self._spline is not None or command.velocity is not None:
-            self._command = self._spline = None
+            self._command, self._spline = replace(command, velocity=None), None
             self._limiter.approach(command.position)
 
     def after(self, seconds: float) -> MotionState:

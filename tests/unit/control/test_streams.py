@@ -14,6 +14,7 @@ from robotd.control.joint_stream import JointStream
 from robotd.device.axes import Axes
 from robotd.device.state import Operation
 from robotd.errors import InvalidArgument, NotReady, Unsupported
+from robotd.motion import TrajectoryRejected
 
 ANGULAR = 2.0 * math.pi * 0.4
 
@@ -150,6 +151,26 @@ def test_a_goal_takes_over_from_a_stream_in_motion_where_the_descriptor_allows_i
     assert taken.min() > 0.1, "came to a standstill"
     robot.setpoints.assert_smooth(ACCELERATION)
     robot.robot.shutdown()
+
+
+@pytest.mark.parametrize(("mode", "velocity"), [("smooth", None), ("target", [0.4, 0.0, -0.3])])
+def test_a_rejected_goal_does_not_change_the_start_of_one_that_waits(
+    mode: str, velocity: list[float] | None
+) -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream(mode=mode) as stream:
+        for step in range(20):
+            stream.send([0.03 * step, 0.0, -0.03 * step], velocity)
+            robot.run(0.03)
+        stream.send([1.5, 0.0, -1.5], velocity)
+        robot.run(0.03)
+        with robot.goal((1.0, 0.2, 0.0), seconds=2.5) as goal:
+            robot.run(0.004)
+            with pytest.raises(TrajectoryRejected), robot.goal((0.5, 9.0, 0.0)):
+                pass
+            robot.end(goal)
+    assert goal.outcome is Outcome.SUCCEEDED
+    robot.setpoints.assert_smooth(1.2 * ACCELERATION)
 
 
 def test_joints_of_another_owner_are_rejected_by_its_name(robot: Harness) -> None:
