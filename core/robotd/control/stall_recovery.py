@@ -9,7 +9,7 @@ import numpy as np
 from robotd.arrays import BoolArray, FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.device.state import Underrun
-from robotd.motion import JointLimits
+from robotd.motion import JointLimits, MotionState
 
 GAP_PERIODS = 1.5  # between two setpoints; more is an underrun
 SHARE = 0.1  # of a joint's velocity limit: highest speed relative to the path
@@ -50,6 +50,7 @@ class StallRecovery:
     Attributes:
         active: the present setpoint deviates from the path.
         pause_s: duration of the last underrun.
+        left_plan: a source has left the motion that its successor was planned from.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class StallRecovery:
         underrun: Underrun,
         buffer_s: float = 0.0,
     ) -> None:
-        self.active = False
+        self.active = self.left_plan = False
         self.pause_s = 0.0
         self._extrapolates = underrun is Underrun.EXTRAPOLATE
         self._sent, self._sent_ns = start.copy(), start_ns
@@ -114,6 +115,16 @@ class StallRecovery:
             for due_ns, _, setpoint in self._buffered
         )
 
+    def deviate(self, start: MotionState) -> None:
+        """Begin with the deviation of the last setpoint from a path that begins with ``start``.
+
+        After ``begin_path``. Before its start, a fraction of a period, the path is a straight line.
+        """
+        position = start.position + self._sent_time_s * start.velocity
+        self._deviation[:] = self._sent - (position, start.velocity)
+        self._next[:] = self._deviation
+        self.active, self.left_plan = True, False
+
     def lay_over(self, path: FloatArray, due_ns: int, period_s: float) -> bool:
         """Turn the path's setpoint for ``due_ns`` into the one to send, in place.
 
@@ -156,13 +167,14 @@ class StallRecovery:
         elapsed_s = (time_ns - self._sent_ns) / NANOSECONDS
         if not self._is_underrun(elapsed_s + period_s, period_s):
             return None
+        self.pause_s = elapsed_s
         reached = self._sent.copy()
         self._continue(elapsed_s, reached)
         return reached
 
     def accept(self) -> None:
         """Take the present setpoint as the path: a source continues from there."""
-        self.active = False
+        self.active = self.left_plan = False
         self._next[:] = self._deviation[:] = 0.0
 
     def sent(self, setpoint: FloatArray, due_ns: int, time_s: float = 0.0) -> None:

@@ -127,6 +127,7 @@ class StreamMotion(JointSource):
             position, velocity = reached
             state = MotionState(position, velocity, np.zeros_like(position))
             self._setpoints.reset(state, AFTER_STALL)
+            self.stall_recovery.left_plan = self._due_ns <= self._settled_until_ns
         self._follow_commands(time_ns)
         self.setpoint[:] = self._setpoints.advance(self._due_ns)
         if self._phase is not Phase.RUNNING and self._setpoints.at_rest:

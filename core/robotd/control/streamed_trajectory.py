@@ -80,6 +80,9 @@ class StreamedTrajectory(TrajectoryExecution):
         if running.stall_recovery is not None:
             self.stall_recovery = running.stall_recovery
             self.stall_recovery.begin_path(self.start_ns)
+            if self.stall_recovery.left_plan:
+                self.stall_recovery.deviate(self.trajectory.state_at(0.0))
+                self._check_deviation()
 
     def sent(self, due_ns: int) -> None:
         """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
@@ -159,7 +162,12 @@ class StreamedTrajectory(TrajectoryExecution):
         found = self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS)
         if found and self._command_return is not None:  # it waits, too
             self._command_return.start_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
-        if found and self.stall_recovery.is_far.any():
+        if found:
+            self._check_deviation()
+
+    def _check_deviation(self) -> None:
+        """Request a fault when too far off the path."""
+        if self.stall_recovery.is_far.any():
             self.completion.request(Outcome.FAULT, self._deviation_text())
 
     def _deviation_text(self) -> str:

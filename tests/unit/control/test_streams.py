@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from tests.unit.control.harness import ACCELERATION, Harness, arm
+from tests.unit.control.harness import ACCELERATION, PERIOD_S, Harness, arm
 
 from robotd.control.completion import Outcome
 from robotd.control.joint_stream import JointStream
@@ -171,6 +171,28 @@ def test_a_rejected_goal_does_not_change_the_start_of_one_that_waits(
             robot.end(goal)
     assert goal.outcome is Outcome.SUCCEEDED
     robot.setpoints.assert_smooth(1.2 * ACCELERATION)
+
+
+@pytest.mark.parametrize("stall_s", [0.004, 0.01, 0.015])
+def test_after_a_stall_a_goal_takes_over_from_where_the_stream_is(stall_s: float) -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream() as stream:
+        stream.send_velocity([1.5, -1.0, 0.0])
+        robot.run(0.2)
+        with robot.goal((1.0, -0.5, 0.0), seconds=2.0) as goal:
+            robot.run(0.004)
+            robot.stall(stall_s)
+            robot.end(goal)
+    assert goal.outcome is Outcome.SUCCEEDED
+    setpoints = robot.setpoints
+    velocity, elapsed_s = setpoints.velocity, np.diff(setpoints.due_s)[:, None]
+    assert np.diff(setpoints.due_s).max() > stall_s, "no underrun"
+    mean = (velocity[:-1] + velocity[1:]) / 2
+    # In the underrun the device goes on with the velocity that it has.
+    expected = np.where(elapsed_s > 1.5 * PERIOD_S, velocity[:-1], mean)
+    assert np.abs(np.diff(velocity, axis=0)).max() <= 2.1 * ACCELERATION * PERIOD_S
+    off = np.diff(setpoints.position, axis=0) - expected * elapsed_s
+    assert np.abs(off).max() <= 2.1 * ACCELERATION * PERIOD_S**2
 
 
 def test_joints_of_another_owner_are_rejected_by_its_name(robot: Harness) -> None:
