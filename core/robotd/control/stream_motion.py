@@ -91,10 +91,10 @@ class StreamMotion(JointSource):
         with self._lock:
             if not self.completion.goes_on:
                 return None
+            self._settled_until_ns = time_ns
             if not self._due_ns:
                 return MotionState.at_rest(self.setpoint[0])
             self._setpoints.settle()
-            self._settled_until_ns = time_ns
             return self._setpoints.after((time_ns - self._due_ns) / NANOSECONDS)
 
     def take_over(self, running: SetpointSource, advanced_ns: int, delay_ns: int) -> None:

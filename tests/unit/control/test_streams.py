@@ -173,6 +173,15 @@ def test_a_rejected_goal_does_not_change_the_start_of_one_that_waits(
     robot.setpoints.assert_smooth(1.2 * ACCELERATION)
 
 
+def test_commands_wait_for_a_goal_that_is_planned_before_the_first_period() -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream() as stream, robot.goal((1.0, -0.5, 0.0), seconds=2.0) as goal:
+        stream.send_velocity([1.5, -1.0, 0.0])
+        robot.end(goal)
+    assert goal.outcome is Outcome.SUCCEEDED
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
 @pytest.mark.parametrize("stall_s", [0.004, 0.01, 0.015])
 def test_after_a_stall_a_goal_takes_over_from_where_the_stream_is(stall_s: float) -> None:
     robot = Harness(arm(stream={"takeover": True})).up()
