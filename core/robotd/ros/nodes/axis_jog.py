@@ -75,6 +75,8 @@ class AxisJog:
             try:
                 self._host.submit(self._robot.axes.stop, late, urgent=True)
             except RobotdError as error:
+                for axis in late:  # the next check tries again; a new message sets a later time
+                    self._deadlines.setdefault(axis, now_ns)
                 log.error("a jog could not be stopped", axes=late, reason=str(error))
 
     def _is_streamed(self, axis: int, image: ProcessImage) -> bool:
