@@ -94,8 +94,9 @@ def _jog(
         distance = increment * scale
         time_s = max(PEAK * abs(distance) / _speed(speed, turns), MIN_TIME_S)
         if time_s > MAX_TIME_S:
+            chosen = f"{DEFAULT_SPEED:g} {unit}/s" if speed is None else f"--speed {speed:g}"
             raise click.BadParameter(
-                f"{joint}: {increment:+g} at --speed {speed:g} would take {time_s:g} s, more than"
+                f"{joint}: {increment:+g} at {chosen} would take {time_s:g} s, more than"
                 f" {MAX_TIME_S:g} s"
             )
         target = arm.positions[joint] + distance
