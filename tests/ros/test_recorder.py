@@ -93,6 +93,19 @@ def test_an_alarm_is_recorded_without_a_request(client: Client, folder: Path) ->
     assert read_recording(path).info.cause.startswith("joint3: amplifier alarm")
 
 
+def test_record_stops_the_recording_when_its_terminal_is_lost(tmp_path: Path) -> None:
+    with RobotProcess("--record-dir", str(tmp_path)) as process:
+        process.wait_ready()
+        with started(process.domain, "record") as record:
+            wait_until(lambda: size_of(tmp_path.iterdir()) > SOME_BYTES, "a recording")
+            record.send_signal(signal.SIGHUP)
+            output, error = record.communicate(timeout=WAIT_S)
+        assert record.returncode == ExitCode.OK, error
+        (path,) = tmp_path.glob("*-record.mcap")
+        assert str(path) in output
+        assert len(read_recording(path).frames) > 50
+
+
 def test_record_ends_when_the_robot_has_gone(tmp_path: Path) -> None:
     with RobotProcess("--record-dir", str(tmp_path)) as process:
         process.wait_ready()

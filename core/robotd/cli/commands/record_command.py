@@ -55,12 +55,13 @@ def _recover(path: Path) -> None:
 
 
 def _record(timeout_s: float, time_s: float | None) -> None:
-    """Record until Ctrl-C or for ``time_s``; print the file."""
+    """Record until Ctrl-C, the loss of the terminal, or for ``time_s``; print the file."""
     with robot_client(max(timeout_s, SAVE_TIMEOUT_S)) as client:
         status = import_ros("client.status_client")
-        click.echo(f"{status.set_recording(client, True)}, stop with Ctrl-C", err=True)
-        end_s = None if time_s is None else time.monotonic() + time_s
-        with Interrupt() as interrupt:
+        started = status.set_recording(client, True)
+        with Interrupt(hangup=True) as interrupt:
+            click.echo(f"{started}, stop with Ctrl-C", err=True)
+            end_s = None if time_s is None else time.monotonic() + time_s
             while not interrupt.happened and (end_s is None or time.monotonic() < end_s):
                 status.require_recorder(client)
                 time.sleep(TICK_S)
