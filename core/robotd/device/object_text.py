@@ -9,7 +9,6 @@ def object_text(data: bytes) -> str:
     if len(data) in (1, 2, 4, 8):
         number = int.from_bytes(data, "little")
         parts.append(f"(0x{number:0{2 * len(data)}X}, {number})")
-    text = data.decode("ascii", "replace")
-    if text.isprintable() and len(data) > 1:
+    if len(data) > 1 and data.isascii() and (text := data.decode("ascii")).isprintable():
         parts.append(repr(text))
     return " ".join(parts)
