@@ -131,6 +131,14 @@ def test_without_a_robot_status_says_so() -> None:
     assert f"ROS_DOMAIN_ID={domain}" in error
 
 
+def test_a_service_that_the_running_robot_lacks_is_no_missing_robot(
+    cr3a: RobotProcess, client: Client
+) -> None:
+    status, _, error = robotd(cr3a.domain, "sim", "pause", "--timeout", "2")
+    assert status == 5
+    assert "no service /robotd_sim/pause within 2 s: robotd is running, but without it" in error
+
+
 def test_a_namespace_is_followed_by_the_same_ros_args() -> None:
     remap = ("--ros-args", "-r", "__ns:=/left")
     with RobotProcess(*NOT_ENABLED, *remap) as robot:

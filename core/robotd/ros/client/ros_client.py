@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.middleware import discovery_server, see_whole_graph, use_profiles
+from robotd.ros.node_registry import OPERATOR_NODE
 
 _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
@@ -99,7 +100,7 @@ class RosClient:
         deadline = time.monotonic() + timeout_s
         while not (answer := condition()):
             if time.monotonic() > deadline:
-                raise DeviceTimeout(f"no {what} within {timeout_s:g} s{_hint()}")
+                raise DeviceTimeout(f"no {what} within {timeout_s:g} s: {self._hint()}")
             self.spin()
         return answer
 
@@ -151,6 +152,14 @@ class RosClient:
         """Subscribe ``topic`` until the listener is closed."""
         return Listener(self, message_type, topic, qos)
 
+    def _hint(self) -> str:
+        """Return what to check after a time-out."""
+        if self.node.count_services(f"{OPERATOR_NODE}/stop"):
+            return "robotd is running, but without it or too busy to answer"
+        domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+        server = f", ROS_DISCOVERY_SERVER={servers}" if (servers := discovery_server()) else ""
+        return f"is robotd running, with ROS_DOMAIN_ID={domain}{server} and the same --ros-args?"
+
 
 class Listener:
     """Subscription that keeps the newest message.
@@ -176,9 +185,3 @@ class Listener:
 
     def _keep(self, message: Any) -> None:
         self.newest = message
-
-
-def _hint() -> str:
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    server = f", ROS_DISCOVERY_SERVER={servers}" if (servers := discovery_server()) else ""
-    return f": is robotd running, with ROS_DOMAIN_ID={domain}{server} and the same --ros-args?"
