@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import sys
@@ -18,6 +19,7 @@ from robotd.errors import RobotdError
 
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full disk or quota, lost terminal
 COMMANDS_PACKAGE = "robotd.cli.commands"
 OPERATOR_COMMANDS = ("gripper", "output", "servo", "stop", "reset", "speed", "pause", "resume",
                      "recover", "snapshot")  # fmt: skip
@@ -44,6 +46,9 @@ class RobotdGroup(click.Group):
     def main(self, *args: Any, **options: Any) -> Any:
         try:
             return super().main(*args, **options)
+        except OSError as error:  # of the output of --help or --version
+            _report(error, debug=False)
+            sys.exit(ExitCode.FAILED)
         finally:
             _drop_unwritable_output()
 
@@ -120,7 +125,9 @@ def _report(error: Exception, *, debug: bool) -> None:
     if debug:
         click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
     text = str(error)
-    if not isinstance(error, RobotdError):
+    if isinstance(error, OSError) and error.errno in UNWRITABLE and error.filename is None:
+        text = f"the output cannot be written: {error.strerror}"
+    elif not isinstance(error, RobotdError):
         text = f"internal error: {type(error).__name__}: {error}"
         if not debug:
             text += "\nplease report it, with the output of --log-level debug"

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -211,6 +212,15 @@ def test_the_listed_summaries_are_those_of_the_commands() -> None:
         assert command is not None
         assert command.name == name
         assert (command.help or "").splitlines()[0] == summary
+
+
+@pytest.mark.parametrize("words", [["nodes"], ["--help"]])
+def test_output_on_a_full_disk_is_no_internal_error(words: list[str]) -> None:
+    with Path("/dev/full").open("wb") as full:
+        command = [sys.executable, "-m", "robotd", *words]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == "robotd: error: the output cannot be written: No space left on device\n"
 
 
 def test_a_closed_pipe_ends_a_command_quietly() -> None:
