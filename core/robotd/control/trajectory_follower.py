@@ -217,7 +217,7 @@ class TrajectoryFollower:
         moving = bool(self._recent) and not self._recent[-1].done and self._recent[-1].on_path
         seconds = (2.0 if moving else 1.0) * REPLAN_S
         tolerance = self.limits.start_tolerance(self.settings)
-        step_s = float((tolerance / self.limits.velocity).min())
+        step_s = float((tolerance / self.limits.velocity).min(initial=seconds))
         times_s = np.linspace(0.0, seconds, int(np.ceil(seconds / step_s)) + 1)
         path = np.tile(self._motion.command(), (len(times_s), 1))
         for execution in self._recent:

@@ -10,6 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
+from robotd.errors import unknown_name
 from robotd.motion.digits import distinct
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.rejection import reject, reject_joints
@@ -184,7 +185,7 @@ def _check_names(given: tuple[str, ...], names: tuple[str, ...]) -> None:
         raise reject_joints("the trajectory names no joints")
     for name in given:
         if name not in names:
-            raise reject_joints(f"unknown joint '{name}'; the joints are {', '.join(names)}")
+            raise reject_joints(unknown_name("joint", name, names))
         if given.count(name) > 1:
             raise reject_joints(f"joint '{name}' is given {given.count(name)} times")
 

@@ -41,7 +41,7 @@ def named(*names: str) -> TrajectoryRequest:
         (named(), "the trajectory names no joints"),
         (
             named("joint1", "joint2", "elbow"),
-            "unknown joint 'elbow'; the joints are joint1, joint2, joint3",
+            "unknown joint 'elbow' (available: joint1, joint2, joint3)",
         ),
         (named("joint1", "joint2", "joint2"), "joint 'joint2' is given 2 times"),
     ],

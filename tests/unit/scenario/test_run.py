@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from tests.unit.scenario.harness import MOVE, robot, run
 
+from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.group_settings import GroupSettings
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import load_backend
@@ -73,6 +74,11 @@ def test_what_is_not_as_expected_fails_and_ends_the_run(step: Any, failure: str)
     assert len(result.failures) == 1
     assert failure in result.failures[0]
     assert result.simulated_s < 10.0
+
+
+def test_a_move_of_a_robot_without_joints_is_rejected() -> None:
+    result = run(MOVE, descriptor=load_robot_descriptor("baymax"))
+    assert "got rejected: unknown joint 'joint1' (available: none)" in result.failures[0]
 
 
 def test_a_repeated_program_ends_with_its_first_failure() -> None:
