@@ -126,3 +126,5 @@ def test_scan_and_sdo(drives: DrivesProcess) -> None:
     assert "'CiA 402 servo drive'" in read.output
     written = runner.invoke(main, ["canopen", "sdo", "write", *bus, "3", "0x6081", "0", "1234"])
     assert "1234" in written.output
+    negative = runner.invoke(main, ["canopen", "sdo", "write", *bus, "3", "0x607C", "0", "-5"])
+    assert "0xFFFFFFFB" in negative.output

@@ -68,7 +68,7 @@ def read(interface: str, channel: str, bitrate: int, node: int, index: int, sub:
         click.echo(object_text(client.upload(index, sub)))
 
 
-@sdo.command("write")
+@sdo.command("write", context_settings={"ignore_unknown_options": True})  # -5 is a value
 @_bus_options
 @click.argument("node", type=click.IntRange(1, 127))
 @click.argument("index", type=NUMBER)

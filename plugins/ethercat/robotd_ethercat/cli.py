@@ -93,7 +93,7 @@ def read(interface: str, slave: int, index: int, sub: int) -> None:
         click.echo(object_text(slave_of(bus, slave).upload(index, sub)))
 
 
-@sdo.command("write")
+@sdo.command("write", context_settings={"ignore_unknown_options": True})  # -5 is a value
 @_bus_option
 @click.argument("slave", type=SLAVE)
 @click.argument("index", type=NUMBER)

@@ -78,6 +78,7 @@ def test_objects_are_read_and_written(bus: FakeBus) -> None:
     assert "3000" in run("sdo", "read", "0", "0x6072")
     assert "500" in run("sdo", "write", "1", "0x6072", "0", "500")
     assert bus.all[1].values[0x6072, 0] == 500
+    assert "0xFFFFFFFB" in run("sdo", "write", "1", "0x607A", "0", "-5")
 
 
 def test_a_value_that_does_not_fit_is_not_written(bus: FakeBus) -> None:
