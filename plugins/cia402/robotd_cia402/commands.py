@@ -50,6 +50,9 @@ class Commands:
                 self._recover()
                 return
             deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
+            if not self._wait(lambda: not axis.report.powered, timeout_s):
+                text = f"the last servo-off has not ended within {timeout_s:g} s, {self._status()}"
+                raise self._error(DeviceTimeout, text)
             axis.mode.clear_bits()
             axis.power.lost = ""
             axis.mode.requested = self._rest_mode()

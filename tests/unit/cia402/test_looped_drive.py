@@ -499,6 +499,18 @@ def test_a_servo_that_stays_on_is_logged(on: LoopedDrive) -> None:
     assert "the servo did not go off within 0.5 s" in lines[-1]["reason"]
 
 
+def test_servo_on_waits_for_the_end_of_a_servo_off(on: LoopedDrive) -> None:
+    on.faults.statusword = 0x0637  # operation enabled, whatever happens
+    with pytest.raises(DeviceTimeout, match="did not go off"):
+        on.commands.disable(0.1)
+    with pytest.raises(DeviceTimeout, match="the last servo-off has not ended within"):
+        on.commands.enable(0.1)
+    on.faults.statusword = None
+    on.commands.enable(1.0)
+    on.run(0.1)
+    assert on.image.servo_on[0]
+
+
 def test_a_missing_mode_names_the_option() -> None:
     looped = LoopedDrive()
     looped.objects.dictionary[SUPPORTED_MODES, 0] = 1 << 7
