@@ -244,7 +244,7 @@ class JointMotion:
         return source if self._slot.submit(source, None) else None
 
     def _submit_at_rest(self, make: Callable[[int], Source]) -> Source:
-        """Submit a source of claimed axes, again where it took longer than a period to make it."""
+        """Submit a source of claimed axes; again when making it took longer than a period."""
         while True:
             source = make(max(self._slot.next_start_ns, self._clock.now_ns()))
             if self._slot.submit(source, None):
