@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -93,13 +95,20 @@ def test_an_alarm_is_recorded_without_a_request(client: Client, folder: Path) ->
     assert read_recording(path).info.cause.startswith("joint3: amplifier alarm")
 
 
-def test_record_stops_the_recording_when_its_terminal_is_lost(tmp_path: Path) -> None:
-    with RobotProcess("--record-dir", str(tmp_path)) as process:
+@contextmanager
+def being_recorded(folder: Path) -> Iterator[tuple[RobotProcess, subprocess.Popen[str]]]:
+    """A robot, and ``robotd record`` that records it into ``folder``."""
+    with RobotProcess("--record-dir", str(folder)) as process:
         process.wait_ready()
         with started(process.domain, "record") as record:
-            wait_until(lambda: size_of(tmp_path.iterdir()) > SOME_BYTES, "a recording")
-            record.send_signal(signal.SIGHUP)
-            output, error = record.communicate(timeout=WAIT_S)
+            wait_until(lambda: size_of(folder.iterdir()) > SOME_BYTES, "a recording")
+            yield process, record
+
+
+def test_record_stops_the_recording_when_its_terminal_is_lost(tmp_path: Path) -> None:
+    with being_recorded(tmp_path) as (_, record):
+        record.send_signal(signal.SIGHUP)
+        output, error = record.communicate(timeout=WAIT_S)
         assert record.returncode == ExitCode.OK, error
         (path,) = tmp_path.glob("*-record.mcap")
         assert str(path) in output
@@ -107,12 +116,9 @@ def test_record_stops_the_recording_when_its_terminal_is_lost(tmp_path: Path) ->
 
 
 def test_record_ends_when_the_robot_has_gone(tmp_path: Path) -> None:
-    with RobotProcess("--record-dir", str(tmp_path)) as process:
-        process.wait_ready()
-        with started(process.domain, "record") as record:
-            wait_until(lambda: size_of(tmp_path.iterdir()) > SOME_BYTES, "a recording")
-            process.end(signal.SIGTERM)
-            _, error = record.communicate(timeout=WAIT_S)
+    with being_recorded(tmp_path) as (process, record):
+        process.end(signal.SIGTERM)
+        _, error = record.communicate(timeout=WAIT_S)
     assert record.returncode == ExitCode.DEVICE
     assert "the robot has gone: the recording ends with it" in error
 
