@@ -27,7 +27,7 @@ _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
 
 class RosClient:
-    """ROS node that calls services and waits for messages: ``with RosClient() as client:``.
+    """ROS node that calls services and waits for messages, from ``start`` to ``close``.
 
     Signal handlers are left alone: Ctrl-C raises KeyboardInterrupt out of a wait.
 
@@ -77,13 +77,6 @@ class RosClient:
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def wait(self, condition: Callable[[], Any], what: str, timeout_s: float | None = None) -> Any:
         """Return the first true result of ``condition``, called after every event.
