@@ -23,7 +23,7 @@ from robotd.device.drivers import (
     IoDriver,
 )
 from robotd.device.fault_injector import FaultInjector
-from robotd.device.object_text import object_text
+from robotd.device.object_text import object_bytes, object_text
 from robotd.device.process_image import ProcessImage
 from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
@@ -113,6 +113,7 @@ __all__ = [
     "get_logger",
     "hookimpl",
     "load_robot_descriptor",
+    "object_bytes",
     "object_text",
     "profile_to_position",
     "profile_to_rest",

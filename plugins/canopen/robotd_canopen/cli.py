@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from robotd_cia402.number_argument import NUMBER, little_endian
+from robotd_cia402.number_argument import NUMBER
 
 # Only click is imported at module level: other commands must not load python-can.
 
@@ -86,12 +86,12 @@ def write(
     size: int | None,
 ) -> None:
     """Write VALUE to object INDEX:SUB of NODE, and print the value read back."""
-    from robotd.api import object_text
+    from robotd.api import object_bytes, object_text
     from robotd_canopen.bus_scan import sdo_of
 
     with sdo_of(interface, channel, bitrate, node) as client:
         length = size or len(client.upload(index, sub))
-        client.download(index, sub, little_endian(value, length))
+        client.download(index, sub, object_bytes(value, length))
         click.echo(object_text(client.upload(index, sub)))
 
 

@@ -20,13 +20,3 @@ class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 
 
 
 NUMBER = _Number()
-
-
-def little_endian(value: int, size: int) -> bytes:
-    """Return ``size`` bytes of ``value``, signed or not. Raises InvalidArgument."""
-    from robotd.api import InvalidArgument
-
-    limit = 1 << 8 * size
-    if not -limit // 2 <= value < limit:
-        raise InvalidArgument(f"value {value} does not fit in {size} byte{'s' * (size != 1)}")
-    return (value % limit).to_bytes(size, "little")

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from robotd_cia402.number_argument import NUMBER, little_endian
+from robotd_cia402.number_argument import NUMBER
 from robotd_ethercat.simulate_command import simulate
 
 # No more is imported at module level: other commands must not load pysoem.
@@ -102,13 +102,13 @@ def read(interface: str, slave: int, index: int, sub: int) -> None:
 @click.option("--size", type=click.IntRange(1, 8), help="Bytes; by default as long as it reads.")
 def write(interface: str, slave: int, index: int, sub: int, value: int, size: int | None) -> None:
     """Write VALUE to object INDEX:SUB of SLAVE, and print the value read back."""
-    from robotd.api import object_text
+    from robotd.api import object_bytes, object_text
     from robotd_ethercat.bus_scan import open_bus, slave_of
 
     with open_bus(interface) as bus:
         access = slave_of(bus, slave)
         length = size or len(access.upload(index, sub))
-        access.download(index, sub, little_endian(value, length))
+        access.download(index, sub, object_bytes(value, length))
         click.echo(object_text(access.upload(index, sub)))
 
 

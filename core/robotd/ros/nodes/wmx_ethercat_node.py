@@ -15,7 +15,7 @@ from wmx_ros2_message.srv import (
     EcatStartHotconnect,
 )
 
-from robotd.device.object_text import object_text
+from robotd.device.object_text import object_bytes, object_text
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
@@ -68,7 +68,9 @@ class WmxEthercatNode(Node):
         numbers = whole_numbers(fields, (*OBJECT, "value"), {"master_id": 0, "size": 0})
         where = address(numbers)
         size = numbers["size"] or len(self._fieldbus.read_object(*where))
-        self._fieldbus.write_object(*where, little_endian(numbers["value"], size))
+        if not 1 <= size <= MAX_SIZE:
+            raise InvalidArgument(f"size {size} is outside 1..{MAX_SIZE} bytes")
+        self._fieldbus.write_object(*where, object_bytes(numbers["value"], size))
         return object_text(self._fieldbus.read_object(*where))
 
 
@@ -87,13 +89,3 @@ def whole_numbers(
 def address(numbers: Mapping[str, int]) -> tuple[int, int, int, int]:
     """Return bus, node, index and subindex of a request."""
     return numbers["master_id"], numbers["slave_id"], numbers["index"], numbers["subindex"]
-
-
-def little_endian(value: int, size: int) -> bytes:
-    """Return ``size`` bytes of ``value``, signed or not. Raises InvalidArgument."""
-    if not 1 <= size <= MAX_SIZE:
-        raise InvalidArgument(f"size {size} is outside 1..{MAX_SIZE} bytes")
-    limit = 1 << 8 * size
-    if not -limit // 2 <= value < limit:
-        raise InvalidArgument(f"value {value} does not fit in {size} bytes")
-    return (value % limit).to_bytes(size, "little")
