@@ -203,8 +203,8 @@ def run(
 ) -> Verdict:
     """Stall a CR3A on ``backend``.
 
-    "sim": its motors are in the stalled process; "canopen": drives in this process; "wmx": the
-    stand-in's engine process.
+    "sim": its motors are in the stalled process; "canopen", "ethercat": drives in this
+    process; "wmx": the stand-in's engine process.
     """
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         robot_file, environment = "cr3a", dict(os.environ)
@@ -213,6 +213,11 @@ def run(
             from tools.endurance.stalled_drives import drives
 
             robot_file, recorder = stack.enter_context(drives(Path(folder)))
+            motors = recorder.arrays
+        elif backend == "ethercat":
+            from tools.endurance.stalled_slaves import slaves
+
+            robot_file, recorder = stack.enter_context(slaves(Path(folder)))
             motors = recorder.arrays
         elif backend == "wmx":
             from tools.endurance.stalled_engine import engine
@@ -233,7 +238,7 @@ def run(
 @click.command()
 @click.option(
     "--backend",
-    type=click.Choice(["sim", "canopen", "wmx"]),
+    type=click.Choice(["sim", "canopen", "ethercat", "wmx"]),
     default="sim",
     show_default=True,
     help="wmx: needs `make -C plugins/wmx tools`.",

@@ -6,7 +6,7 @@ from robotd.api import NANOSECONDS, Clock
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
 from robotd_canopen.nmt import NmtState
-from robotd_cia402.sync_timing import HOLD_PERIODS, SyncTiming
+from robotd_cia402.sync_timing import SyncTiming
 
 _SYNC, _HEARTBEAT = 0x080, 0x700
 
@@ -41,7 +41,7 @@ class SyncProducer:
     @property
     def after_rest(self) -> bool:
         """The last SYNC came so late that the drives had come to rest before it."""
-        return self.periods >= HOLD_PERIODS
+        return self._timing.after_rest
 
     @property
     def time_ns(self) -> int:

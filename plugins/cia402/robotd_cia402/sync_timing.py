@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-HOLD_PERIODS = 2  # without an event until a drive holds: on its way to the setpoint, and one more
+_HOLD_PERIODS = 2  # without an event until a drive holds: on its way to the setpoint, and one more
 _EARLY = 2  # half a period before the next nominal time it is an event of its own
 _EASE = 256  # events over which the nominal times adapt to events that are all late
 _CLEAR = (
@@ -18,10 +18,12 @@ class SyncTiming:
 
     Attributes:
         time_ns: nominal time of the last event; 0 before the first.
+        after_rest: receivers that hold had come to rest before it.
     """
 
     def __init__(self, period_ns: int, time_ns: int = 0) -> None:
         self.period_ns, self.time_ns = period_ns, time_ns
+        self.after_rest = False
 
     def begin(self, now_ns: int = 0) -> None:
         """Restart at ``now_ns``; 0: at the next event."""
@@ -47,8 +49,7 @@ class SyncTiming:
     def periods_at(self, now_ns: int) -> int:
         """Return for how many periods an event at ``now_ns`` would count, 1 at first.
 
-        0: it comes close behind a late one. From ``HOLD_PERIODS`` on, receivers that hold have
-        come to rest before it.
+        0: it comes close behind a late one.
         """
         elapsed_ns = now_ns - self.time_ns
         if not self.time_ns:
@@ -64,4 +65,5 @@ class SyncTiming:
             self.time_ns = now_ns - late_ns + late_ns // _EASE
         elif periods:
             self.time_ns = now_ns  # the first, or earlier than nominal: the others were late
+        self.after_rest = periods >= _HOLD_PERIODS
         return periods

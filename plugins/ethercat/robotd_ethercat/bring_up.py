@@ -210,7 +210,7 @@ class BringUp:
         period_ns = round(self._plan.period_s * NANOSECONDS)
         due_ns = self._clock.now_ns()
         for _ in range(_EXCHANGED_PERIODS):
-            self._exchange.run_once(self._clock.now_ns())
+            self._exchange.run_once()
             due_ns += period_ns
             self._clock.sleep_until_ns(due_ns)
 

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from robotd.api import Clock
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.io_image import IoImage
 from robotd_ethercat.slave import Slave
 from robotd_ethercat.slave_image import SlaveImage
 from robotd_ethercat.soem import NO_FRAME, SlaveState, Soem
 
-_LIVE_TIMEOUT_US = 100  # the frame was sent a period ago: it is here, or it is lost
+_LIVE_TIMEOUT_US = 100  # the frame was seen to be here, or was sent a period ago and is lost
 _FIRST_TIMEOUT_US = 2000
 _SUSPECT_FRAMES = 16  # after a lost one; SOEM numbers its frames from 0 to 15
 _LRW_OUTPUTS, _LRW_INPUTS = 2, 1  # working counter of a slave in one LRW datagram
@@ -36,29 +37,27 @@ class Counters:
 class Exchange:
     """Process data of all slaves. Control loop; a worker while the bus is brought up.
 
-    A frame is sent at the end of a period and received at the beginning of the next one: it is
-    waiting then, so that the control loop does not wait for it.
-
     Attributes:
         frames: frames sent.
         good_frames: frames that came back from every slave that is online.
         bad_in_row: frames in a row, lost or incomplete.
         in_flight: a frame was sent and not received yet.
+        suspect: number of frames from now on that may be late ones, after a loss.
         sent_ns: monotonic time at which the last frame was sent; the inputs are of that time.
         needed: working counter of the slaves that are online, and of those in Op that are not in
             the descriptor.
         working_counter: of the last frame; -1 if it did not come back.
     """
 
-    def __init__(self, bus: Soem, slaves: Sequence[Slave], io: IoImage) -> None:
+    def __init__(self, bus: Soem, slaves: Sequence[Slave], io: IoImage, clock: Clock) -> None:
         self.frames = self.good_frames = self.bad_in_row = self.sent_ns = 0
         self.needed = 0
         self.working_counter = NO_FRAME
         self.counters = Counters()
-        self._bus, self._slaves, self._io = bus, slaves, io
+        self._bus, self._slaves, self._io, self._clock = bus, slaves, io, clock
         self._drives: list[tuple[SlaveImage, Any]] = []
         self.in_flight = False
-        self._suspect = 0  # frames from now on that may be late ones
+        self.suspect = 0
 
     def begin(self) -> None:
         """Worker: the slaves are configured; send outputs of all, receive from all."""
@@ -91,13 +90,16 @@ class Exchange:
         )
         self.needed = others + sum(slave.counter for slave in self._slaves if slave.online)
 
-    def send(self, now_ns: int) -> None:
-        """Encode and send the outputs of all slaves."""
+    def send(self) -> None:
+        """Encode and send the outputs of all slaves.
+
+        The time is taken right before: a process may be stopped while it encodes.
+        """
         for image, raw in self._drives:
             raw.output = image.pack()
         self._io.pack()
+        self.sent_ns, self.in_flight = self._clock.now_ns(), True
         self._bus.send()
-        self.sent_ns, self.in_flight = now_ns, True
         self.frames += 1
         self.counters.sent += 1
 
@@ -108,9 +110,9 @@ class Exchange:
         """
         self.in_flight = False
         counter = self._bus.receive(timeout_us, release_gil=self.bad_in_row > 0)
-        if self._suspect and self._bus.drop_late_frames():
+        if self.suspect and self._bus.drop_late_frames():
             counter = NO_FRAME  # with others behind it: it may be an old one of the same number
-        self._suspect = _SUSPECT_FRAMES if counter <= 0 else max(0, self._suspect - 1)
+        self.suspect = _SUSPECT_FRAMES if counter <= 0 else max(0, self.suspect - 1)
         self.working_counter = counter
         if counter < self.needed or counter <= 0:
             self.bad_in_row += 1
@@ -127,9 +129,9 @@ class Exchange:
         self.good_frames += 1
         return True
 
-    def run_once(self, now_ns: int) -> bool:
+    def run_once(self) -> bool:
         """Worker: one frame there and back, while no control loop exchanges."""
-        self.send(now_ns)
+        self.send()
         return self.receive(_FIRST_TIMEOUT_US)
 
 

@@ -19,7 +19,7 @@ from robotd_cia402.axis import Axis
 from robotd_cia402.emcy import EmergencyLog
 from robotd_cia402.scaling import Scaling
 from robotd_cia402.stream_timeout import StreamTimeout
-from robotd_cia402.sync_timing import HOLD_PERIODS, SyncTiming
+from robotd_cia402.sync_timing import SyncTiming
 from robotd_ethercat.bring_up import BringUp
 from robotd_ethercat.clocks import ClockObserver
 from robotd_ethercat.exchange import Exchange
@@ -33,7 +33,7 @@ from robotd_ethercat.supervision import Supervision
 
 _PROBE = 16  # while no frame comes back, one is sent in each n-th period
 _SETTLE_PERIODS = 10
-_LATE_TIMEOUT_US = 1000
+_AWAIT_SHARE = 0.25  # of a period, for the frame to come back
 _BRING_UP_FRAME_S = 0.05  # for one frame; patient, for nothing moves
 _LIVE_FRAME_S = 0.002  # while the control loop runs: a call may hold the interpreter lock so long
 
@@ -56,7 +56,7 @@ class Master:
         self.slaves = self._make_slaves(robot)
         self.io = IoImage(list(self.slaves.values()))
         slaves = list(self.slaves.values())
-        self.exchange = Exchange(bus, slaves, self.io)
+        self.exchange = Exchange(bus, slaves, self.io, clock)
         drives = self._make_axes(robot)
         self.drives = [(axis, slave) for axis, _, slave in drives]
         self.axes = [axis for axis, _ in self.drives]
@@ -70,6 +70,7 @@ class Master:
         )
         self.bring_up = BringUp(plan, bus, slaves, drives, self.exchange, clock)
         self._period_ns = round(plan.period_s * NANOSECONDS)
+        self._await_s = _AWAIT_SHARE * plan.period_s
         shift_ns = round(self.options.sync0_shift_s * NANOSECONDS)
         self.observer = ClockObserver(self._period_ns, shift_ns)
         self.jitter_ns = 0
@@ -138,7 +139,7 @@ class Master:
             self.bring_up.stop()
 
     def read(self, image: ProcessImage) -> None:
-        """Control loop: receive the frame of the last period, supervise, fill the image.
+        """Control loop: exchange the frame of this period, supervise, fill the image.
 
         A lost slave is no error here: its axes are offline in ``image``, with the reason.
         """
@@ -149,43 +150,34 @@ class Master:
                 image.offline[:] = True
 
     def _read(self, image: ProcessImage) -> None:
-        now_ns = self.clock.now_ns()
         self._cycles += 1
-        if self.supervision.is_dead and self._cycles % _PROBE:
-            self._observe(image)
-            return
-        if self._receive():
-            image.fresh_ns = self._timing.time_ns
-        else:
-            self.supervision.note_bad_frame()
+        if not self.supervision.is_dead or self._cycles % _PROBE == 0:
+            self._exchange_frame(image)
         streaming = (slave.name for axis, slave in self.drives if axis.activity.streaming)
-        if problem := self._stream.problem(now_ns, streaming):
+        if problem := self._stream.problem(self.clock.now_ns(), streaming):
             self.supervision.stop(problem)
-        self._observe(image)
-        if not any(axis.activity.streaming for axis in self.axes):
-            self._transmit()
+        for axis in self.axes:
+            axis.observe(image)
 
     def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
-        """Control loop: send setpoints to the axes that stream, due at ``due_ns``.
+        """Control loop: take setpoints for the axes that stream; the next frame carries them.
 
-        Raises LateSetpoint when they are from before a stall in which the drives have come to
-        rest: they would move by the way of one period, and stop again.
+        Raises LateSetpoint when they are from before a stall, and the frame of this period came
+        after it: they would move drives that have come to rest by the way of one period, and stop
+        them again.
         """
         now_ns = self._stream.restart()
-        if now_ns > due_ns and self._timing.periods_at(now_ns) >= HOLD_PERIODS:
+        if self._timing.after_rest and now_ns > due_ns:
             raise LateSetpoint
         for axis in self.axes:
             if axis.activity.streaming:
                 axis.follow(position[axis.number], velocity[axis.number])
-        self._transmit_once()
 
     def stream_torque(self, torque: Sequence[float]) -> None:
-        """Control loop: torques; another group's ``stream`` sends them where it runs."""
+        """Control loop: take torques; the next frame carries them."""
         self._stream.restart()
         for axis in self.axes:
             axis.follow_torque(torque[axis.number])
-        if all(axis.mode.requested.is_torque or not axis.activity.streaming for axis in self.axes):
-            self._transmit_once()
 
     def begin_stream(self) -> None:
         """Start the time-out of the stream."""
@@ -201,23 +193,25 @@ class Master:
             lambda: self._cycles > seen + 2, _SETTLE_PERIODS * period_s, self.clock, period_s / 4
         )
 
-    def _receive(self) -> bool:
-        """Receive the frame in flight; without one, after a stall, send and await one."""
-        if self.exchange.in_flight:
-            complete = self.exchange.receive()
-        else:
-            self._transmit()
-            complete = self.exchange.receive(_LATE_TIMEOUT_US)
-        if complete and self.bring_up.clocks:
-            self.observer.observe(self.bus.bus_time_ns, self.exchange.sent_ns)
-        return complete
+    def _exchange_frame(self, image: ProcessImage) -> None:
+        """Send the frame of this period first, so that it is punctual, and await it.
 
-    def _transmit_once(self) -> None:
-        """Send the frame of this period, unless it is under way or communication has ended."""
-        with self._live:
-            live = self._state is ConnectionState.COMMUNICATING
-            if live and not self.exchange.in_flight:
-                self._transmit()
+        One that is not back in time is received in the next period, and lost if it is not there.
+        After a loss each has that long: what comes back first may be a late one.
+        """
+        if self.exchange.in_flight:
+            self._receive(image)
+        self._transmit()
+        if not self.exchange.suspect and self.bus.await_process_data(self._await_s):
+            self._receive(image)
+
+    def _receive(self, image: ProcessImage) -> None:
+        if not self.exchange.receive():
+            self.supervision.note_bad_frame()
+            return
+        image.fresh_ns = self._timing.time_ns
+        if self.bring_up.clocks:
+            self.observer.observe(self.bus.bus_time_ns, self.exchange.sent_ns)
 
     def _transmit(self) -> None:
         """Compute the outputs of all axes and send the frame of this period.
@@ -225,22 +219,15 @@ class Master:
         After a stall it waits for up to a fifth of a period, for a time at which the drives count
         the missed periods as this master does: their profiles have advanced by as many.
         """
-        now_ns = self.clock.now_ns()
-        clear_ns = self._timing.clear_ns(now_ns)
-        if clear_ns > now_ns:
-            self.clock.sleep_until_ns(clear_ns)
-            now_ns = self.clock.now_ns()
-        if self.exchange.sent_ns and self._timing.time_ns:
-            deviation_ns = abs(now_ns - self.exchange.sent_ns - self._period_ns)
-            self.jitter_ns = max(self.jitter_ns, deviation_ns)
-        periods = self._timing.note_event(now_ns)
+        self.clock.sleep_until_ns(self._timing.clear_ns(self.clock.now_ns()))
+        periods, before_ns = self._timing.periods_at(self.clock.now_ns()), self.exchange.sent_ns
         for axis in self.axes:
             axis.transmit(self.plan.period_s, periods)
-        self.exchange.send(now_ns)
-
-    def _observe(self, image: ProcessImage) -> None:
-        for axis in self.axes:
-            axis.observe(image)
+        self.exchange.send()
+        sent_ns = self.exchange.sent_ns
+        if before_ns and self._timing.time_ns:
+            self.jitter_ns = max(self.jitter_ns, abs(sent_ns - before_ns - self._period_ns))
+        self._timing.note_event(sent_ns)
 
     def _leave(self, state: ConnectionState) -> None:
         with self._live:  # the control loop is in no exchange from now on

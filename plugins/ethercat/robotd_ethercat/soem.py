@@ -8,6 +8,7 @@ brought up.
 from __future__ import annotations
 
 import os
+import select
 import socket
 import stat
 import struct
@@ -32,6 +33,9 @@ _FRAME_TIMEOUT_US = 2000  # of SOEM
 _SERIAL_WORD = 0x000E  # of the SII (ETG.1000.6)
 _AL_STATUS, _AL_LAYOUT = 0x0130, struct.Struct("<H2xH")  # register, and status code behind it
 _AL_BITS = 0x3F  # of the register that have a meaning: state, error, identification
+
+_COMMAND = 16  # offset of the first datagram's command in an Ethernet frame
+_LOGICAL = (10, 11, 12)  # LRD, LWR, LRW: commands of process data (ETG.1000.4, table 8)
 
 Opener = Callable[[Callable[[], None]], None]
 
@@ -181,6 +185,20 @@ class Soem:
     def receive(self, timeout_us: int, *, release_gil: bool) -> int:
         """Receive the frames sent last; return the working counter, ``NO_FRAME`` without them."""
         return int(self._master.receive_processdata(timeout_us, release_gil=release_gil))
+
+    def await_process_data(self, timeout_s: float) -> bool:
+        """Wait until process data have come back; False: not in time, or behind other answers.
+
+        ``receive`` gives a frame up that is not there yet.
+        """
+        end_s = time.monotonic() + timeout_s
+        for one in self._sockets:
+            left_s = max(0.0, end_s - time.monotonic())
+            if not select.select([one], [], [], left_s)[0]:
+                return False
+            if one.recv(_COMMAND + 1, socket.MSG_PEEK)[_COMMAND] not in _LOGICAL:
+                return False
+        return True
 
     def drop_late_frames(self) -> bool:
         """Discard frames that wait in the sockets; return True if there were any.

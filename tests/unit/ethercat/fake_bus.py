@@ -103,6 +103,7 @@ class FakeBus:
     Attributes:
         all: the slaves on the cable; ``slaves``: those found by the last scan.
         lost_frames: frames that are lost from now on.
+        slow_frames: frames that come back too late for their own period, from now on.
         late_frames: frames that wait behind the next one.
         answers_late: AL states are read as if no slave had answered.
         misread: slave → wrong AL state that is read next, once.
@@ -115,7 +116,7 @@ class FakeBus:
         self.all = [self._drive(number) for number in range(drives)]
         self.all += [FakeSlave(f"io{number}") for number in range(modules)]
         self.slaves: Sequence[FakeSlave] = ()
-        self.lost_frames = self.late_frames = 0
+        self.lost_frames = self.late_frames = self.slow_frames = 0
         self.answers_late = False
         self.misread: dict[int, SlaveState] = {}
         self.frame_timeout_s = 0.0
@@ -227,6 +228,10 @@ class FakeBus:
             if slave.drive is not None:
                 slave.drive.sample(0.002)
         self._counter = sum(slave.exchange() for slave in self._reachable()) or NO_FRAME
+
+    def await_process_data(self, timeout_s: float) -> bool:
+        slow, self.slow_frames = self.slow_frames > 0, max(0, self.slow_frames - 1)
+        return self._counter != NO_FRAME and not slow
 
     def receive(self, timeout_us: int, *, release_gil: bool) -> int:
         counter, self._counter = self._counter, None

@@ -99,7 +99,7 @@ def test_one_wrong_answer_loses_no_slave(harness: Harness) -> None:
 def test_no_answer_loses_no_slave_when_one_frame_was_incomplete(harness: Harness) -> None:
     """A computer that stalls after that frame gets no answers in time."""
     harness.slave(1).state = AlState.SAFE_OP
-    harness.robot.step(2)  # the frame before is received one period later
+    harness.robot.step(1)
     harness.slave(1).state = AlState.OP
     harness.bus.answers_late = True
     assert harness.master.exchange.bad_in_row == 1

@@ -76,10 +76,23 @@ def test_streaming_axes_stop_without_setpoints(harness: Harness) -> None:
     assert "no setpoint for 0.1 s" in harness.master.supervision.faults[-1]
 
 
-def test_the_image_is_one_period_old(harness: Harness) -> None:
+def test_the_image_is_of_the_frame_of_this_period(harness: Harness) -> None:
     harness.robot.step(3)
-    age_ns = harness.image.stamp_ns - harness.image.fresh_ns
-    assert 0 < age_ns <= 2_000_000
+    assert harness.image.fresh_ns == harness.master.exchange.sent_ns == harness.image.stamp_ns
+
+
+def test_a_frame_that_is_not_back_in_time_is_received_in_the_next_period(harness: Harness) -> None:
+    harness.robot.step(3)
+    before_ns = harness.image.fresh_ns
+    harness.bus.slow_frames = 1
+    harness.robot.step(1)
+    assert harness.image.fresh_ns == before_ns
+    harness.bus.slow_frames = 1
+    harness.robot.step(1)
+    assert harness.image.fresh_ns == before_ns + PERIOD_NS
+    harness.robot.step(1)
+    assert harness.image.fresh_ns == harness.image.stamp_ns
+    assert harness.master.exchange.counters.lost == 0
 
 
 class Periods:
@@ -90,16 +103,27 @@ class Periods:
         harness.robot.axes._driver.begin_stream([0, 1])
         harness.clock.detach()
         self.due_ns = self.clock.now_ns() + PERIOD_NS
+        self.position = 0.0
         for _ in range(5):
             self.run()
 
     def run(self, *, before_read_ns: int = 0, after_read_ns: int = 0) -> None:
         """One period from its nominal time on; the process is stopped before or after ``read``."""
-        self.clock._now_ns = self.due_ns + before_read_ns
+        self.clock._now_ns = max(self.clock.now_ns(), self.due_ns) + before_read_ns
         self.due_ns += PERIOD_NS
         self.master.read(self.harness.image)
         self.clock._now_ns += after_read_ns
-        self.master.stream([0.0, 0.0], [0.0, 0.0], self.due_ns)
+        self.position += 0.001
+        self.master.stream([self.position] * 2, [0.5] * 2, self.due_ns)
+
+    def notice_stall(self) -> None:
+        """Go on now, as the control loop does when deadlines have passed."""
+        self.due_ns = self.clock.now_ns()
+
+    @property
+    def sent(self) -> float:
+        """Position in the frame that was sent last."""
+        return self.harness.slave(0).values[0x607A, 0] / COUNTS_PER_RAD
 
 
 @pytest.fixture
@@ -107,19 +131,51 @@ def periods(harness: Harness) -> Periods:
     return Periods(harness)
 
 
-@pytest.mark.parametrize("when", ["before_read_ns", "after_read_ns"])
-def test_a_setpoint_after_a_stall_is_not_sent(periods: Periods, when: str) -> None:
-    sent = periods.master.exchange.frames
+def test_a_setpoint_leaves_with_the_next_frame(periods: Periods) -> None:
+    streamed = periods.position
+    periods.run()
+    assert periods.sent == pytest.approx(streamed)
+
+
+def test_a_setpoint_from_before_a_stall_is_where_the_drives_are(periods: Periods) -> None:
+    """They have continued for one period after the frame before it."""
+    periods.run(after_read_ns=30_000_000)
+    streamed = periods.position
+    periods.notice_stall()
+    periods.run()
+    assert periods.sent == pytest.approx(streamed)
+
+
+def test_a_setpoint_is_not_sent_after_a_frame_that_came_after_a_stall(periods: Periods) -> None:
+    """The drives have stopped; the control loop has not noticed the stall yet."""
     with pytest.raises(LateSetpoint):
-        periods.run(**{when: 30_000_000})
-    assert periods.master.exchange.frames == sent
+        periods.run(before_read_ns=30_000_000)
+    held = periods.sent
+    periods.notice_stall()
+    periods.run()
+    assert periods.sent == pytest.approx(held)
+
+
+def test_a_stall_while_the_frame_is_encoded_is_seen(
+    periods: Periods, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    io = periods.master.io
+    pack = io.pack
+
+    def slow_pack() -> None:
+        pack()
+        periods.clock._now_ns += 30_000_000
+
+    monkeypatch.setattr(io, "pack", slow_pack)
+    with pytest.raises(LateSetpoint):
+        periods.run()
 
 
 def test_the_drives_count_from_the_nominal_time_of_the_frame_before(periods: Periods) -> None:
     """It was sent late, so that less than two periods lie between the two."""
-    periods.run(after_read_ns=PERIOD_NS * 4 // 10)
+    periods.run(before_read_ns=PERIOD_NS * 4 // 10)
     with pytest.raises(LateSetpoint):
-        periods.run(after_read_ns=PERIOD_NS * 13 // 10)
+        periods.run(before_read_ns=PERIOD_NS * 12 // 10)
 
 
 def test_a_late_frame_waits_until_its_periods_are_counted_alike(periods: Periods) -> None:
