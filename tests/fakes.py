@@ -143,7 +143,7 @@ class FakeAxes(Recorder, AxisDriver):
             if isinstance(value, np.ndarray):
                 getattr(image, name)[:] = value
         image.reason[:] = self.image.reason
-        image.fresh_ns = self.image.fresh_ns
+        image.fresh_ns, image.shift_ns = self.image.fresh_ns, self.image.shift_ns
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         streaming = self.image.operation == Operation.STREAM

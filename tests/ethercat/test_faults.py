@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from tests.ethercat.robot import EthercatRobot, started
 
@@ -121,3 +122,22 @@ def test_no_late_frame_is_taken_for_a_new_one_after_a_pause_of_the_bus(
     good = master.exchange.good_frames
     robot.until(lambda: master.exchange.good_frames > good + 40)
     robot.until(lambda: age_ns() < before_ns + 3 * period_ns, 1.0)
+
+
+def test_frames_keep_their_phase_while_the_reference_clock_drifts(robot: EthercatRobot) -> None:
+    """200 ppm move the phase by a period in 20 s; the control loop follows."""
+    master, phases_ns = robot.master, list[int]()
+    period_ns = round(master.plan.period_s * 1e9)
+
+    def in_the_middle() -> bool:
+        """Of the last 500 frames, most: a frame may be late by chance."""
+        off_ns = np.abs(np.array(phases_ns[-500:]) - period_ns // 2)
+        return len(off_ns) == 500 and bool(np.median(off_ns) < period_ns / 8)
+
+    robot.robot.control_loop.every(
+        1e9 / period_ns, "phase", lambda _: phases_ns.append(master.observer.phase_ns)
+    )
+    robot.inject("0 drift 200")
+    robot.until(lambda: len(phases_ns) > 2000)
+    assert in_the_middle()
+    assert master.observer.drift_ppm == pytest.approx(200, abs=100)

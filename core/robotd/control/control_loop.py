@@ -82,7 +82,7 @@ class ControlLoop:
             skips_start=not mixer.extrapolates,
             imminent=not self._simulated,
         )
-        self._reader = ImageReader(driver, image, stale_after_s, self._deadlines.nominal)
+        self._reader = ImageReader(driver, image, stale_after_s, self._deadlines)
         self._realtime_priority = realtime_priority
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None

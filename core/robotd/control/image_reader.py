@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from robotd.clock import NANOSECONDS
+from robotd.control.period_deadlines import PeriodDeadlines
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
@@ -20,7 +19,7 @@ class ImageReader:
         driver: of the axes.
         image: the live process image.
         stale_after_s: age of values that are not trusted any more.
-        nominal: returns the nominal time of the period that began at a deadline.
+        deadlines: of the control loop; a driver may shift the next one.
 
     Attributes:
         failure: reason of the last read that failed; None: it succeeded.
@@ -31,10 +30,10 @@ class ImageReader:
         driver: AxisDriver,
         image: ProcessImage,
         stale_after_s: float,
-        nominal: Callable[[int], int],
+        deadlines: PeriodDeadlines,
     ) -> None:
         self.failure: str | None = None
-        self._driver, self._image, self._nominal = driver, image, nominal
+        self._driver, self._image, self._deadlines = driver, image, deadlines
         self._stale_after_ns = round(stale_after_s * NANOSECONDS)
         self._since_ns = 0  # first read of this communication
 
@@ -48,7 +47,10 @@ class ImageReader:
         image.begin_write()
         try:
             self._driver.read(image)
-            image.stamp_ns = nominal_ns = self._nominal(time_ns)
+            image.stamp_ns = nominal_ns = self._deadlines.nominal(time_ns)
+            if image.shift_ns:
+                self._deadlines.shift(image.shift_ns)
+                image.shift_ns = 0
             self.failure = None
         except Exception as error:
             expected = isinstance(error, RobotdError)
@@ -56,7 +58,7 @@ class ImageReader:
                 log.error("reading the process image failed", reason=str(error))
                 log.debug("traceback of the failed read", exc_info=error)
             self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
-            nominal_ns = self._nominal(time_ns)
+            nominal_ns = self._deadlines.nominal(time_ns)
         finally:
             image.end_write()
         self._since_ns = self._since_ns or nominal_ns

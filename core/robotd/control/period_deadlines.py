@@ -8,6 +8,7 @@ from robotd.clock import Clock
 from robotd.control.loop_statistics import LoopStatistics
 
 AHEAD_NS = 120_000  # other threads begin no work in this time before a period
+MAX_SHIFT = 100  # the period divided by it is the largest shift
 WAITS, WAIT_S = 6, 5e-5  # in fact 0.1 ms each: wake-up latency of the system
 
 
@@ -44,6 +45,8 @@ class PeriodDeadlines:
         self.start_ns = 0
         self._deadline_ns = 0  # of the current period
         self._nominal_ns = 0  # its nominal time; 0: not fixed yet
+        self._shift_ns = 0  # of the next deadline
+        self._max_shift_ns = period_ns // MAX_SHIFT
 
     def begin(self, deadline_ns: int) -> tuple[int, bool]:
         """Return the deadline of the next period from ``deadline_ns`` on, and whether it is due.
@@ -66,11 +69,16 @@ class PeriodDeadlines:
         self._nominal_ns = time_ns + missed * self._period_ns
         return self._nominal_ns
 
+    def shift(self, shift_ns: int) -> None:
+        """Shift the next deadline by ``shift_ns``, at most 1 % of a period."""
+        self._shift_ns = max(-self._max_shift_ns, min(shift_ns, self._max_shift_ns))
+
     def end(self) -> int:
         """Record the current period; return the next deadline."""
         self._stats.record(self._late_ns, self.start_ns, self._clock.now_ns())
-        self._late_ns = 0
-        return (self._nominal_ns or self.nominal(self._deadline_ns)) + self._period_ns
+        shift_ns, self._shift_ns, self._late_ns = self._shift_ns, 0, 0
+        nominal_ns = self._nominal_ns or self.nominal(self._deadline_ns)
+        return nominal_ns + self._period_ns + shift_ns
 
     def _overrun(self, time_ns: int) -> int:
         """Count the deadlines from ``time_ns`` on that have passed by more than half a period."""

@@ -182,7 +182,8 @@ class AxisDriver(ABC):
         """Fill every array of ``image`` in place, and ``fresh_ns``. Control-loop thread.
 
         Without new values leave ``fresh_ns`` as it is. Values that the device does not measure
-        are NaN (``torque``, for example).
+        are NaN (``torque``, for example). Where the device has a clock that the control loop is to
+        follow, ``shift_ns`` moves the next period.
         """
 
     @abstractmethod

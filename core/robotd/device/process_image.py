@@ -64,6 +64,9 @@ class ProcessImage:
             ``set_controller_alarm``; 0 and "" without one.
         stamp_ns: monotonic time of the last ``read``; 0 before the first.
         fresh_ns: monotonic time at which the device last received live values; 0 if never.
+        shift_ns: by how much the next period begins later, or earlier where it is negative; written
+            by a driver whose device has a clock that the control loop is to follow. 1 % of the
+            period at most is applied, once.
     """
 
     position_command: FloatArray
@@ -87,6 +90,7 @@ class ProcessImage:
         self.axes = axes
         self.stamp_ns = 0
         self.fresh_ns = 0
+        self.shift_ns = 0
         room = np.zeros(1, [("header", "<i8", HEADER_NUMBERS), ("blocks", image_type(axes))])
         self.frame = room.view(np.uint8).data
         self.header = self.frame[: 8 * HEADER_NUMBERS].cast("q")

@@ -24,6 +24,7 @@ from robotd_ethercat.bring_up import BringUp
 from robotd_ethercat.clocks import ClockObserver
 from robotd_ethercat.exchange import Exchange
 from robotd_ethercat.io_image import IoImage
+from robotd_ethercat.options import Clocks
 from robotd_ethercat.plan import BusPlan
 from robotd_ethercat.slave import Slave
 from robotd_ethercat.slave_objects import SlaveObjects
@@ -212,6 +213,8 @@ class Master:
         image.fresh_ns = self._timing.time_ns
         if self.bring_up.clocks:
             self.observer.observe(self.bus.bus_time_ns, self.exchange.sent_ns)
+            if self.options.clocks is Clocks.SYNC0:
+                image.shift_ns = self.observer.shift_ns
 
     def _transmit(self) -> None:
         """Compute the outputs of all axes and send the frame of this period.

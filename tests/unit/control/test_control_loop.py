@@ -355,6 +355,18 @@ def test_a_late_period_of_a_device_that_extrapolates_begins_at_once(harness: Har
     assert (report.cycles, report.missed) == (1, 2)
 
 
+@pytest.mark.parametrize(("asked", "applied"), [(700, 700), (-700, -700), (10**9, 20_000)])
+def test_a_driver_shifts_the_next_period_once(harness: Harness, asked: int, applied: int) -> None:
+    deadline_ns = harness.clock.now_ns()
+    harness.driver.image.fresh_ns = deadline_ns
+    harness.driver.image.shift_ns = asked
+    next_ns = harness.control_loop.period(deadline_ns)
+    assert next_ns == deadline_ns + PERIOD_NS + applied
+    harness.driver.image.shift_ns = 0
+    harness.clock.sleep_until_ns(next_ns)
+    assert harness.control_loop.period(next_ns) == next_ns + PERIOD_NS
+
+
 def test_deadlines_are_not_made_up_for_without_communication(harness: Harness) -> None:
     harness.device.current = ConnectionState.RUNNING
     deadline_ns = harness.clock.now_ns()

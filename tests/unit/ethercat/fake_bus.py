@@ -103,6 +103,7 @@ class FakeBus:
     Attributes:
         all: the slaves on the cable; ``slaves``: those found by the last scan.
         lost_frames: frames that are lost from now on.
+        bus_drift: of the bus time against the clock, relative.
         slow_frames: frames that come back too late for their own period, from now on.
         late_frames: frames that wait behind the next one.
         answers_late: AL states are read as if no slave had answered.
@@ -118,6 +119,7 @@ class FakeBus:
         self.slaves: Sequence[FakeSlave] = ()
         self.lost_frames = self.late_frames = self.slow_frames = 0
         self.answers_late = False
+        self.bus_drift = 0.0
         self.misread: dict[int, SlaveState] = {}
         self.frame_timeout_s = 0.0
         self.interfaces: list[str] = []
@@ -216,7 +218,7 @@ class FakeBus:
 
     @property
     def bus_time_ns(self) -> int:
-        return self._clock.now_ns() * 10 // 9
+        return round(self._clock.now_ns() * (1 + self.bus_drift))
 
     def send(self) -> None:
         if self.lost_frames > 0:

@@ -149,14 +149,28 @@ def test_a_value_too_large_for_its_object_is_rejected(monkeypatch: pytest.Monkey
 
 def test_sync0_runs_with_the_period_of_the_robot(harness: Harness) -> None:
     assert harness.bus.sync0 == {0: (2_000_000, 0, True), 1: (2_000_000, 0, True)}
-    harness.robot.step(1200)
-    assert harness.master.observer.drift_ppm == pytest.approx(1e6 / 9, rel=0.02)
+
+
+@pytest.mark.parametrize("drift", [200e-6, -200e-6])
+def test_the_control_loop_follows_the_reference_clock(harness: Harness, drift: float) -> None:
+    """Frames stay in the middle between two SYNC0, however the clocks drift."""
+    harness.bus.bus_drift = drift
+    harness.master.observer.begin()
+    harness.robot.step(600)
+    phases_ns = []
+    for _ in range(1200):
+        harness.robot.step(1)
+        phases_ns.append(harness.master.observer.phase_ns)
+    assert phases_ns == pytest.approx([1_000_000] * 1200, abs=3000)
+    assert harness.master.observer.drift_ppm == pytest.approx(drift * 1e6, rel=0.02)
 
 
 def test_without_clocks_no_sync0_is_active(monkeypatch: pytest.MonkeyPatch) -> None:
     harness = Harness(monkeypatch, clocks="off")
     harness.robot.start()
     assert not any(active for _, _, active in harness.bus.sync0.values())
+    harness.robot.step(100)
+    assert (harness.image.stamp_ns - harness.clock.now_ns()) % 2_000_000 == 0  # nothing is shifted
     harness.robot.shutdown()
 
 

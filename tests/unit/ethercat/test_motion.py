@@ -83,13 +83,12 @@ def test_the_image_is_of_the_frame_of_this_period(harness: Harness) -> None:
 
 def test_a_frame_that_is_not_back_in_time_is_received_in_the_next_period(harness: Harness) -> None:
     harness.robot.step(3)
-    before_ns = harness.image.fresh_ns
-    harness.bus.slow_frames = 1
-    harness.robot.step(1)
-    assert harness.image.fresh_ns == before_ns
-    harness.bus.slow_frames = 1
-    harness.robot.step(1)
-    assert harness.image.fresh_ns == before_ns + PERIOD_NS
+    before_ns = harness.image.stamp_ns
+    for _ in range(2):
+        harness.bus.slow_frames = 1
+        harness.robot.step(1)
+        assert harness.image.fresh_ns == before_ns
+        before_ns = harness.image.stamp_ns
     harness.robot.step(1)
     assert harness.image.fresh_ns == harness.image.stamp_ns
     assert harness.master.exchange.counters.lost == 0
