@@ -7,21 +7,19 @@ brought up.
 
 from __future__ import annotations
 
-import os
 import select
 import socket
-import stat
 import struct
 import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from robotd.api import ConnectError, DeviceTimeout, OperationError, PluginError
 from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_ethercat.al_status import ERROR_FLAG, AlState, al_state
+from robotd_ethercat.network_interface import prepared, problem_of, raw_sockets
 
 INSTALL = "pip install 'robotd[ethercat]' (docs/how-to/ethercat.md)"
 NO_FRAME = -1  # working counter of a frame that did not come back
@@ -77,15 +75,22 @@ class Soem:
         master = self._pysoem.Master()
         master.manual_state_change = 1
         master.sdo_read_timeout = master.sdo_write_timeout = self._sdo_timeout_us
-        others = _raw_sockets()
+        interfaces = [name for name in (interface, redundant_interface) if name is not None]
+        others = raw_sockets()
+
+        def connect() -> None:
+            if reason := problem_of(interfaces):
+                raise ConnectError(message, {f"ethercat → {interface}": reason})
+            master.open(interface, redundant_interface)
+
+        message = "the network interface cannot be opened"
         try:
-            self._opener(lambda: master.open(interface, redundant_interface))
+            self._opener(connect)
         except ConnectionError as error:
-            reason = _open_problem((interface, redundant_interface))
-            path = f"ethercat → {interface}"
-            raise ConnectError("the network interface cannot be opened", {path: reason}) from error
+            reason = "SOEM cannot open a raw socket on it; `robotd ethercat doctor` shows more"
+            raise ConnectError(message, {f"ethercat → {interface}": reason}) from error
         self._master = master
-        self._sockets = [_prepared(descriptor) for descriptor in _raw_sockets() - others]
+        self._sockets = [prepared(descriptor) for descriptor in raw_sockets() - others]
 
     def set_frame_timeout(self, seconds: float) -> None:
         """Set SOEM's time-out of a frame, except for those of process data."""
@@ -93,10 +98,11 @@ class Soem:
         self._pysoem.settings.timeouts.ret = self._frame_timeout_us
 
     def close(self) -> None:
-        """Close the sockets. Twice is not an error."""
-        master, self._master, self.slaves = self._master, None, ()
-        if master is not None:
-            master.close()
+        """Close the sockets, after a mailbox transfer that runs. Twice is not an error."""
+        with self._mailbox:  # SOEM would go on with a descriptor that may be another file's by then
+            master, self._master, self.slaves = self._master, None, ()
+            if master is not None:
+                master.close()
         while self._sockets:
             self._sockets.pop().close()
 
@@ -124,7 +130,7 @@ class Soem:
         what its buffer holds, process data for example, whatever the working counter says.
         """
         try:
-            data = self.slaves[slave]._fprd(_AL_STATUS, _AL_LAYOUT.size, self._frame_timeout_us)  # noqa: SLF001 - as read_register
+            data = self._slave(slave)._fprd(_AL_STATUS, _AL_LAYOUT.size, self._frame_timeout_us)  # noqa: SLF001 - as read_register
         except self._pysoem.WkcError:
             return NO_ANSWER
         register, code = _AL_LAYOUT.unpack(data)
@@ -241,12 +247,12 @@ class Soem:
 
     def read_register(self, slave: int, address: int, size: int) -> bytes:
         """Read registers of a slave controller. Raises DeviceTimeout."""
-        one = self.slaves[slave]
+        one = self._slave(slave)
         return bytes(self._register(address, lambda wait_us: one._fprd(address, size, wait_us)))  # noqa: SLF001 - the library has no public name for it
 
     def write_register(self, slave: int, address: int, data: bytes) -> None:
         """Write registers of a slave controller. Raises DeviceTimeout."""
-        one = self.slaves[slave]
+        one = self._slave(slave)
         self._register(address, lambda wait_us: one._fpwr(address, data, wait_us))  # noqa: SLF001 - as read_register
 
     def read_sii(self, slave: int, word: int) -> int:
@@ -255,8 +261,14 @@ class Soem:
 
     def identity(self, slave: int) -> tuple[int, int, int, int]:
         """Return vendor, product, revision and serial of the SII."""
-        one = self.slaves[slave]
+        one = self._slave(slave)
         return one.man, one.id, one.rev, self.read_sii(slave, _SERIAL_WORD)
+
+    def _slave(self, number: int) -> Any:
+        """Return a slave of SOEM. Raises OperationError after ``close``."""
+        if number >= len(self.slaves):
+            raise OperationError(f"slave {number} is not there: the bus is closed")
+        return self.slaves[number]
 
     def _register(self, address: int, action: Callable[[int], Any]) -> Any:
         for left in reversed(range(_TRIES)):
@@ -271,7 +283,7 @@ class Soem:
         with self._mailbox:
             for _ in range(_TRIES):
                 try:
-                    return action(self.slaves[slave])
+                    return action(self._slave(slave))
                 except library.SdoError as error:
                     raise SdoAbort(self._text(error), error.abort_code & 0xFFFFFFFF) from error
                 except (library.MailboxError, library.PacketError) as error:
@@ -307,48 +319,5 @@ def _library() -> Any:
     return pysoem
 
 
-def _raw_sockets() -> set[int]:
-    """Return the descriptors of all raw sockets of this process."""
-    found = set()
-    for descriptor in [int(entry.name) for entry in Path("/proc/self/fd").iterdir()]:
-        try:
-            if stat.S_ISSOCK(os.fstat(descriptor).st_mode):
-                with socket.socket(fileno=os.dup(descriptor)) as one:
-                    if one.family == socket.AF_PACKET:
-                        found.add(descriptor)
-        except OSError:  # closed meanwhile
-            continue
-    return found
-
-
-def _prepared(descriptor: int) -> socket.socket:
-    """Make SOEM poll a socket that started programs do not inherit; return a copy.
-
-    It limits each ``recv`` to 1 µs, which the kernel rounds up to its timer tick: a lost frame held
-    up the control loop for 5.8 ms (measured at 250 ticks/s, with a time-out of 0.1 ms). A socket
-    that does not block returns at once, and SOEM repeats until its own time-out.
-    """
-    os.set_inheritable(descriptor, False)
-    copy = socket.socket(fileno=os.dup(descriptor))
-    copy.setblocking(False)
-    return copy
-
-
 def _call(action: Callable[[], None]) -> None:
     action()
-
-
-def _open_problem(interfaces: Sequence[str | None]) -> str:
-    """Return why sockets on ``interfaces`` cannot be opened, and what to do."""
-    known = [name for _, name in socket.if_nameindex()]
-    for name in interfaces:
-        if name is not None and name not in known:
-            return f"there is no interface {name!r} (available: {', '.join(known)})"
-    try:
-        socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()
-    except PermissionError:
-        return (
-            "no permission for raw sockets: run as root, or grant the process CAP_NET_RAW, see"
-            " docs/how-to/ethercat.md"
-        )
-    return "SOEM cannot open a raw socket on it; `robotd ethercat doctor` shows more"

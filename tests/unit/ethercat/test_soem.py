@@ -126,14 +126,15 @@ def test_an_interface_that_does_not_exist_is_named_with_the_others() -> None:
 
 
 def test_without_rights_the_capability_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError
+    made = socket.socket
 
-    def refuse_to_open() -> None:
-        raise ConnectionError
+    def refuse(family: int, kind: int) -> socket.socket:
+        if family == socket.AF_PACKET:
+            raise PermissionError
+        return made(family, kind)
 
     monkeypatch.setattr(socket, "socket", refuse)
-    bus = Soem(0.7, lambda action: refuse_to_open())
+    bus = Soem(0.7)
     with pytest.raises(ConnectError, match="CAP_NET_RAW"):
         bus.open("lo", None)
 
