@@ -79,7 +79,11 @@ class Slave:
         return self._emergencies.active.get(self.number)
 
     def identify(self) -> None:
-        """Read identity and alias and compare them. Raises OperationError with both values."""
+        """Read identity and alias and compare them. Raises OperationError with both values.
+
+        The slave is in Init: errors that it has reported before are not in force any more.
+        """
+        self._emergencies.forget_before(self.number, self._clock.now_ns())
         self.identity = self._bus.identity(self.number)
         self.alias = int.from_bytes(
             self._bus.read_register(self.number, _ALIAS_REGISTER, 2), "little"

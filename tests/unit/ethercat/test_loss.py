@@ -187,3 +187,18 @@ def test_an_emergency_of_a_tripped_drive_is_fetched(harness: Harness) -> None:
     assert harness.image.alarm_code[0] == 0x8611
     status = harness.robot.fieldbus.status(0)
     assert "0x8611" in status.nodes[0].fault
+
+
+def test_an_emergency_from_before_a_power_cycle_is_not_in_force(harness: Harness) -> None:
+    drive = harness.slave(1).drive
+    assert drive is not None
+    drive.trip(0x8611)
+    harness.until(lambda: harness.image.amp_alarm[1])
+    harness.master.supervision._poll_mailbox()
+    assert "0x8611" in harness.robot.fieldbus.status(0).nodes[1].fault
+    harness.slave(1).power_cycle()
+    harness.robot.step(6)
+    harness.master.supervision.check()
+    harness.robot.step(200)
+    harness.robot.recover()
+    assert harness.robot.fieldbus.status(0).nodes[1].fault == ""
