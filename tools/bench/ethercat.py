@@ -94,7 +94,11 @@ def bare(rate_hz: int) -> Figures:
 def exchange(
     master: pysoem.Master, layouts: list[tuple[Any, Any, Any]], rate_hz: int, times: list[int]
 ) -> int:
-    """Receive, decode, encode and send in each period, as robotd does; return the lost frames."""
+    """Receive, send, decode and encode in each period; return the lost frames.
+
+    The frame leaves before the work, so that none is more punctual; unlike robotd, the loop does not
+    wait for its return.
+    """
     lost = 0
     period_ns = 1_000_000_000 // rate_hz
     outputs = [bytes(packed.size) for _, _, packed in layouts]
@@ -104,11 +108,11 @@ def exchange(
         due_ns += period_ns
         time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
         lost += master.receive_processdata(100) <= 0
+        times.append(time.monotonic_ns())
+        master.send_processdata()
         for (raw, unpacked, packed), output in zip(layouts, outputs, strict=True):
             unpacked.unpack(raw.input)
             raw.output = packed.pack(*output)
-        times.append(time.monotonic_ns())
-        master.send_processdata()
     return lost
 
 
