@@ -96,8 +96,8 @@ def exchange(
 ) -> int:
     """Receive, send, decode and encode in each period; return the lost frames.
 
-    The frame leaves before the work, so that none is more punctual; unlike robotd, the loop does not
-    wait for its return.
+    The frame leaves before the work, so that none is more punctual; unlike robotd, the loop does
+    not wait for its return.
     """
     lost = 0
     period_ns = 1_000_000_000 // rate_hz
