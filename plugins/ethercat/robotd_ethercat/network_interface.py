@@ -15,7 +15,7 @@ _REQUEST = struct.Struct("=16sH22x")
 
 
 def problem_of(interfaces: Sequence[str]) -> str:
-    """Return why sockets on ``interfaces`` cannot be used, and what to do; "" if they can."""
+    """Return why ``interfaces`` cannot be used, and what to do; "" if they can."""
     known = [name for _, name in socket.if_nameindex()]
     for name in interfaces:
         if name not in known:
