@@ -72,6 +72,7 @@ class Axis:
         if mode is OperationMode.INTERPOLATED_POSITION and powered:
             word |= _ENABLE_INTERPOLATION
         self.outputs.put(word, mode, self.report.displayed_mode, self.setpoint)
+        self.setpoint.waits = False
 
     def observe(self, image: ProcessImage) -> None:
         """Control loop: act on the drive's report, and write this axis' part of ``image``."""
@@ -165,7 +166,8 @@ class Axis:
         if not self.report.powered:
             setpoint.stand_at(self.report.position)
         elif self.mode.requested.is_cyclic_position and operation is Operation.STOPPING:
-            setpoint.brake(period_s)
+            if not setpoint.waits:  # the path goes to it; the stop begins there
+                setpoint.brake(period_s)
         elif self.mode.requested is OperationMode.CYCLIC_VELOCITY and not self.activity.streaming:
             setpoint.ramp(period_s)
 

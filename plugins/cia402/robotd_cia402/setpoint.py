@@ -12,6 +12,7 @@ class Setpoint:
 
     Attributes:
         position, velocity: setpoint of the next frame; NaN before the first report of the drive.
+        waits: a streamed setpoint has not been sent yet.
         target_velocity: velocity to reach along the ramps.
         target_counts: target of a profile position move, not wrapped.
         torque: setpoint of the cyclic torque mode, N·m or N.
@@ -20,6 +21,7 @@ class Setpoint:
 
     def __init__(self, ramp: float) -> None:
         self.position, self.velocity = math.nan, 0.0
+        self.waits = False
         self.target_velocity = self.torque = 0.0
         self.target_counts = 0
         self.acceleration = self.deceleration = ramp
@@ -30,7 +32,7 @@ class Setpoint:
 
     def follow(self, position: float, velocity: float, *, by_velocity: bool) -> None:
         """Control loop: a streamed setpoint; ``by_velocity``: its position does not count."""
-        self.velocity = velocity
+        self.velocity, self.waits = velocity, True
         if by_velocity:
             self.target_velocity = velocity
         else:

@@ -108,12 +108,16 @@ class Periods:
 
     def run(self, *, before_read_ns: int = 0, after_read_ns: int = 0) -> None:
         """One period from its nominal time on; the process is stopped before or after ``read``."""
-        self.clock._now_ns = max(self.clock.now_ns(), self.due_ns) + before_read_ns
-        self.due_ns += PERIOD_NS
-        self.master.read(self.harness.image)
+        self.read(before_read_ns)
         self.clock._now_ns += after_read_ns
         self.position += 0.001
         self.master.stream([self.position] * 2, [0.5] * 2, self.due_ns)
+
+    def read(self, late_ns: int = 0) -> None:
+        """Begin a period, ``late_ns`` after its nominal time."""
+        self.clock._now_ns = max(self.clock.now_ns(), self.due_ns) + late_ns
+        self.due_ns += PERIOD_NS
+        self.master.read(self.harness.image)
 
     def notice_stall(self) -> None:
         """Go on now, as the control loop does when deadlines have passed."""
@@ -134,6 +138,18 @@ def test_a_setpoint_leaves_with_the_next_frame(periods: Periods) -> None:
     streamed = periods.position
     periods.run()
     assert periods.sent == pytest.approx(streamed)
+
+
+def test_a_stop_begins_after_the_setpoint_that_waits_for_its_frame(periods: Periods) -> None:
+    """The drive would move by the way of two periods in one."""
+    before, streamed = periods.sent, periods.position
+    periods.harness.robot.axes._driver.stop([0, 1])
+    sent = []
+    for _ in range(2):
+        periods.read()
+        sent.append(periods.sent)
+    assert sent[0] == pytest.approx(streamed)
+    assert 0 < sent[1] - sent[0] < sent[0] - before
 
 
 def test_a_setpoint_from_before_a_stall_is_where_the_drives_are(periods: Periods) -> None:
