@@ -40,26 +40,27 @@ class ClockObserver:
         self.drift_ppm = 0.0
         self._bus_ns = self._own_ns = self._window_ns = 0
         self._lowest_ns, self._highest_ns = self._period_ns, 0
+        self._near = False  # a frame has come near the middle
 
     @property
     def shift_ns(self) -> int:
         """Shift of the next period that brings the frames towards the middle between two SYNC0.
 
         In steps whose size does not depend on the distance: a frame that is late by chance counts
-        no more than another. From far away the periods only get shorter: longer ones would look
-        like late frames.
+        no more than another. Until the first frame near it the periods only get shorter: longer
+        ones would look like late frames.
         """
-        ahead_ns = self.phase_ns - self._period_ns // 2
-        if abs(ahead_ns) > self._period_ns // _NEAR:
+        if not self._near:
             return -self._period_ns // _COARSE
         fine_ns = self._period_ns // _FINE
-        return -fine_ns if ahead_ns > 0 else fine_ns
+        return -fine_ns if self.phase_ns > self._period_ns // 2 else fine_ns
 
     def observe(self, bus_ns: int, own_ns: int) -> None:
         """Note the bus time of a frame, sent at the monotonic time ``own_ns``."""
         self.phase_ns = phase_ns = (bus_ns - self._shift_ns) % self._period_ns
         self._lowest_ns = min(self._lowest_ns, phase_ns)
         self._highest_ns = max(self._highest_ns, phase_ns)
+        self._near |= abs(phase_ns - self._period_ns // 2) <= self._period_ns // _NEAR
         if not self._own_ns:
             self._bus_ns, self._own_ns, self._window_ns = bus_ns, own_ns, own_ns
         elif own_ns - self._window_ns >= _WINDOW_NS:

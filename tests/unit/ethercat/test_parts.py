@@ -131,6 +131,18 @@ def test_phase_and_drift_of_the_bus_time() -> None:
     assert 0 <= observer.lowest_ns <= observer.highest_ns < 2_000_000
 
 
+def test_frames_that_are_late_by_chance_do_not_move_the_others_away_from_the_middle() -> None:
+    """Every seventh frame is late by more than an eighth of a period."""
+    period_ns = 2_000_000
+    observer, punctual_ns, phases_ns = ClockObserver(period_ns, 0), period_ns // 4, []
+    for number in range(5000):
+        late_ns = 400_000 if number % 7 == 0 else 0
+        observer.observe(punctual_ns + late_ns, (number + 1) * period_ns)
+        punctual_ns = (punctual_ns + observer.shift_ns) % period_ns
+        phases_ns.append(punctual_ns)
+    assert phases_ns[2000:] == pytest.approx([period_ns // 2] * 3000, abs=20_000)
+
+
 def test_sizes_by_the_sii() -> None:
     """Two PDOs, of which one has no sync manager, behind a category of another kind."""
     words = [*[0] * 0x40, 10, 2, 0x1111, 0x2222]
