@@ -32,8 +32,8 @@ _SERIAL_WORD = 0x000E  # of the SII (ETG.1000.6)
 _AL_STATUS, _AL_LAYOUT = 0x0130, struct.Struct("<H2xH")  # register, and status code behind it
 _AL_BITS = 0x3F  # of the register that have a meaning: state, error, identification
 
-_COMMAND = 16  # offset of the first datagram's command in an Ethernet frame
-_LOGICAL = (10, 11, 12)  # LRD, LWR, LRW: commands of process data (ETG.1000.4, table 8)
+_COMMAND, _INDEX = 16, 17  # offsets in an Ethernet frame: first datagram's command, and its number
+_LOGICAL = {10, 11, 12}  # LRD, LWR, LRW: commands of process data (ETG.1000.4, table 8)
 
 Opener = Callable[[Callable[[], None]], None]
 
@@ -195,16 +195,24 @@ class Soem:
     def await_process_data(self, timeout_s: float) -> bool:
         """Wait until process data have come back; False: not in time, or behind other answers.
 
-        ``receive`` gives a frame up that is not there yet.
+        ``receive`` gives a frame up that is not there yet. With a redundant interface SOEM sends
+        an empty frame of the same number into the other end, and receives both.
         """
         end_s = time.monotonic() + timeout_s
+        commands, numbers = set(), set()
         for one in self._sockets:
             left_s = max(0.0, end_s - time.monotonic())
-            if not select.select([one], [], [], left_s)[0]:
+            try:
+                if not select.select([one], [], [], left_s)[0]:
+                    return False
+                head = one.recv(_INDEX + 1, socket.MSG_PEEK)
+            except (OSError, ValueError):
+                # Another thread's transfer has taken the frame, for SOEM to keep; the interface is
+                # down; or the descriptor is too large for ``select``.
                 return False
-            if one.recv(_COMMAND + 1, socket.MSG_PEEK)[_COMMAND] not in _LOGICAL:
-                return False
-        return True
+            commands.add(head[_COMMAND])
+            numbers.add(head[_INDEX])
+        return not commands.isdisjoint(_LOGICAL) and len(numbers) == 1
 
     def drop_late_frames(self) -> bool:
         """Discard frames that wait in the sockets; return True if there were any.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 import sys
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -143,3 +145,63 @@ def test_without_pysoem_its_installation_is_named(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "pysoem", None)
     with pytest.raises(PluginError, match=r"needs pysoem.*pip install 'robotd\[ethercat\]'"):
         Soem(0.7)
+
+
+LRW, BRD, FPRD = 12, 7, 4
+
+
+def frame(command: int, number: int) -> bytes:
+    return bytes(16) + bytes([command, number]) + bytes(42)
+
+
+@pytest.fixture
+def ends() -> Iterator[list[socket.socket]]:
+    """Of two cables, to which the sockets of ``awaiting`` are connected."""
+    pairs = [socket.socketpair(type=socket.SOCK_DGRAM) for _ in range(2)]
+    yield [one for pair in pairs for one in pair]
+    for one in [one for pair in pairs for one in pair]:
+        one.close()
+
+
+@pytest.mark.parametrize(
+    ("frames", "there"),
+    [
+        ([frame(LRW, 3)], True),
+        ([frame(FPRD, 3)], False),
+        ([b""], False),
+        ([frame(BRD, 3), frame(LRW, 3)], True),  # around the ring, each at the other end
+        ([frame(LRW, 3), frame(BRD, 3)], True),  # back from the cut
+        ([frame(BRD, 4), frame(LRW, 3)], False),  # another thread's
+        ([frame(BRD, 3), frame(FPRD, 3)], False),
+    ],
+)
+def test_process_data_are_awaited(
+    ends: list[socket.socket], frames: list[bytes], there: bool
+) -> None:
+    bus = Soem(0.7)
+    bus._sockets = ends[0 : 2 * len(frames) : 2]
+    for end, data in zip(ends[1::2], frames, strict=False):
+        if data:
+            end.send(data)
+    assert bus.await_process_data(0.001) is there
+
+
+@pytest.mark.parametrize("error", [BlockingIOError(), OSError(errno.ENETDOWN, "down")])
+def test_a_frame_that_is_gone_when_it_is_looked_at_is_received_later(
+    ends: list[socket.socket], error: OSError
+) -> None:
+    """Another thread takes it, or the interface goes down."""
+
+    def fail(*_: object) -> bytes:
+        raise error
+
+    ends[1].send(b"frame")
+    bus = Soem(0.7)
+    bus._sockets = [SimpleNamespace(fileno=ends[0].fileno, recv=fail)]  # type: ignore[list-item]
+    assert not bus.await_process_data(0.001)
+
+
+def test_a_descriptor_that_is_too_large_for_select_ends_no_period() -> None:
+    bus = Soem(0.7)
+    bus._sockets = [SimpleNamespace(fileno=lambda: 1024)]  # type: ignore[list-item]
+    assert not bus.await_process_data(0.001)
