@@ -33,6 +33,7 @@ _AL_STATUS, _AL_LAYOUT = 0x0130, struct.Struct("<H2xH")  # register, and status 
 _AL_BITS = 0x3F  # of the register that have a meaning: state, error, identification
 
 _COMMAND, _INDEX = 16, 17  # offsets in an Ethernet frame: first datagram's command, and its number
+_ONE_FRAME_BYTES = 1466  # of process data; SOEM divides more
 _LOGICAL = {10, 11, 12}  # LRD, LWR, LRW: commands of process data (ETG.1000.4, table 8)
 
 Opener = Callable[[Callable[[], None]], None]
@@ -69,6 +70,7 @@ class Soem:
         self._mailbox = threading.Lock()
         self._master: Any = None
         self._sockets: list[socket.socket] = []
+        self._several_frames = False
 
     def open(self, interface: str, redundant_interface: str | None) -> None:
         """Open the sockets. Raises ConnectError with the reason and what to do."""
@@ -158,6 +160,8 @@ class Soem:
         except self._pysoem.ConfigMapError as error:
             reasons = "; ".join(self._text(one) for one in error.error_list)
             raise OperationError(f"the process data cannot be mapped: {reasons}") from error
+        size = sum(len(slave.output) + len(slave.input) for slave in self.slaves)
+        self._several_frames = size > _ONE_FRAME_BYTES
 
     def find_clocks(self) -> bool:
         """Measure the delays between distributed clocks; False if no slave has one."""
@@ -195,9 +199,12 @@ class Soem:
     def await_process_data(self, timeout_s: float) -> bool:
         """Wait until process data have come back; False: not in time, or behind other answers.
 
-        ``receive`` gives a frame up that is not there yet. With a redundant interface SOEM sends
-        an empty frame of the same number into the other end, and receives both.
+        ``receive`` gives a frame up that is not there yet, so process data of several frames are
+        not awaited: they come back one after the other. With a redundant interface SOEM sends an
+        empty frame of the same number into the other end, and receives both.
         """
+        if self._several_frames:
+            return False
         end_s = time.monotonic() + timeout_s
         commands, numbers = set(), set()
         for one in self._sockets:

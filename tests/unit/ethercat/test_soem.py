@@ -186,6 +186,20 @@ def test_process_data_are_awaited(
     assert bus.await_process_data(0.001) is there
 
 
+@pytest.mark.parametrize(("size", "there"), [(733, True), (734, False)])
+def test_process_data_of_several_frames_are_not_awaited(
+    ends: list[socket.socket], size: int, there: bool
+) -> None:
+    """SOEM would give up those that come after the first."""
+    bus = Soem(0.7)
+    bus._master = SimpleNamespace(config_map=lambda: None)
+    bus.slaves = [SimpleNamespace(output=bytes(size), input=bytes(size))]
+    bus.map()
+    bus._sockets = ends[:1]
+    ends[1].send(frame(LRW, 3))
+    assert bus.await_process_data(0.001) is there
+
+
 @pytest.mark.parametrize("error", [BlockingIOError(), OSError(errno.ENETDOWN, "down")])
 def test_a_frame_that_is_gone_when_it_is_looked_at_is_received_later(
     ends: list[socket.socket], error: OSError
