@@ -222,7 +222,7 @@ class Soem:
         return not commands.isdisjoint(_LOGICAL) and len(numbers) == 1
 
     def drop_late_frames(self) -> bool:
-        """Discard frames that wait in the sockets; return True if there were any.
+        """Discard frames that wait in the sockets; return True if process data were among them.
 
         SOEM numbers its frames from 0 to 15. After a pause of the bus it takes a late frame for a
         later one of the same number, and from then on each frame 16 periods late.
@@ -230,8 +230,8 @@ class Soem:
         found = False
         for one in self._sockets:
             with suppress(OSError):  # nothing waits, or the interface is down
-                while one.recv(1):
-                    found = True
+                while head := one.recv(_COMMAND + 1):
+                    found |= head[_COMMAND] in _LOGICAL
         return found
 
     def upload(self, slave: int, index: int, sub: int) -> bytes:

@@ -200,6 +200,21 @@ def test_process_data_of_several_frames_are_not_awaited(
     assert bus.await_process_data(0.001) is there
 
 
+@pytest.mark.parametrize(("command", "late"), [(LRW, True), (FPRD, False)])
+def test_answers_to_other_threads_make_no_process_data_late(
+    ends: list[socket.socket], command: int, late: bool
+) -> None:
+    """After a loss under SDO traffic, frame after frame counted as lost."""
+    bus = Soem(0.7)
+    bus._sockets = [ends[0]]
+    ends[0].setblocking(False)
+    for number in range(2):
+        ends[1].send(frame(command, number))
+    assert bus.drop_late_frames() is late
+    with pytest.raises(BlockingIOError):
+        ends[0].recv(1)
+
+
 @pytest.mark.parametrize("error", [BlockingIOError(), OSError(errno.ENETDOWN, "down")])
 def test_a_frame_that_is_gone_when_it_is_looked_at_is_received_later(
     ends: list[socket.socket], error: OSError
