@@ -241,9 +241,15 @@ class Robot:
 
     def find_problems(self) -> list[Problem]:
         """Return ``problems`` with their kinds. Any thread."""
+        return [*self._recovery.problems(), *self._stop_problems()]
+
+    def find_motion_problems(self) -> list[Problem]:
+        """Return ``find_problems`` without those of the device itself. Control loop."""
+        return [*self._recovery.axis_problems(), *self._stop_problems()]
+
+    def _stop_problems(self) -> list[Problem]:
         stopped = self.axes.stop_latch.rejection
-        latched = [Problem(ProblemKind.STOPPED, stopped)] if stopped else []
-        return [*self._recovery.problems(), *latched]
+        return [Problem(ProblemKind.STOPPED, stopped)] if stopped else []
 
     def stop(self, reason: str = "by the operator") -> None:
         """Stop all motion on its path; no motion starts until ``reset``. Any worker.

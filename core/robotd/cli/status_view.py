@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.console import Group
+from rich.console import Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:  # it needs rclpy
+    from robotd.ros.client.hindrances import Hindrance
     from robotd.ros.client.live_status import LiveReport
 
 LEVELS = ("green", "yellow", "bold red", "dim")
@@ -18,7 +19,7 @@ BAR_WIDTH = 40
 
 def view(report: LiveReport) -> Group:
     """Return the view of one state."""
-    parts = [_head(report)]
+    parts: list[RenderableType] = [_head(report), *map(_hindrance, report.hindrances)]
     for action, path_s in report.goals_s.items():
         line = Table.grid(padding=(0, 1))
         # Feedback has no duration: the bar moves, and the time on the path is beside it.
@@ -34,10 +35,14 @@ def view(report: LiveReport) -> Group:
 
 def _head(report: LiveReport) -> Table:
     words = {True: ("ready", "bold green"), False: ("not ready", "bold red"), None: ("?", "dim")}
-    text, style = words[report.ready]
+    text, style = ("cannot move", "bold red") if report.hindrances else words[report.ready]
     grid = Table.grid(padding=(0, 1))
     grid.add_row(Text(text, style=style), Text("stop with Ctrl-C", style="dim"))
     return grid
+
+
+def _hindrance(hindrance: Hindrance) -> Text:
+    return Text("; ".join(filter(None, (hindrance.text, hindrance.remedy))), style="yellow")
 
 
 def _axes(report: LiveReport) -> Table:

@@ -54,6 +54,13 @@ def find_problems(
     """
     if not connection.commandable:
         return [_device_problem(connection)]
+    return find_axis_problems(image, names, used)
+
+
+def find_axis_problems(
+    image: ProcessImage, names: Sequence[str], used: Sequence[int]
+) -> list[Problem]:
+    """Return the problems of a device that is ready. Arguments as of ``find_problems``."""
     if image.controller_fault:
         return [Problem(ProblemKind.CONTROLLER, image.controller_fault)]
     return [*_axis_problems(image, names, used)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
-from robotd.control.problem import Problem, find_problems
+from robotd.control.problem import Problem, find_axis_problems, find_problems
 from robotd.device.axes import Axes
 from robotd.device.connection import Connection
 from robotd.device.each_axis import each
@@ -56,6 +56,15 @@ class Recovery:
         """Return the reasons why axes cannot move, root cause first. Any thread."""
         image = self._axes.image.copy()
         return find_problems(self._connection, image, self._axes.names, self._used)
+
+    def axis_problems(self) -> list[Problem]:
+        """Return ``problems`` of the axes, none while the device is not ready. Control loop.
+
+        No driver is asked for a reason.
+        """
+        if not self._connection.commandable:
+            return []
+        return find_axis_problems(self._axes.image, self._axes.names, self._used)
 
     def run(self, report: Report = lambda line: None) -> None:
         """Recover; a worker, seconds where the device needs them.

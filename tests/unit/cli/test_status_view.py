@@ -6,6 +6,7 @@ import math
 from rich.console import Console
 
 from robotd.cli.status_view import view
+from robotd.ros.client.hindrances import read_hindrances
 from robotd.ros.client.live_status import LiveReport, PartReport
 from robotd.ros.client.status_client import AxisReport, ToolReport
 
@@ -48,6 +49,21 @@ def test_axes_and_parts_are_shown_with_their_state() -> None:
     assert first.split()[6:] == ["-0.1000", "rad/s", "-", "+0.25000", "rad"]
     assert second.split()[:4] == ["2", "joint3", "off", "ALARM"]
     assert "amplifier alarm 34321" in text
+
+
+def test_what_keeps_axes_from_moving_is_shown_with_its_remedy() -> None:
+    alarm = read_hindrances("alarm: joint3: amplifier alarm 17 (overload)", 1.0)
+    report = LiveReport(True, (axis(2, alarm=True),), (), {}, hindrances=alarm)
+    assert not report.takes_motion
+    lines = shown(report).splitlines()
+    assert lines[0].startswith("cannot move")
+    assert lines[1].startswith("joint3: amplifier alarm 17 (overload); robotd recover")
+
+
+def test_settings_of_a_client_do_not_forbid_motion() -> None:
+    settings = read_hindrances("servo off: servo off: joint1", 0.0)
+    assert [each.kind for each in settings] == ["servo off", "speed"]
+    assert LiveReport(True, (), (), {}, hindrances=settings).takes_motion
 
 
 def test_a_prismatic_axis_is_in_m_and_n() -> None:

@@ -17,7 +17,7 @@ from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
 if TYPE_CHECKING:  # it needs rclpy
-    from robotd.ros.client.status_client import AxisReport
+    from robotd.ros.client.status_client import AxisReport, RobotReport
 
 REFRESH_HZ = 8
 
@@ -27,7 +27,11 @@ REFRESH_HZ = 8
 @click.option("--watch", is_flag=True, help="Show the state as it changes, until Ctrl-C.")
 @client_options
 def status(*, as_json: bool, watch: bool, timeout_s: float) -> ExitCode:
-    """Show connection, axes and tool pose of the running robot."""
+    """Show connection, axes and tool pose of the running robot.
+
+    The status is 1 when a fault or a stop forbids motion. Servos that are off and a speed of 0 %
+    are shown as what stands in the way of motion; the status stays 0.
+    """
     if watch and as_json:
         raise click.UsageError("--watch and --json exclude each other")
     return _watch(timeout_s) if watch else _status(timeout_s, as_json=as_json)
@@ -40,14 +44,13 @@ def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
     if as_json:
         click.echo(json.dumps(asdict(report), indent=2))
     else:
-        ready = "ready" if report.ready else warning("not ready")
-        click.echo(field("engine", [f"{report.state}, {ready}"]))
+        click.echo(field("engine", [f"{report.state}, {_readiness(report)}"]))
         if report.reason:
             click.echo(field("reason", [report.reason]))
         if report.remedy:
             click.echo(field("remedy", [report.remedy]))
-        if report.stopped:
-            click.echo(field("motion", [warning(f"stopped: {report.stopped}"), "robotd reset"]))
+        for each in report.hindrances:
+            click.echo(field("motion", [*filter(None, (warning(each.text), each.remedy))]))
         if report.speed != 1.0:
             click.echo(field("speed", [f"{100.0 * report.speed:g} %"]))
         if report.owners:
@@ -59,8 +62,14 @@ def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
             click.echo(field("tool", tool.lines))
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
-    takes_motion = report.ready and not (report.reason or report.stopped)
-    return ExitCode.OK if takes_motion else ExitCode.FAILED
+    return ExitCode.OK if report.takes_motion else ExitCode.FAILED
+
+
+def _readiness(report: RobotReport) -> str:
+    """Return the state in words; a robot that cannot move is never "ready"."""
+    if not report.ready:
+        return warning("not ready")
+    return warning("cannot move") if report.hindrances else "ready"
 
 
 def _level(on: bool | None) -> str:
@@ -68,7 +77,7 @@ def _level(on: bool | None) -> str:
 
 
 def _watch(timeout_s: float) -> ExitCode:
-    """Show the state until Ctrl-C; OK if the robot was ready then, else FAILED."""
+    """Show the state until Ctrl-C; OK if the robot took motion commands then, else FAILED."""
     from rich.live import Live
 
     from robotd.cli.status_view import view
@@ -82,7 +91,7 @@ def _watch(timeout_s: float) -> ExitCode:
                     client.spin()
                     report = status.report()
                     screen.update(view(report))
-    return ExitCode.OK if report.ready else ExitCode.FAILED
+    return ExitCode.OK if report.takes_motion else ExitCode.FAILED
 
 
 def _table(axes: Sequence[AxisReport]) -> list[str]:

@@ -11,7 +11,7 @@ from std_msgs.msg import Float64, String
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
-from robotd.ros.client.operator_client import SPEED, STOPPED, motion_hindrance
+from robotd.ros.client.hindrances import SPEED, STOPPED, motion_hindrance
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.client.status_client import (
     AXIS_STATE,

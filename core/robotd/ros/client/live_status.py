@@ -15,6 +15,7 @@ from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
 from robotd.clock import NANOSECONDS
+from robotd.ros.client.hindrances import Hindrance, Hindrances
 from robotd.ros.client.motion_client import action_servers
 from robotd.ros.client.ros_client import Listener, RosClient
 from robotd.ros.client.status_client import (
@@ -50,6 +51,7 @@ class LiveReport:
         parts: engine, axes, fieldbus, control loop.
         goals_s: time that each running goal has got to on its path, seconds, by its action.
         tools: of each joint group; empty while their poses are not known.
+        hindrances: all that keeps axes from moving while the robot is ready.
     """
 
     ready: bool | None
@@ -57,6 +59,12 @@ class LiveReport:
     parts: tuple[PartReport, ...]
     goals_s: Mapping[str, float]
     tools: tuple[ToolReport, ...] = ()
+    hindrances: tuple[Hindrance, ...] = ()
+
+    @property
+    def takes_motion(self) -> bool:
+        """True where the robot is ready, and neither a fault nor a stop forbids motion."""
+        return bool(self.ready) and not any(each.forbids for each in self.hindrances)
 
 
 class GoalProgress:
@@ -90,6 +98,7 @@ class LiveStatus:
         self._axes = listen(AxisState, AXIS_STATE)
         self._diagnostics = listen(DiagnosticArray, "/diagnostics", 10)
         self._tools = listen(TFMessage, TOOL_POSE)
+        self._hindrances = Hindrances(client, stack)
         self._ready.wait()
         feedback = FollowJointTrajectory.Impl.FeedbackMessage
         self._goals = {
@@ -112,7 +121,7 @@ class LiveStatus:
         running = {action: goal.path_s for action, goal in self._goals.items()}
         goals_s = {action: path_s for action, path_s in running.items() if path_s is not None}
         tools = tool_reports(self._tools.newest) if is_ready and self._tools.newest else ()
-        return LiveReport(is_ready, reports, parts, goals_s, tools)
+        return LiveReport(is_ready, reports, parts, goals_s, tools, self._hindrances.newest)
 
 
 @contextmanager

@@ -9,12 +9,11 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
+from robotd.ros.client.hindrances import SPEED, STOPPED, motion_hindrance
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.qos import LATCHED
 
-STOPPED = f"{OPERATOR_NODE}/stopped"
-SPEED = f"{OPERATOR_NODE}/speed"
 IO = f"{OPERATOR_NODE}/io"
 DISCOVERY_S = 1.0
 LEVELS = {"on": True, "off": False}
@@ -67,15 +66,6 @@ def require_motion(client: RosClient) -> None:
             return
         if reason := motion_hindrance(stopped.newest.data, speed.newest.data):
             raise OperationError(reason)
-
-
-def motion_hindrance(stopped: str, speed: float) -> str:
-    """Return why motion is not allowed, and the remedy; "" if it is."""
-    if stopped:
-        return f"motion is stopped: {stopped}; robotd reset allows it again"
-    if speed == 0.0:
-        return "motion is paused or at speed 0 %; robotd resume or robotd speed allows it again"
-    return ""
 
 
 def recover(client: RosClient, on_step: Callable[[str], None]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
@@ -16,14 +16,8 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
-from robotd.ros.client.operator_client import (
-    DISCOVERY_S,
-    IO,
-    SPEED,
-    STOPPED,
-    Levels,
-    read_levels,
-)
+from robotd.ros.client.hindrances import SPEED, STOPPED, Hindrance, Hindrances
+from robotd.ros.client.operator_client import DISCOVERY_S, IO, Levels, read_levels
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.qos import LATCHED
@@ -116,6 +110,7 @@ class RobotReport:
         remedy: the command that helps, "" where none is needed or known.
         speed: of all motion, 0 to 1; 0 while it is paused.
         stopped: why all motion is stopped until a reset; "" while it is allowed.
+        hindrances: all that keeps axes from moving while the engine is ready.
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
         owners: client that moves it, by name of the joint; without those that have no owner.
@@ -130,11 +125,18 @@ class RobotReport:
     remedy: str
     stopped: str
     speed: float
+    hindrances: tuple[Hindrance, ...]
     axes: tuple[AxisReport, ...] | None
     owners: dict[str, str]
     inputs: Levels
     outputs: Levels
     tools: tuple[ToolReport, ...]
+
+    @property
+    def takes_motion(self) -> bool:
+        """True where neither the engine, a fault nor a stop forbids motion."""
+        forbidden = self.reason or self.stopped or any(each.forbids for each in self.hindrances)
+        return self.ready and not forbidden
 
 
 def _owners(text: str) -> dict[str, str]:
@@ -165,6 +167,7 @@ def _tool(message: TransformStamped) -> ToolReport:
 def read_report(client: RosClient) -> RobotReport:
     """Ask the robot. Raises DeviceTimeout when there is none."""
     with (
+        ExitStack() as stack,
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
         client.listen(String, STOPPED, LATCHED) as stopped,
@@ -173,6 +176,7 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(String, IO, LATCHED) as io,
         client.listen(TFMessage, TOOL_POSE) as tools,
     ):
+        hindrances = Hindrances(client, stack)
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
         reason, remedy = _fault(client)
@@ -185,6 +189,7 @@ def read_report(client: RosClient) -> RobotReport:
             remedy,
             stopped.wait().data,
             speed.wait().data,
+            hindrances.wait(),
             reports,
             _owners(owners.wait().data),
             *read_levels(io.wait().data),

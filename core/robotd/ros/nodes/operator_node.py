@@ -7,6 +7,7 @@ from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -24,7 +25,7 @@ from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
 from robotd.ros.qos import LATCHED
 from robotd.ros.services import add_service, add_subscription, named_values
 
-OWNERS_RATE_HZ = 10.0
+STATE_RATE_HZ = 10.0
 
 
 class OperatorNode(Node):
@@ -32,7 +33,7 @@ class OperatorNode(Node):
 
     Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
     ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
-    a line each.
+    a line each, ``~/problems`` what keeps axes from moving.
 
     Args:
         robot: of the operator.
@@ -45,11 +46,12 @@ class OperatorNode(Node):
         self._robot = robot
         self._recovery_lock = threading.Lock()
         self._recovery_lines: list[str] = []
-        self._owners: str | None = None
+        self._shown: dict[Publisher, str] = {}
         self._stopped_topic = self.create_publisher(String, "~/stopped", LATCHED)
         self._speed_topic = self.create_publisher(Float64, "~/speed", LATCHED)
         self._recovery_topic = self.create_publisher(String, "~/recovery", LATCHED)
         self._owners_topic = self.create_publisher(String, "~/owners", LATCHED)
+        self._problems_topic = self.create_publisher(String, "~/problems", LATCHED)
         self._recovery_topic.publish(String())
         for service_type, name, handler, urgent in (
             (Trigger, "stop", self._stop, True),
@@ -64,8 +66,9 @@ class OperatorNode(Node):
         add_subscription(self, host, Float64, "~/set_speed", self._set_speed_by_message, 1)
         robot.axes.stop_latch.on_change(self._publish_stopped)
         robot.axes.speed.on_change(self._publish_speed)
-        rate_hz = min(OWNERS_RATE_HZ, robot.descriptor.cycle.rate_hz)
+        rate_hz = min(STATE_RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "owners", self._publish_owners, first=True)
+        robot.control_loop.every(rate_hz, "problems", self._publish_problems, first=True)
         self._io = NamedIo(self, robot, host)
         if recorder is not None:
             self._recorder = recorder
@@ -133,10 +136,18 @@ class OperatorNode(Node):
         """Publish the owners where they have changed. Control loop."""
         axes = self._robot.axes
         owners = zip(axes.names, map(axes.owner, range(len(axes))), strict=True)
-        text = "\n".join(f"{name}: {owner}" for name, owner in owners if owner)
-        if text != self._owners:
-            self._owners = text
-            publish_if_alive(self._owners_topic, String(data=text))
+        lines = [f"{name}: {owner}" for name, owner in owners if owner]
+        self._publish_change(self._owners_topic, "\n".join(lines))
+
+    def _publish_problems(self, image: ProcessImage) -> None:
+        """Publish what keeps axes from moving where it has changed. Control loop."""
+        lines = [f"{each.kind}: {each.text}" for each in self._robot.find_motion_problems()]
+        self._publish_change(self._problems_topic, "\n".join(lines))
+
+    def _publish_change(self, topic: Publisher, text: str) -> None:
+        if text != self._shown.get(topic):
+            self._shown[topic] = text
+            publish_if_alive(topic, String(data=text))
 
     def _save_snapshot(self, request: Any, response: Any) -> str:
         return str(self._recorder.flight.snapshot("requested by a client"))

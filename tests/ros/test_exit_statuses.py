@@ -1,0 +1,72 @@
+"""Text and exit status of commands for a robot that cannot move."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import pytest
+from std_msgs.msg import Float64, String
+from std_srvs.srv import Trigger
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.test_client_commands import robotd
+
+pytestmark = pytest.mark.ros
+
+ALARM = "joint3: amplifier alarm 8976 (continuous overcurrent)"
+
+
+@pytest.fixture(scope="module")
+def simulated() -> Iterator[RobotProcess]:
+    """An arm whose faults can be injected."""
+    with RobotProcess("--time-scale", "1", backend="sim") as process:
+        process.wait_ready()
+        yield process
+
+
+@pytest.fixture(scope="module")
+def operator(simulated: RobotProcess) -> Iterator[Client]:
+    client = Client(simulated.domain)
+    client.wait_engine()
+    yield client
+    client.close()
+
+
+@pytest.fixture(autouse=True)
+def sound(operator: Client) -> Iterator[None]:
+    """Leave the robot without a fault, a stop or a reduced speed."""
+    yield
+    operator.publisher(Float64, "/robotd/set_speed").publish(Float64(data=1.0))
+    for service in ("recover", "reset", "resume"):
+        assert operator.call(Trigger, f"/robotd/{service}").success
+    problems = operator.listen(String, "/robotd/problems", LATCHED)
+    wait_until(lambda: problems and problems[-1].data == "", "no problem")
+
+
+def test_status_is_1_in_alarm_and_names_it_with_its_remedy(
+    simulated: RobotProcess, operator: Client
+) -> None:
+    problems = operator.listen(String, "/robotd/problems", LATCHED)
+    assert robotd(simulated.domain, "status")[:1] == (0,)
+    assert robotd(simulated.domain, "sim", "inject", "amp_alarm", "axis=2")[0] == 0
+    wait_until(lambda: problems[-1].data == f"alarm: {ALARM}", "the alarm on the topic")
+    code, output, _ = robotd(simulated.domain, "status")
+    assert code == 1
+    assert ", cannot move" in output
+    assert f"motion    {ALARM}\n            robotd recover\n" in output
+    code, output, _ = robotd(simulated.domain, "status", "--json")
+    assert code == 1
+    expected = [{"kind": "alarm", "text": ALARM, "remedy": "robotd recover"}]
+    assert json.loads(output)["hindrances"] == expected
+
+
+def test_a_speed_of_0_and_a_servo_that_is_off_stand_in_the_way_with_status_0(
+    simulated: RobotProcess,
+) -> None:
+    assert robotd(simulated.domain, "speed", "0")[0] == 0
+    assert robotd(simulated.domain, "servo", "off", "joint2")[0] == 0
+    code, output, _ = robotd(simulated.domain, "status")
+    assert code == 0
+    assert ", cannot move" in output
+    assert "motion    servo off: joint2\n            robotd servo on\n" in output
+    assert "motion    motion is paused or at speed 0 %; robotd resume or robotd speed" in output
