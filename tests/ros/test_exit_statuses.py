@@ -70,3 +70,20 @@ def test_a_speed_of_0_and_a_servo_that_is_off_stand_in_the_way_with_status_0(
     assert ", cannot move" in output
     assert "motion    servo off: joint2\n            robotd servo on\n" in output
     assert "motion    motion is paused or at speed 0 %; robotd resume or robotd speed" in output
+
+
+def test_recover_is_1_while_a_stop_stays_in_force(simulated: RobotProcess) -> None:
+    assert robotd(simulated.domain, "stop")[0] == 0
+    assert robotd(simulated.domain, "sim", "inject", "amp_alarm", "axis=2")[0] == 0
+    stopped = "motion is stopped: by a client of the stop service; robotd reset allows it again"
+    code, output, _ = robotd(simulated.domain, "recover")
+    assert code == 1
+    assert output.splitlines()[0] == f"found: {ALARM}"
+    assert output.splitlines()[-1] == stopped
+    sound = f"nothing is wrong: no axis has a fault\n{stopped}\n"
+    assert robotd(simulated.domain, "recover")[:2] == (1, sound)
+    assert robotd(simulated.domain, "reset")[0] == 0
+    assert robotd(simulated.domain, "pause")[0] == 0
+    code, output, _ = robotd(simulated.domain, "recover")
+    assert code == 0
+    assert output.endswith("robotd resume or robotd speed allows it again\n")

@@ -138,5 +138,5 @@ def test_a_recovery_of_a_sound_robot_changes_nothing(client: Client) -> None:
     response = client.call(Trigger, "/robotd/recover")
     assert (response.success, response.message) == (
         True,
-        "nothing is wrong: the robot takes commands",
+        "nothing is wrong: no axis has a fault",
     )

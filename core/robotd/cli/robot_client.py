@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from robotd.cli.exit_codes import Rejected, RosUnavailable
+from robotd.cli.exit_codes import ExitCode, Rejected, RosUnavailable
 from robotd.cli.group import ros_args
 from robotd.cli.options import Command, NumberRange, log_options
 from robotd.cli.preflight import import_ros
@@ -58,15 +58,19 @@ def asks_robot(ask: Command) -> Command:
     """Make a command of a function that asks the running robot.
 
     The function gets a client of the robot beside its arguments, and the command has the options
-    of ``client_options``. What the function returns is printed, unless it is None.
+    of ``client_options``. What the function returns is printed, unless it is None; an ``ExitCode``
+    is the exit status.
     """
 
     @client_options
     @wraps(ask)
-    def command(timeout_s: float, **arguments: Any) -> None:
+    def command(timeout_s: float, **arguments: Any) -> ExitCode:
         with robot_client(timeout_s) as client:
             answer = ask(client, **arguments)
-            if answer is not None:
-                click.echo(answer)
+        if isinstance(answer, ExitCode):
+            return answer
+        if answer is not None:
+            click.echo(answer)
+        return ExitCode.OK
 
     return command

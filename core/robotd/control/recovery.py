@@ -21,7 +21,7 @@ from robotd.log import get_logger
 log = get_logger("recovery")
 
 READY_S = 1.0  # for values to be fresh after communication has started
-NOTHING_WRONG = "nothing is wrong: the robot takes commands"
+NOTHING_WRONG = "nothing is wrong: no axis has a fault"
 
 Report = Callable[[str], None]
 

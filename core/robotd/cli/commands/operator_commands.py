@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from robotd.cli.exit_codes import ExitCode
 from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, asks_robot
@@ -99,13 +100,16 @@ def resume(client: RosClient) -> object:
 
 @click.command("recover", epilog=ROS_EPILOG)
 @asks_robot
-def recover(client: RosClient) -> None:
+def recover(client: RosClient) -> ExitCode:
     """Bring the running robot back after a fault. Nothing moves.
 
     Names the cause, then reconnects, clears alarms, switches the servos of joints and wheels on,
     and verifies that they take commands, as far as needed. Each step is printed as it happens.
+
+    A stop stays in force until 'robotd reset': the status is 1 then, as after a failed step.
     """
-    import_ros("client.operator_client").recover(client, click.echo)
+    allowed = import_ros("client.operator_client").recover(client, click.echo)
+    return ExitCode.OK if allowed else ExitCode.FAILED
 
 
 @click.command("snapshot", epilog=ROS_EPILOG)

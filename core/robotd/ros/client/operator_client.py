@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 
 from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
+from robotd.control.problem import ProblemKind
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
-from robotd.ros.client.hindrances import SPEED, STOPPED, motion_hindrance
+from robotd.ros.client.hindrances import (
+    SPEED,
+    SPEED_KIND,
+    STOPPED,
+    Hindrances,
+    motion_hindrance,
+)
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
 from robotd.ros.qos import LATCHED
@@ -68,15 +76,22 @@ def require_motion(client: RosClient) -> None:
             raise OperationError(reason)
 
 
-def recover(client: RosClient, on_step: Callable[[str], None]) -> None:
+def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
     """Recover the robot; ``on_step`` is called with each step as it is reported.
+
+    Returns False while a stop, or a lifecycle manager, forbids motion after the recovery: the last
+    step names what allows it.
 
     Raises:
         DeviceTimeout: no robot answers, or it has gone in between.
         OperationError: the reason of the step that failed.
     """
     service = client.node.create_client(Trigger, f"{OPERATOR_NODE}/recover")
-    with client.listen(String, f"{OPERATOR_NODE}/recovery", LATCHED) as report:
+    with (
+        ExitStack() as stack,
+        client.listen(String, f"{OPERATOR_NODE}/recovery", LATCHED) as report,
+    ):
+        hindrances = Hindrances(client, stack)
         client.wait(service.service_is_ready, f"service {service.service_name}")
         before = report.wait()  # the report of the last recovery, empty before the first
         answer = service.call_async(Trigger.Request())
@@ -94,6 +109,10 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> None:
         if not response.success:
             raise OperationError(response.message)
         _print_new(response.message, printed, on_step)
+        left = {each.kind: each.text for each in hindrances.wait()}
+        if SPEED_KIND in left:
+            on_step(left[SPEED_KIND])
+        return ProblemKind.STOPPED not in left
 
 
 def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) -> None:
