@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
+
+from robotd.cli.exit_codes import ExitCode
 
 pytestmark = pytest.mark.ros
 
@@ -87,3 +95,30 @@ def test_recover_is_1_while_a_stop_stays_in_force(simulated: RobotProcess) -> No
     code, output, _ = robotd(simulated.domain, "recover")
     assert code == 0
     assert output.endswith("robotd resume or robotd speed allows it again\n")
+
+
+@pytest.mark.parametrize("words", [("move", "joint1=1.5", "--time", "30"), ("jog", "joint1", "1")])
+def test_a_goal_is_canceled_when_its_terminal_is_lost(
+    simulated: RobotProcess, operator: Client, words: tuple[str, ...]
+) -> None:
+    joints = operator.listen(JointState, "/joint_states")
+    begin = operator.next(joints).position[0]
+    environment = {"ROS_DOMAIN_ID": str(simulated.domain)}
+    master, slave = pty.openpty()
+    with subprocess.Popen(
+        ["setsid", "--ctty", sys.executable, "-m", "robotd", *words],
+        env=os.environ | environment,
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+    ) as process:
+        os.close(slave)
+        wait_until(lambda: joints[-1].position[0] > begin + 0.02, "motion")
+        os.close(master)
+        process.send_signal(signal.SIGHUP)  # as the shell does, after the kernel
+        assert process.wait(WAIT_S) == ExitCode.INTERRUPTED
+    operator.next(joints)
+    assert abs(joints[-1].velocity[0]) < 1e-3
+    assert joints[-1].position[0] < begin + 0.9
+    owners = operator.listen(String, "/robotd/owners", LATCHED)
+    wait_until(lambda: owners and owners[-1].data == "", "no owner")

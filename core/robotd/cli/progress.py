@@ -6,6 +6,7 @@ import math
 import shutil
 import sys
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 
 import click
 
@@ -47,14 +48,18 @@ class Progress:
         )
         line = f"{bar(passed_s / self._time_s)} {passed_s:.1f} of {self._time_s:.1f} s  {values}"
         width = shutil.get_terminal_size().columns - 1
-        click.echo(f"{_CLEAR_LINE}{line[:width]}", nl=False, err=True)
+        self._print(f"{_CLEAR_LINE}{line[:width]}")
         self._shown = True
 
     def end(self) -> None:
         """Clear the line."""
         if self._shown:
-            click.echo(_CLEAR_LINE, nl=False, err=True)
+            self._print(_CLEAR_LINE)
             self._shown = False
+
+    def _print(self, text: str) -> None:
+        with suppress(OSError):  # of a lost terminal: the motion still has to be canceled
+            click.echo(text, nl=False, err=True)
 
     def _text(self, joint: str, position: float) -> str:
         is_angle = joint in self._degrees

@@ -59,6 +59,22 @@ def test_the_first_interrupt_is_noted_and_the_second_one_raises() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_a_hangup_that_comes_twice_is_noted_once() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        with Interrupt(hangup=True) as interrupt:
+            for _ in range(2):
+                os.kill(os.getpid(), signal.SIGHUP)
+            assert interrupt.happened
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_DFL
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+        with Interrupt(hangup=True) as interrupt:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not interrupt.happened
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_progress_is_one_line_on_a_terminal_and_nothing_elsewhere(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

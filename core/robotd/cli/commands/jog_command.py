@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from robotd.cli.exit_codes import ExitCode, Rejected
-from robotd.cli.interrupt import Interrupt
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.goal import carry_out, tell
 from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
@@ -45,7 +45,8 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
 def jog(ctx: click.Context, /, *, keys: bool, **options: Any) -> ExitCode:
     """Move one joint of the running arm by an increment, or axes by keys.
 
-    For example: robotd jog joint2 +0.01. The other joints stay where they are. Ctrl-C stops.
+    For example: robotd jog joint2 +0.01. The other joints stay where they are. Ctrl-C, or the
+    loss of the terminal, stops.
 
     robotd jog --keys moves an axis while an arrow key is held, at --speed.
     """
@@ -82,9 +83,8 @@ def _jog(
 ) -> ExitCode:
     """Move ``joint``; INTERRUPTED after Ctrl-C. Raises Rejected with the robot's reason."""
     with robot_client(timeout_s, searches=True) as client:
-        motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
-            arm = motion.find_arm(client, [joint], action)
+            arm = import_ros("client.motion_client").find_arm(client, [joint], action)
         import_ros("client.operator_client").require_motion(client)
         if joint not in arm.positions:
             raise click.BadParameter(unknown_name("joint", joint, arm.positions))
@@ -100,14 +100,8 @@ def _jog(
                 f" {MAX_TIME_S:g} s"
             )
         target = arm.positions[joint] + distance
-        with Interrupt() as interrupt:
-            ending, reason = motion.move(
-                client, arm, {joint: target}, time_s, lambda: interrupt.happened, _no_progress
-            )
-    if ending is motion.Ending.ABORTED:
-        raise Rejected(reason)
-    click.echo(f"{joint}: {target / scale:+.4f} {'°' if turns else unit}; {reason}")
-    return ExitCode.INTERRUPTED if ending is motion.Ending.CANCELED else ExitCode.OK
+        code, reason = carry_out(client, arm, {joint: target}, time_s, _no_progress)
+    return tell(code, f"{joint}: {target / scale:+.4f} {'°' if turns else unit}; {reason}")
 
 
 def _no_progress(time_s: float, positions: object) -> None:

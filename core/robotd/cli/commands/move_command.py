@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import click
 
-from robotd.cli.exit_codes import ExitCode, Rejected
-from robotd.cli.interrupt import Interrupt
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.goal import carry_out, tell
 from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.progress import Progress
@@ -63,13 +63,12 @@ def move(
     """Move joints of the running arm.
 
     For example: robotd move joint1=0.5 joint3=-0.4. Positions are rad, or m for a prismatic joint.
-    Joints that are not named stay where they are, and other joint groups go on. Ctrl-C stops the
-    motion and waits until the arm stands.
+    Joints that are not named stay where they are, and other joint groups go on. Ctrl-C, or
+    the loss of the terminal, stops the motion and waits until the arm stands.
     """
     with robot_client(timeout_s, searches=True) as client:
-        motion = import_ros("client.motion_client")
         with import_ros("client.status_client").reason_of_silence(client):
-            arm = motion.find_arm(client, targets, action)
+            arm = import_ros("client.motion_client").find_arm(client, targets, action)
         import_ros("client.operator_client").require_motion(client)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {
@@ -77,12 +76,6 @@ def move(
             for joint, value in targets.items()
         }
         progress = Progress(tuple(targets), time_s, degrees=turning)
-        with Interrupt() as interrupt:
-            ending, reason = motion.move(
-                client, arm, positions, time_s, lambda: interrupt.happened, progress.show
-            )
+        code, reason = carry_out(client, arm, positions, time_s, progress.show)
         progress.end()
-    if ending is motion.Ending.ABORTED:
-        raise Rejected(reason)
-    click.echo(reason)
-    return ExitCode.INTERRUPTED if ending is motion.Ending.CANCELED else ExitCode.OK
+    return tell(code, reason)
