@@ -7,7 +7,7 @@ import gc
 import os
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -55,6 +55,7 @@ class RobotdGroup(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         first_ros = args.index(ROS_ARGS) if ROS_ARGS in args else len(args)
         args, ctx.meta[ROS_ARGS] = args[:first_ros], args[first_ros:]
+        _reject_empty(ctx, args)
         has_ros_args = bool(ctx.meta[ROS_ARGS])
         if (args and self._is_option_of_run(ctx, args[0])) or (not args and has_ros_args):
             args = [DEFAULT, *args]
@@ -104,6 +105,20 @@ class RobotdGroup(click.Group):
 def ros_args() -> list[str]:
     """Return the arguments from ``--ros-args`` on, as typed; empty without it. In a command."""
     return list(click.get_current_context().meta[ROS_ARGS])
+
+
+def _reject_empty(ctx: click.Context, words: Sequence[str]) -> None:
+    """Fail where a word is empty, as from an unset variable of a shell.
+
+    Commands would take it for one that is not given. What follows ``--`` is left to them.
+    """
+    own = words[: words.index("--")] if "--" in words else words
+    for before, word in zip(("robotd", *own), own, strict=False):
+        name, equals, value = word.partition("=")
+        if not word:
+            ctx.fail(f"the word after {before!r} is empty")
+        if name.startswith("--") and equals and not value:
+            ctx.fail(f"{name!r} has an empty value")
 
 
 def _drop_unwritable_output() -> None:

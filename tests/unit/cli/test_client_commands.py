@@ -39,6 +39,12 @@ Robotd = Callable[..., Result]
         (["speed", "101"], "101.0 is not in the range"),
         (["speed", "nan"], "nan is not a number"),
         (["gripper", "squeeze"], "'squeeze' is not one of 'open', 'close'"),
+        (["move", "joint1=0", "--action", ""], "the word after '--action' is empty"),
+        (["move", "joint1=0", "--action="], "'--action' has an empty value"),
+        (["--robot", "cr3a", "--backend", ""], "the word after '--backend' is empty"),
+        (["explain", ""], "the word after 'explain' is empty"),
+        (["explain", "--", ""], "'' is neither a file nor a number"),
+        (["", "status"], "the word after 'robotd' is empty"),
         (["servo", "on", "-1"], "No such option '-1'"),
     ],
 )

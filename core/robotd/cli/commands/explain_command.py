@@ -31,7 +31,7 @@ def explain(*, target: str, plot: Path | None) -> ExitCode:
     negative code follows two dashes: robotd explain -- -4.
     """
     path = Path(target)
-    if path.suffix == SUFFIX or path.exists():
+    if target and (path.suffix == SUFFIX or path.exists()):
         return _explain_file(path, plot)
     if plot is not None:
         raise click.BadParameter("belongs to a recording, not to a code", param_hint="'--plot'")
