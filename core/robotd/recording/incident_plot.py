@@ -22,7 +22,8 @@ DOTS_PER_INCH = 110
 def plot_incident(recording: Recording, path: Path) -> None:
     """Write a picture of the ten seconds around the root cause; of all without one.
 
-    Raises OperationError: matplotlib is not installed, or the file cannot be written.
+    Raises OperationError: matplotlib is not installed, there is nothing to plot, or the file
+    cannot be written.
     """
     try:
         from matplotlib.figure import Figure
@@ -46,7 +47,9 @@ def plot_incident(recording: Recording, path: Path) -> None:
     figure.suptitle(f"{recording.info.robot} on {recording.info.backend}: {text}")
     try:
         figure.savefig(path, dpi=DOTS_PER_INCH)
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise OperationError(f"{path}: {error.strerror or error}") from error
+    except ValueError as error:  # an ending that stands for no format
         raise OperationError(f"{path}: {error}") from error
 
 

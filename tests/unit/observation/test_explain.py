@@ -74,9 +74,19 @@ def test_the_picture_is_written(fault: Path, tmp_path: Path) -> None:
     result = explain(fault, "--plot", picture)
     assert result.exit_code == 0, result.output
     assert picture.read_bytes().startswith(b"\x89PNG")
-    unwritable = explain(fault, "--plot", tmp_path / "missing" / "fault.png")
-    assert unwritable.exit_code != 0
-    assert "missing/fault.png" in unwritable.output
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("missing/fault.png", "No such file or directory"), ("fault.xyz", "Format 'xyz' is not")],
+)
+def test_a_picture_that_cannot_be_written_is_one_usage_error(
+    fault: Path, tmp_path: Path, name: str, reason: str
+) -> None:
+    result = explain(fault, "--plot", tmp_path / name)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert f"Invalid value for '--plot': {tmp_path / name}: {reason}" in result.stderr
+    assert "Errno" not in result.stderr
 
 
 @pytest.mark.parametrize(

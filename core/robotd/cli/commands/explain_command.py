@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.options import FILE, log_options
+from robotd.errors import OperationError
 from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.own_codes import GOAL_RESULTS
+
+if TYPE_CHECKING:  # it needs NumPy
+    from robotd.recording.recording_reader import Recording
 
 SUFFIX = ".mcap"
 
@@ -44,17 +49,26 @@ def _explain_file(path: Path, plot: Path | None) -> ExitCode:
     from robotd.recording.recording_reader import read_recording
 
     recording = read_recording(path)
+    if plot is not None:
+        _plot(recording, plot)  # first: its error stands alone
     cause = find_incident(recording).cause
     code = cause.data.get("code") if cause else None
     meanings = _meanings(int(code), _tables()) if isinstance(code, int) else []
     for line in lines_of(recording, meanings):
         click.echo(line)
     if plot is not None:
-        from robotd.recording.incident_plot import plot_incident
-
-        plot_incident(recording, plot)
         click.echo(f"\npicture: {plot}")
     return ExitCode.OK
+
+
+def _plot(recording: Recording, path: Path) -> None:
+    """Write the picture. Raises BadParameter when that is not possible."""
+    from robotd.recording.incident_plot import plot_incident
+
+    try:
+        plot_incident(recording, path)
+    except OperationError as error:
+        raise click.BadParameter(str(error), param_hint="'--plot'") from error
 
 
 def _explain_code(word: str) -> ExitCode:
