@@ -2,6 +2,7 @@
 
     RobotdError
     ├── DescriptorError      a robot file is wrong: file, line, key path, what and why
+    ├── RecordingError       a file is no recording of robotd, is damaged, or does not fit
     ├── PluginError          a backend cannot be found, loaded or trusted
     ├── ConnectError         the device or one of its children does not answer while opening
     ├── OperationError       a command failed or was rejected
@@ -94,6 +95,10 @@ class DescriptorError(RobotdError):
         joined = cls("\n".join(lines))
         joined.path, joined.line, joined.key = problems[0].path, problems[0].line, problems[0].key
         return joined
+
+
+class RecordingError(RobotdError):
+    """A file is no recording of robotd, is damaged, or fits no such robot."""
 
 
 class PluginError(RobotdError):

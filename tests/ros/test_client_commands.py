@@ -95,6 +95,7 @@ def test_move_moves_the_named_joints_only(cr3a: RobotProcess, client: Client) ->
             ["move", "joint9=0"],
             "unknown joint 'joint9'; did you mean 'joint6'? (available: joint1, ",
         ),
+        (["jog", "joint9", "0.1"], "unknown joint 'joint9'; did you mean 'joint6'?"),
         (["servo", "on", "7"], "unknown axis '7' (available: joint1, joint2, "),
         (["servo", "on", "jiont2"], "unknown axis 'jiont2'; did you mean 'joint2'?"),
     ],

@@ -11,6 +11,7 @@ from robotd.errors import (
     InvalidArgument,
     OperationError,
     PluginError,
+    RecordingError,
     RobotdError,
 )
 
@@ -29,11 +30,13 @@ class ExitCode(IntEnum):
     OK = 0
     """Stopped in order, or no problem was found."""
     FAILED = 1
-    """The robot rejected or aborted the request, or is not ready; or an internal error."""
+    """The robot rejected or aborted the request, has no such name, or cannot move; or an internal
+    error."""
     USAGE = 2
     """The command line is wrong."""
     CONFIGURATION = 3
-    """The descriptor, a parameter file or a ROS parameter is wrong."""
+    """A descriptor, parameter file, scenario or recording is wrong or missing; or a ROS parameter
+    is wrong."""
     PLUGIN = 4
     """The backend or another plugin is missing or broken."""
     DEVICE = 5
@@ -46,6 +49,7 @@ class ExitCode(IntEnum):
 
 _PHASES: tuple[tuple[type[RobotdError], ExitCode], ...] = (
     (DescriptorError, ExitCode.CONFIGURATION),
+    (RecordingError, ExitCode.CONFIGURATION),
     (InvalidArgument, ExitCode.CONFIGURATION),
     (PluginError, ExitCode.PLUGIN),
     (ConnectError, ExitCode.DEVICE),

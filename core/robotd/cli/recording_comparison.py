@@ -9,7 +9,7 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
 from robotd.cli.layout import columns
-from robotd.errors import OperationError
+from robotd.errors import RecordingError
 from robotd.observation.motion_comparison import Difference, compare
 from robotd.observation.recorded_commands import CommandRepeater
 from robotd.plugin.manager import load_backend
@@ -26,11 +26,11 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
     descriptor = load_robot(robot or info.robot, info.variant or None)
     if descriptor.axes != len(info.axes):
         text = f"{path} has {len(info.axes)} axes, {descriptor.name} has {descriptor.axes}"
-        raise OperationError(text)
+        raise RecordingError(text)
     try:
         repeater = CommandRepeater(recording, descriptor, load_backend("sim"))
     except ValueError as error:
-        raise OperationError(str(error)) from error
+        raise RecordingError(str(error)) from error
     repetition = repeater.run()
     settings = descriptor.trajectory
     tolerances = {"rad": settings.goal_tolerance_rad, "m": settings.goal_tolerance_m}

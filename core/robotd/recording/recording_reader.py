@@ -14,7 +14,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.device.process_image import NUMBERS
-from robotd.errors import RobotdError
+from robotd.errors import RecordingError
 from robotd.events import Event
 from robotd.recording import recording_writer as topics
 from robotd.recording.frame_ring import Frames, frame_type
@@ -26,10 +26,6 @@ from robotd.recording.message_encoders import (
     read_trajectory_message,
 )
 from robotd.recording.recording_writer import INFO, RecordingInfo, templates_of
-
-
-class RecordingError(RobotdError):
-    """A file that is no recording of robotd, or is damaged."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from robotd.clock import NANOSECONDS
+from robotd.errors import RecordingError
 from robotd.recording.recording_folder import PARTIAL
-from robotd.recording.recording_reader import RecordingError
 from robotd.recording.recording_writer import CHUNK_BYTES
 
 DAMAGED = ".damaged"  # suffix of the original file

@@ -45,5 +45,5 @@ def test_what_is_no_namespace_is_rejected(robotd: Robotd, namespace: str) -> Non
 
 def test_a_file_that_cannot_be_written_is_one_sentence(robotd: Robotd, tmp_path: Path) -> None:
     result = robotd("export", "urdf", "--robot", "cr3a", "-o", str(tmp_path / "no" / "x"))
-    assert result.exit_code != 0
+    assert result.exit_code == 2
     assert "Could not open file" in result.stderr

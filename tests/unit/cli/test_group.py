@@ -25,6 +25,7 @@ from robotd.errors import (
     NotReady,
     OperationError,
     PluginError,
+    RecordingError,
     RobotdError,
     Unsupported,
 )
@@ -140,6 +141,7 @@ def test_a_wrong_command_line_is_status_2(
     ("error", "code"),
     [
         (DescriptorError("x"), 3),
+        (RecordingError("x"), 3),
         (InvalidArgument("x"), 3),
         (PluginError("x"), 4),
         (ConnectError("x"), 5),

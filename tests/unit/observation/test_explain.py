@@ -126,7 +126,7 @@ def test_an_unknown_code_is_said_to_be_unknown() -> None:
 
 def test_a_missing_recording_is_named(tmp_path: Path) -> None:
     result = explain(tmp_path / "none.mcap")
-    assert result.exit_code == 1
+    assert result.exit_code == 3
     assert "none.mcap: No such file" in result.output
 
 

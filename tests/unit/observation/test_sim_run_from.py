@@ -89,4 +89,13 @@ def test_the_first_difference_is_named(arm: Observed) -> None:
 
 def test_a_scenario_or_a_recording_is_needed(tmp_path: Path) -> None:
     assert run().exit_code == 2
-    assert "No such file" in run("--from", tmp_path / "none.mcap").output
+
+
+def test_a_recording_that_cannot_be_read_is_status_3(tmp_path: Path) -> None:
+    missing = run("--from", tmp_path / "none.mcap")
+    assert (missing.exit_code, "No such file" in missing.output) == (3, True)
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(b"junk")
+    for command in (["sim", "run", "--from"], ["explain"], ["record", "--recover"]):
+        result = CliRunner().invoke(main, [*command, str(broken)])
+        assert (result.exit_code, str(broken) in result.output) == (3, True), result.output

@@ -56,4 +56,7 @@ def export(
     installed.warn()
     descriptor = load_robot_descriptor(robot, variant, installed.search_path, overrides)
     text = EXPORTS[target](ExportInput(descriptor, namespace))
-    output.write(text)  # the file is opened here, so that a rejection leaves it alone
+    try:
+        output.write(text)  # the file is opened here, so that a rejection leaves it alone
+    except click.FileError as error:
+        raise click.BadParameter(error.format_message(), param_hint="'--output'") from error

@@ -12,7 +12,6 @@ from robotd.cli.goal import carry_out, tell
 from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
-from robotd.errors import unknown_name
 
 DEFAULT_SPEED = 0.1  # rad/s or m/s
 MIN_TIME_S, MAX_TIME_S = 0.3, 3600.0
@@ -86,8 +85,7 @@ def _jog(
         with import_ros("client.status_client").reason_of_silence(client):
             arm = import_ros("client.motion_client").find_arm(client, [joint], action)
         import_ros("client.operator_client").require_motion(client)
-        if joint not in arm.positions:
-            raise click.BadParameter(unknown_name("joint", joint, arm.positions))
+        arm.check([joint])
         unit = arm.units.get(joint, "rad or m")
         turns = deg and unit != "m"
         scale = math.radians(1.0) if turns else 1.0

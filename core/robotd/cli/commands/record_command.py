@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from robotd.cli.interrupt import Interrupt
-from robotd.cli.options import NumberRange
+from robotd.cli.options import FILE, NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 
@@ -20,7 +20,7 @@ TICK_S = 0.1
 @click.option(
     "--recover",
     metavar="FILE",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    type=FILE,
     help="Repair a recording that was not closed; a copy of FILE stays.",
 )
 @click.option(

@@ -57,6 +57,12 @@ class Arm:
     positions: Positions
     units: Mapping[str, str]
 
+    def check(self, joints: Collection[str]) -> None:
+        """Raise InvalidArgument for a joint that the arm does not have."""
+        for joint in joints:
+            if joint not in self.positions:
+                raise InvalidArgument(unknown_name("joint", joint, self.positions))
+
 
 def find_arm(client: RosClient, joints: Collection[str], action: str | None = None) -> Arm:
     """The only arm that is running, or the one with ``action``.
@@ -106,9 +112,7 @@ def move(
         InvalidArgument: the arm has no such joint; nothing moved.
         DeviceTimeout: no feedback for ``timeout_s`` of the client. The robot may be moving.
     """
-    for name in targets:
-        if name not in arm.positions:
-            raise InvalidArgument(unknown_name("joint", name, arm.positions))
+    arm.check(targets)
     actions = ActionClient(client.node, FollowJointTrajectory, arm.action)
     try:
         client.wait(actions.server_is_ready, f"action {arm.action}")
