@@ -49,6 +49,7 @@ from robotd.motion.profile import (
     profile_to_rest,
     profile_to_velocity,
 )
+from robotd.number_argument import IntegerRange, NumberRange, ObjectNumber
 from robotd.plugin.code_table import CodeTable
 from robotd.plugin.drive_remedies import drive_remedy
 from robotd.plugin.hookspecs import (
@@ -89,12 +90,15 @@ __all__ = [
     "FieldbusDriver",
     "FloatArray",
     "Frames",
+    "IntegerRange",
     "InvalidArgument",
     "IoDriver",
     "LateSetpoint",
     "MonotonicClock",
     "NodeRegistry",
     "NotReady",
+    "NumberRange",
+    "ObjectNumber",
     "Operation",
     "OperationError",
     "PluginError",

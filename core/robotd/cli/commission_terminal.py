@@ -19,6 +19,7 @@ from robotd.cli.key_input import KeyInput
 from robotd.commissioning.commissioned_axis import CommissionedAxis
 from robotd.commissioning.findings import in_words
 from robotd.errors import OperationError, RobotdError
+from robotd.number_argument import parse_number
 
 TICK_S = 0.02
 SHOW_S = 0.2
@@ -73,7 +74,7 @@ class CommissionTerminal:
         while True:
             text = _line(f"{question}: ")
             with suppress(ValueError):
-                if math.isfinite(value := float(text)):
+                if math.isfinite(value := parse_number(text)):
                     return value
             click.echo(f"{text!r} is not a finite number")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial, wraps
 from pathlib import Path
@@ -12,21 +11,13 @@ import click
 
 from robotd import log
 from robotd.descriptor import Override, parse_override
+from robotd.number_argument import IntegerRange
 
 Command = Callable[..., Any]
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
-PORT = click.IntRange(0, 65535)  # 0: any free one
-
-
-class NumberRange(click.FloatRange):
-    """Range of numbers; NaN is in none."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if math.isnan(number := super().convert(value, param, ctx)):
-            self.fail("nan is not a number", param, ctx)
-        return number
+PORT = IntegerRange(0, 65535)  # 0: any free one
 
 
 def names(ctx: click.Context, option: click.Parameter, value: str | None) -> list[str] | None:

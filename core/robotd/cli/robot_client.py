@@ -11,9 +11,10 @@ import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected, RosUnavailable
 from robotd.cli.group import ros_args
-from robotd.cli.options import Command, NumberRange, log_options
+from robotd.cli.options import Command, log_options
 from robotd.cli.preflight import import_ros
 from robotd.errors import OperationError
+from robotd.number_argument import NumberRange
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.client.ros_client import RosClient

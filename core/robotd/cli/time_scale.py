@@ -6,6 +6,8 @@ import math
 
 import click
 
+from robotd.number_argument import parse_number
+
 SLOWEST, FASTEST = 0.01, 1000.0  # at the slowest a period of 100 ms takes 10 s
 
 
@@ -16,7 +18,7 @@ def parse_scale(ctx: click.Context, option: click.Parameter, value: str | None) 
     if value == "max":
         return math.inf
     try:
-        scale = float(value)
+        scale = parse_number(value)
     except ValueError:
         scale = math.nan
     if not SLOWEST <= scale <= FASTEST:

@@ -10,14 +10,20 @@ from typing import Any
 
 import click
 
-from robotd_cia402.number_argument import NUMBER
+from robotd.api import IntegerRange, NumberRange, ObjectNumber
 
 # Only click is imported at module level: other commands must not load python-can.
 
 
 def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in (
-        click.option("--bitrate", default=1_000_000, show_default=True, help="Bits per second."),
+        click.option(
+            "--bitrate",
+            type=IntegerRange(),
+            default=1_000_000,
+            show_default=True,
+            help="Bits per second.",
+        ),
         click.option("--channel", default="can0", show_default=True, help="Channel."),
         click.option(
             "--interface", default="socketcan", show_default=True, help="python-can interface."
@@ -34,7 +40,14 @@ def canopen() -> None:
 
 @canopen.command()
 @_bus_options
-@click.option("--timeout", "timeout_s", default=0.5, show_default=True, help="Seconds to wait.")
+@click.option(
+    "--timeout",
+    "timeout_s",
+    type=NumberRange(),
+    default=0.5,
+    show_default=True,
+    help="Seconds to wait.",
+)
 @click.option("--json", "as_json", is_flag=True, help="JSON, which 'new-robot --bus' reads.")
 def scan(interface: str, channel: str, bitrate: int, timeout_s: float, *, as_json: bool) -> None:
     """List the nodes of a bus with identity, supported modes and NMT state."""
@@ -56,9 +69,9 @@ def sdo() -> None:
 
 @sdo.command("read")
 @_bus_options
-@click.argument("node", type=click.IntRange(1, 127))
-@click.argument("index", type=NUMBER)
-@click.argument("sub", type=NUMBER, default=0)
+@click.argument("node", type=IntegerRange(1, 127))
+@click.argument("index", type=ObjectNumber())
+@click.argument("sub", type=ObjectNumber(), default=0)
 def read(interface: str, channel: str, bitrate: int, node: int, index: int, sub: int) -> None:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
     from robotd.api import object_text
@@ -70,11 +83,11 @@ def read(interface: str, channel: str, bitrate: int, node: int, index: int, sub:
 
 @sdo.command("write", context_settings={"ignore_unknown_options": True})  # -5 is a value
 @_bus_options
-@click.argument("node", type=click.IntRange(1, 127))
-@click.argument("index", type=NUMBER)
-@click.argument("sub", type=NUMBER)
-@click.argument("value", type=NUMBER)
-@click.option("--size", type=click.IntRange(1, 8), help="Bytes; by default as long as it reads.")
+@click.argument("node", type=IntegerRange(1, 127))
+@click.argument("index", type=ObjectNumber())
+@click.argument("sub", type=ObjectNumber())
+@click.argument("value", type=ObjectNumber())
+@click.option("--size", type=IntegerRange(1, 8), help="Bytes; by default as long as it reads.")
 def write(
     interface: str,
     channel: str,
@@ -100,7 +113,9 @@ def write(
 @click.option("--variant", metavar="NAME", help="Variant of the robot.")
 @click.option("--interface", default="udp_multicast", show_default=True, help="Interface.")
 @click.option("--channel", default="239.74.163.2", show_default=True, help="Channel.")
-@click.option("--port", default=43113, show_default=True, help="Port of udp_multicast.")
+@click.option(
+    "--port", type=IntegerRange(), default=43113, show_default=True, help="Port of udp_multicast."
+)
 def simulate(robot: str, variant: str | None, interface: str, channel: str, port: int) -> None:
     """Simulate the robot's nodes in this process until Ctrl-C.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from robotd_cia402.number_argument import NUMBER
+from robotd.api import IntegerRange, ObjectNumber
 from robotd_ethercat.simulate_command import simulate
 
 # No more is imported at module level: other commands must not load pysoem.
@@ -22,7 +22,7 @@ def _bus_option(command: Callable[..., Any]) -> Callable[..., Any]:
     )(command)
 
 
-SLAVE = click.IntRange(0, 198)
+SLAVE = IntegerRange(0, 198)
 
 
 @click.group()
@@ -82,8 +82,8 @@ def sdo() -> None:
 @sdo.command("read")
 @_bus_option
 @click.argument("slave", type=SLAVE)
-@click.argument("index", type=NUMBER)
-@click.argument("sub", type=NUMBER, default=0)
+@click.argument("index", type=ObjectNumber())
+@click.argument("sub", type=ObjectNumber(), default=0)
 def read(interface: str, slave: int, index: int, sub: int) -> None:
     """Print object INDEX:SUB of SLAVE: raw bytes, as a number, and as text."""
     from robotd.api import object_text
@@ -96,10 +96,10 @@ def read(interface: str, slave: int, index: int, sub: int) -> None:
 @sdo.command("write", context_settings={"ignore_unknown_options": True})  # -5 is a value
 @_bus_option
 @click.argument("slave", type=SLAVE)
-@click.argument("index", type=NUMBER)
-@click.argument("sub", type=NUMBER)
-@click.argument("value", type=NUMBER)
-@click.option("--size", type=click.IntRange(1, 8), help="Bytes; by default as long as it reads.")
+@click.argument("index", type=ObjectNumber())
+@click.argument("sub", type=ObjectNumber())
+@click.argument("value", type=ObjectNumber())
+@click.option("--size", type=IntegerRange(1, 8), help="Bytes; by default as long as it reads.")
 def write(interface: str, slave: int, index: int, sub: int, value: int, size: int | None) -> None:
     """Write VALUE to object INDEX:SUB of SLAVE, and print the value read back."""
     from robotd.api import object_bytes, object_text

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from robotd.api import IntegerRange
+
 # Without root, a namespace can be made before modules with threads of their own are loaded only.
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ SECOND_MASTER, SECOND_SLAVES = "ecat1", "slaves1"
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="A section as JSON, written by the backend, in place of --robot.",
 )
-@click.option("--generic", type=click.IntRange(1, 199), metavar="N", help="N generic slaves.")
+@click.option("--generic", type=IntegerRange(1, 199), metavar="N", help="N generic slaves.")
 @click.option("--redundant", is_flag=True, help="Connect the other end of the line, too.")
 @click.option("--interface", metavar="NAME", help="Serve a network interface of this computer.")
 @click.option("--exit-on-eof", is_flag=True, help="End with the standard input.")

@@ -100,6 +100,16 @@ def test_words_become_fields(
     assert asked == [fields]
 
 
+@pytest.mark.parametrize(
+    ("value", "reason"), [("axis=3", "axis is given twice"), ("code=1_0", "'1_0' is not a number")]
+)
+def test_a_repeated_key_and_a_number_with_underscores_are_usage_errors(
+    robotd: Robotd, value: str, reason: str
+) -> None:
+    result = robotd("sim", "inject", "amp_alarm", "axis=2", value)
+    assert (result.exit_code, reason in result.stderr) == (ExitCode.USAGE, True)
+
+
 @pytest.mark.parametrize("words", [["nonsense"], ["amp_alarm", "axis"], ["amp_alarm", "=2"]])
 def test_words_that_say_nothing_are_usage_errors(robotd: Robotd, words: list[str]) -> None:
     assert robotd("sim", "inject", *words).exit_code == ExitCode.USAGE

@@ -11,6 +11,7 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.options import FILE, log_options
 from robotd.errors import OperationError
+from robotd.number_argument import parse_integer
 from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.own_codes import GOAL_RESULTS
 
@@ -90,7 +91,7 @@ def _numbers(word: str) -> list[int]:
     numbers = []
     for base in (0, 16):
         try:
-            numbers.append(int(word, base))
+            numbers.append(parse_integer(word, base))
         except ValueError:
             continue
     if not numbers:

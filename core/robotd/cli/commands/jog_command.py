@@ -9,9 +9,9 @@ import click
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.goal import carry_out, tell
-from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd.number_argument import NumberRange
 
 DEFAULT_SPEED = 0.1  # rad/s or m/s
 MIN_TIME_S, MAX_TIME_S = 0.3, 3600.0
@@ -29,7 +29,9 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
     "jog", epilog=ROS_EPILOG, context_settings={"ignore_unknown_options": True}
 )  # an increment may begin with a minus
 @click.argument("joint", required=False)
-@click.argument("increment", metavar="±INCREMENT", type=float, callback=finite, required=False)
+@click.argument(
+    "increment", metavar="±INCREMENT", type=NumberRange(), callback=finite, required=False
+)
 @click.option("--keys", is_flag=True, help="Hold an arrow key to move, release it to stop.")
 @click.option("--deg", is_flag=True, help="Increment and speed of turning joints are in degrees.")
 @click.option(

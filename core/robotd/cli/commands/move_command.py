@@ -9,10 +9,10 @@ import click
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.goal import carry_out, tell
-from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.progress import Progress
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd.number_argument import NumberRange, parse_number
 
 
 def parse_targets(
@@ -25,7 +25,7 @@ def parse_targets(
         if not (joint and text):
             raise click.BadParameter(f"{word!r} is not like joint1=0.5")
         try:
-            position = float(text)
+            position = parse_number(text)
         except ValueError:
             position = math.nan
         if not math.isfinite(position):

@@ -12,7 +12,7 @@ import click
 from robotd.cli.commands.check_command import check_robot
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
-from robotd.cli.options import FOLDER, NumberRange, names
+from robotd.cli.options import FOLDER, names
 from robotd.cli.package_templates import package_words, write_files, write_package
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import client_options, robot_client
@@ -22,6 +22,7 @@ from robotd.descriptor.from_urdf.joint_roles import GripperDrive
 from robotd.descriptor.urdf import parse_urdf
 from robotd.descriptor.urdf.urdf_reader import MAX_BYTES
 from robotd.errors import InvalidArgument, OperationError
+from robotd.number_argument import NumberRange
 
 EPILOG = """\b
 Examples:

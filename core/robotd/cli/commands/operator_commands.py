@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.options import NumberRange
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, asks_robot
+from robotd.number_argument import NumberRange
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.client.ros_client import RosClient

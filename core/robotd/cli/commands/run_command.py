@@ -18,7 +18,6 @@ from robotd.cli.options import (
     FILE,
     FOLDER,
     PORT,
-    NumberRange,
     log_options,
     names,
     robot_options,
@@ -37,6 +36,7 @@ from robotd.descriptor import (
 )
 from robotd.errors import InvalidArgument, OperationError, unknown_name
 from robotd.log import lossy
+from robotd.number_argument import NumberRange
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
 from robotd.realtime import request_niceness, request_time_slice

@@ -2,36 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, asks_robot
+from robotd.number_argument import IntegerRange, ObjectNumber
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.client.ros_client import RosClient
 
-INT64 = range(-(1 << 63), 1 << 63)  # of the request
-
-
-class _Number(click.ParamType):  # type: ignore[type-arg] # generic since click 8.2
-    """Decimal, or hexadecimal with 0x."""
-
-    name = "number"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        try:
-            number = value if isinstance(value, int) else int(value, 0)
-        except ValueError:
-            self.fail(f"{value!r} is not a number", param, ctx)
-        if number not in INT64:
-            self.fail(f"{value} is outside -2^63 .. 2^63 - 1", param, ctx)
-        return number
-
-
-NUMBER = _Number()
-
+NUMBER = ObjectNumber(bits=64)  # of the request
 
 bus_option = click.option("--bus", type=NUMBER, default=0, show_default=True, help="Fieldbus.")
 
@@ -58,7 +40,7 @@ def read(client: RosClient, node: int, index: int, sub: int, bus: int) -> object
 @click.argument("index", type=NUMBER)
 @click.argument("sub", type=NUMBER)
 @click.argument("value", type=NUMBER)
-@click.option("--size", type=click.IntRange(1, 8), help="Bytes; by default as long as it reads.")
+@click.option("--size", type=IntegerRange(1, 8), help="Bytes; by default as long as it reads.")
 @bus_option
 @asks_robot
 def write(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, asks_robot, client_options, robot_client
 from robotd.cli.time_scale import time_scale
 from robotd.errors import DescriptorError
+from robotd.number_argument import IntegerRange, parse_integer, parse_number
 from robotd.plugin.manager import load_backend
 from robotd.scenario import FAULTS, Result, ScenarioRun, load_scenario
 
@@ -68,7 +70,7 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     For example: robotd sim inject amp_alarm axis=2 at_s=1.5. The robot has to be run with
     --time-scale or --scenario.
     """
-    fields = dict(_value(word) for word in values)
+    fields = _fields(values)
     if fault not in FAULTS:
         raise click.BadParameter(f"{fault!r} is none of {', '.join(FAULTS)}")
     # What belongs to every fault, and what to this kind.
@@ -79,7 +81,7 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
 
 
 @sim.command("step", epilog=ROS_EPILOG)
-@click.argument("periods", type=click.IntRange(1, MAX_STEPS), default=1)
+@click.argument("periods", type=IntegerRange(1, MAX_STEPS), default=1)
 @asks_robot
 def step(client: RosClient, periods: int) -> object:
     """Run PERIODS control periods in the running simulation, then pause its time."""
@@ -116,6 +118,17 @@ def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode
     return ExitCode.FAILED if run.result.failures else ExitCode.OK
 
 
+def _fields(words: Sequence[str]) -> dict[str, Any]:
+    """Return the values by their keys, each of which is given once."""
+    fields: dict[str, Any] = {}
+    for word in words:
+        key, value = _value(word)
+        if key in fields:
+            raise click.BadParameter(f"{key} is given twice")
+        fields[key] = value
+    return fields
+
+
 def _value(word: str) -> tuple[str, Any]:
     """Parse ``key=value`` with the value as a bool, an int, a float or text."""
     key, _, text = word.partition("=")
@@ -123,11 +136,12 @@ def _value(word: str) -> tuple[str, Any]:
         raise click.BadParameter(f"{word!r} is not like axis=2")
     if text in ("true", "false"):
         return key, text == "true"
-    for number in (lambda text: int(text, 0), float):
-        try:
-            return key, number(text)
-        except ValueError:
-            continue
+    for parse in (parse_integer, parse_number):
+        with suppress(ValueError):
+            return key, parse(text)
+    with suppress(ValueError):
+        parse_number(text.replace("_", ""))
+        raise click.BadParameter(f"{key}: {text!r} is not a number")
     return key, text
 
 
