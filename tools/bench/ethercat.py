@@ -32,7 +32,7 @@ from robotd_ethercat.device import EthercatDevice
 RATES_HZ = (250, 500, 1000)
 CYCLE_S = 10.0
 ROUNDS = 3
-WARM_UP = 100  # frames
+WARM_UP = 300  # frames, until the phase of the frames is that of the middle
 ROBOT, VARIANT = "cr3a", "ethercat_simulated"
 MAX_RATIO, MAX_LATENESS_MS = 1.5, 0.1
 
