@@ -19,7 +19,7 @@ from robotd.control.joint_group import JointGroups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import MotionStop
-from robotd.control.problem import Problem, ProblemKind
+from robotd.control.problem import Problem, stop_problems
 from robotd.control.recovery import Recovery, Report
 from robotd.control.servos import Servos
 from robotd.control.setpoint_mixer import SetpointMixer
@@ -241,15 +241,11 @@ class Robot:
 
     def find_problems(self) -> list[Problem]:
         """Return ``problems`` with their kinds. Any thread."""
-        return [*self._recovery.problems(), *self._stop_problems()]
+        return [*self._recovery.problems(), *stop_problems(self.axes.stop_latch.rejection)]
 
     def find_motion_problems(self) -> list[Problem]:
         """Return ``find_problems`` without those of the device itself. Control loop."""
-        return [*self._recovery.axis_problems(), *self._stop_problems()]
-
-    def _stop_problems(self) -> list[Problem]:
-        stopped = self.axes.stop_latch.rejection
-        return [Problem(ProblemKind.STOPPED, stopped)] if stopped else []
+        return [*self._recovery.axis_problems(), *stop_problems(self.axes.stop_latch.rejection)]
 
     def stop(self, reason: str = "by the operator") -> None:
         """Stop all motion on its path; no motion starts until ``reset``. Any worker.

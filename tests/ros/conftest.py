@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from tests.ros.robot_process import Client, RobotProcess
+from tests.ros.robot_process import Client, RobotProcess, connected
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -45,7 +45,5 @@ def cr3a() -> Iterator[RobotProcess]:
 
 @pytest.fixture(scope="module")
 def client(cr3a: RobotProcess) -> Iterator[Client]:
-    client = Client(cr3a.domain)
-    client.wait_engine()
-    yield client
-    client.close()
+    with connected(cr3a) as client:
+        yield client

@@ -10,8 +10,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Self
 
@@ -241,3 +241,14 @@ class Goal:
 def names_of(listing: Sequence[tuple[str, list[str]]]) -> dict[str, str]:
     """Name → first type, of a listing of the graph."""
     return {name: types[0] for name, types in listing}
+
+
+@contextmanager
+def connected(process: RobotProcess) -> Iterator[Client]:
+    """A client of ``process`` that has found its engine; closed after the block."""
+    client = Client(process.domain)
+    try:
+        client.wait_engine()
+        yield client
+    finally:
+        client.close()

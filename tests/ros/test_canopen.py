@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from tests.canopen.drives_process import DrivesProcess, write_robot
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import robotd
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
@@ -54,10 +54,8 @@ def arm(drives: DrivesProcess, tmp_path_factory: pytest.TempPathFactory) -> Iter
 
 @pytest.fixture(scope="module")
 def client(arm: RobotProcess) -> Iterator[Client]:
-    client = Client(arm.domain)
-    client.wait_engine()
-    yield client
-    client.close()
+    with connected(arm) as client:
+        yield client
 
 
 @pytest.fixture(scope="module")

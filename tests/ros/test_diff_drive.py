@@ -24,7 +24,7 @@ from tests.ros.driven_base import (
     along,
     wheels_say,
 )
-from tests.ros.robot_process import Client, RobotProcess, names_of, stamp_s, wait_until
+from tests.ros.robot_process import Client, RobotProcess, connected, names_of, stamp_s, wait_until
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.srv import SetAxis
 
@@ -63,10 +63,8 @@ def process() -> Iterator[RobotProcess]:
 
 @pytest.fixture(scope="module")
 def client(process: RobotProcess) -> Iterator[Client]:
-    client = Client(process.domain)
-    client.wait_engine()
-    yield client
-    client.close()
+    with connected(process) as client:
+        yield client
 
 
 @pytest.fixture(scope="module")

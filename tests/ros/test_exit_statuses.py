@@ -14,7 +14,7 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
-from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, wait_until
+from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import robotd
 
 from robotd.cli.exit_codes import ExitCode
@@ -34,10 +34,8 @@ def simulated() -> Iterator[RobotProcess]:
 
 @pytest.fixture(scope="module")
 def operator(simulated: RobotProcess) -> Iterator[Client]:
-    client = Client(simulated.domain)
-    client.wait_engine()
-    yield client
-    client.close()
+    with connected(simulated) as client:
+        yield client
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ from control_msgs.action import FollowJointTrajectory
 from rclpy.action import get_action_server_names_and_types_by_node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, names_of, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, names_of, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisVelocity
 
@@ -37,10 +37,8 @@ def arms() -> Iterator[RobotProcess]:
 
 @pytest.fixture(scope="module")
 def client(arms: RobotProcess) -> Iterator[Client]:
-    client = Client(arms.domain)
-    client.wait_engine()
-    yield client
-    client.close()
+    with connected(arms) as client:
+        yield client
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Float64MultiArray, String
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, stamp_s, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, stamp_s, wait_until
 from tf2_msgs.msg import TFMessage
 
 pytestmark = pytest.mark.ros
@@ -28,10 +28,8 @@ def client() -> Iterator[Client]:
     arguments = ["--ros-args", "-p", f"frame_prefix:={PREFIX}"]
     with RobotProcess(*arguments, robot="mecanum_base", backend="sim") as process:
         process.wait_ready()
-        client = Client(process.domain)
-        client.wait_engine()
-        yield client
-        client.close()
+        with connected(process) as client:
+            yield client
 
 
 def by_child(message: TFMessage) -> dict[str, Any]:

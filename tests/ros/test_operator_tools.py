@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
-from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, wait_until
+from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal, pose
 from tf2_msgs.msg import TFMessage
@@ -50,10 +50,8 @@ def arm() -> Iterator[RobotProcess]:
 
 @pytest.fixture(scope="module")
 def arm_client(arm: RobotProcess) -> Iterator[Client]:
-    client = Client(arm.domain)
-    client.wait_engine()
-    yield client
-    client.close()
+    with connected(arm) as client:
+        yield client
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from control_msgs.action import FollowJointTrajectory
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
-from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
+from tests.ros.robot_process import WAIT_S, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import started
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.srv import SetAxis
@@ -38,10 +38,8 @@ def client(folder: Path) -> Iterator[Client]:
     arguments = ("--record-dir", str(folder), "--set", "recorder.after_s=0.5", "--time-scale", "1")
     with RobotProcess(*arguments) as process:
         process.wait_ready()
-        client = Client(process.domain)
-        client.wait_engine()
-        yield client
-        client.close()
+        with connected(process) as client:
+            yield client
 
 
 def snapshot(client: Client) -> Recording:

@@ -36,8 +36,4 @@ def drives(folder: Path) -> Iterator[tuple[str, MotorRecorder]]:
         bus_socket = network._bus._multicast._socket  # type: ignore[attr-defined]
         bus_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         motors = network._machine
-        # Their clock counts SYNCs: it gets ahead where one in time follows a late one.
-        yield (
-            robot_file,
-            MotorRecorder(motors._world, lambda: motors._timing.time_ns - motors._clock.now_ns()),
-        )
+        yield robot_file, MotorRecorder.of_drives(motors)

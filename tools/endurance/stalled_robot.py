@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
+from robotd_cia402.simulated import Motors
 from robotd_servo_model.servo import Servo
 from robotd_servo_model.world import World
 from robotd_sim.device import SimDevice
@@ -47,6 +49,14 @@ class MotorRecorder:
         self.commands: list[FloatArray] = []
         self._world, self._run, self._ahead_ns = world, world.servo.run, ahead_ns
         world.servo.run = self._record  # type: ignore[method-assign]
+
+    @classmethod
+    def of_drives(cls, motors: Motors) -> Self:
+        """Of simulated CiA 402 drives.
+
+        Their clock counts SYNCs: it gets ahead where one in time follows a late one.
+        """
+        return cls(motors._world, lambda: motors._timing.time_ns - motors._clock.now_ns())
 
     def _record(self, tick: int, stop: int, check: Callable[[], bool] | None) -> tuple[int, bool]:
         servo: Servo = self._world.servo

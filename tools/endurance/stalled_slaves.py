@@ -12,11 +12,11 @@ from tools.endurance.stalled_robot import MotorRecorder
 
 from robotd.api import request_realtime
 from robotd.descriptor import load_robot_descriptor
+from robotd_ethercat.simulate_command import MASTER, SLAVES
 from robotd_ethercat.simulated import Bus
 from robotd_ethercat.simulated.virtual_cable import make_cable, new_namespace
 from robotd_ethercat.simulated_robot import SimulatedSection, simulated_line
 
-MASTER, SLAVES = "ecat0", "slaves0"
 RATE_HZ = 250
 STALE_AFTER_S = 1.0
 PATIENCE = {"watchdog_ms": 1000, "stream_timeout_s": 1.0, "max_lost_frames": 100}
@@ -61,7 +61,7 @@ def slaves(folder: Path) -> Iterator[tuple[str, MotorRecorder]]:
     try:
         yield (
             str(robot_file),
-            MotorRecorder(motors._world, lambda: motors._timing.time_ns - motors._clock.now_ns()),
+            MotorRecorder.of_drives(motors),
         )
     finally:
         bus.stop()

@@ -54,16 +54,7 @@ def find_problems(
     """
     if not connection.commandable:
         return [_device_problem(connection)]
-    return find_axis_problems(image, names, used)
-
-
-def find_axis_problems(
-    image: ProcessImage, names: Sequence[str], used: Sequence[int]
-) -> list[Problem]:
-    """Return the problems of a device that is ready. Arguments as of ``find_problems``."""
-    if image.controller_fault:
-        return [Problem(ProblemKind.CONTROLLER, image.controller_fault)]
-    return [*_axis_problems(image, names, used)]
+    return [*axis_problems(image, names, used)]
 
 
 def _device_problem(connection: Connection) -> Problem:
@@ -75,9 +66,18 @@ def _device_problem(connection: Connection) -> Problem:
     return Problem(ProblemKind.DEVICE, text)
 
 
-def _axis_problems(
+def stop_problems(rejection: str) -> list[Problem]:
+    """Return the problem of a stop that forbids motion; none where ``rejection`` is ""."""
+    return [Problem(ProblemKind.STOPPED, rejection)] if rejection else []
+
+
+def axis_problems(
     image: ProcessImage, names: Sequence[str], used: Sequence[int]
 ) -> Iterator[Problem]:
+    """Yield the problems of a device that is ready. Arguments as of ``find_problems``."""
+    if image.controller_fault:
+        yield Problem(ProblemKind.CONTROLLER, image.controller_fault)
+        return
     faulty = [axis for axis in range(len(names)) if image.amp_alarm[axis]]
     faulty += [axis for axis in used if image.offline[axis] and axis not in faulty]
     for axis in faulty:

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
-from robotd.control.problem import Problem, find_axis_problems, find_problems
+from robotd.control.problem import Problem, axis_problems, find_problems
 from robotd.device.axes import Axes
 from robotd.device.connection import Connection
 from robotd.device.each_axis import each
@@ -64,7 +64,7 @@ class Recovery:
         """
         if not self._connection.commandable:
             return []
-        return find_axis_problems(self._axes.image, self._axes.names, self._used)
+        return [*axis_problems(self._axes.image, self._axes.names, self._used)]
 
     def run(self, report: Report = lambda line: None) -> None:
         """Recover; a worker, seconds where the device needs them.

@@ -181,9 +181,8 @@ class AxisDriver(ABC):
     def read(self, image: ProcessImage) -> None:
         """Fill every array of ``image`` in place, and ``fresh_ns``. Control-loop thread.
 
-        Without new values leave ``fresh_ns`` as it is. Values that the device does not measure
-        are NaN (``torque``, for example). Where the device has a clock that the control loop is to
-        follow, ``shift_ns`` moves the next period.
+        Without new values leave ``fresh_ns`` as it is. Values that are not measured are NaN
+        (``torque``, for example). ``shift_ns`` lets the control loop follow a clock of the device.
         """
 
     @abstractmethod

@@ -8,7 +8,6 @@ from robotd_ethercat.soem import Soem
 _FEATURES, _HAS_CLOCK = 0x0008, 1 << 2  # ESC features supported (ETG.1000.4, table 31)
 _WINDOW_NS = NANOSECONDS  # of the range of the phase, and between two values of the drift
 _BASE_NS = 60 * NANOSECONDS  # over which the drift is measured: frames are late by chance
-
 _NEAR = 32  # 1/32 of a period around the middle
 _COARSE, _FINE = 200, 2000  # steps: 0.5 % of a period, and 500 ppm, far above the drift of clocks
 

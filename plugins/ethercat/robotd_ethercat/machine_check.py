@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from robotd_ethercat.network_interface import may_open_raw_sockets
 from robotd_ethercat.soem import INSTALL
 
 NETWORK = Path("/sys/class/net")
@@ -53,12 +54,10 @@ def _library() -> Finding:
 
 
 def _permission() -> Finding:
-    try:
-        socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()
-    except PermissionError:
-        advice = "run as root, or grant the process CAP_NET_RAW (docs/how-to/ethercat.md)"
-        return Finding("failed", "CAP_NET_RAW missing: no raw sockets", advice)
-    return Finding("ok", "raw sockets allowed")
+    if may_open_raw_sockets():
+        return Finding("ok", "raw sockets allowed")
+    advice = "run as root, or grant the process CAP_NET_RAW (docs/how-to/ethercat.md)"
+    return Finding("failed", "CAP_NET_RAW missing: no raw sockets", advice)
 
 
 def _kernel() -> Finding:

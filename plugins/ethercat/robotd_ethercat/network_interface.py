@@ -22,14 +22,21 @@ def problem_of(interfaces: Sequence[str]) -> str:
             return f"there is no interface {name!r} (available: {', '.join(known)})"
         if not _is_up(name):
             return f"{name} is down: sudo ip link set {name} up"
-    try:
-        socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()
-    except PermissionError:
+    if not may_open_raw_sockets():
         return (
             "no permission for raw sockets: run as root, or grant the process CAP_NET_RAW, see"
             " docs/how-to/ethercat.md"
         )
     return ""
+
+
+def may_open_raw_sockets() -> bool:
+    """Return True with root's rights, or with CAP_NET_RAW."""
+    try:
+        socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()
+    except PermissionError:
+        return False
+    return True
 
 
 def _is_up(interface: str) -> bool:

@@ -31,7 +31,6 @@ _FRAME_TIMEOUT_US = 2000  # of SOEM
 _SERIAL_WORD = 0x000E  # of the SII (ETG.1000.6)
 _AL_STATUS, _AL_LAYOUT = 0x0130, struct.Struct("<H2xH")  # register, and status code behind it
 _AL_BITS = 0x3F  # of the register that have a meaning: state, error, identification
-
 _COMMAND, _INDEX = 16, 17  # offsets in an Ethernet frame: first datagram's command, and its number
 _ONE_FRAME_BYTES = 1466  # of process data; SOEM divides more
 _LOGICAL = {10, 11, 12}  # LRD, LWR, LRW: commands of process data (ETG.1000.4, table 8)
@@ -145,13 +144,13 @@ class Soem:
         self, state: AlState, slave: int | None = None, *, acknowledge: bool = False
     ) -> None:
         """Request ``state`` of one slave, or of all; ``acknowledge`` its error."""
-        target = self._master if slave is None else self.slaves[slave]
+        target = self._master if slave is None else self._slave(slave)
         target.state = state | (ERROR_FLAG if acknowledge else 0)
         target.write_state()
 
     def find_again(self, slave: int) -> bool:
         """Set the address of a slave that lost it; True if it answers."""
-        return bool(self.slaves[slave].recover() > 0)
+        return bool(self._slave(slave).recover() > 0)
 
     def map(self) -> None:
         """Configure sync managers and FMMUs of all slaves. Raises OperationError."""
@@ -169,12 +168,12 @@ class Soem:
 
     def set_sync0(self, slave: int, period_ns: int, shift_ns: int, *, active: bool) -> None:
         """Start or stop SYNC0 of a slave."""
-        self.slaves[slave].dc_sync(active, period_ns, shift_ns)
+        self._slave(slave).dc_sync(active, period_ns, shift_ns)
 
     def set_watchdog(self, slave: int, milliseconds: float) -> None:
         """Set the process data watchdog of a slave. Raises OperationError."""
         try:
-            self.slaves[slave].set_watchdog("processdata", milliseconds)
+            self._slave(slave).set_watchdog("processdata", milliseconds)
         except (AttributeError, self._pysoem.WkcError) as error:
             raise OperationError(f"watchdog_ms {milliseconds:g} was not taken: {error}") from error
 
@@ -258,7 +257,7 @@ class Soem:
             head = message.error_code.to_bytes(2, "little") + bytes([message.error_reg])
             handler(head + vendor + message.w2.to_bytes(2, "little"))
 
-        self.slaves[slave].add_emergency_callback(receive)
+        self._slave(slave).add_emergency_callback(receive)
 
     def read_register(self, slave: int, address: int, size: int) -> bytes:
         """Read registers of a slave controller. Raises DeviceTimeout."""
@@ -272,7 +271,7 @@ class Soem:
 
     def read_sii(self, slave: int, word: int) -> int:
         """Read 32 bits of the SII EEPROM of a slave, at a word address."""
-        return int.from_bytes(self.slaves[slave].eeprom_read(word), "little")
+        return int.from_bytes(self._slave(slave).eeprom_read(word), "little")
 
     def identity(self, slave: int) -> tuple[int, int, int, int]:
         """Return vendor, product, revision and serial of the SII."""
@@ -312,7 +311,7 @@ class Soem:
         """Empty the mailbox: SOEM would take a late answer as that of another subindex."""
         library = self._pysoem
         with suppress(library.SdoError, library.MailboxError, library.WkcError):
-            while self.slaves[slave].mbx_receive() > 0:
+            while self._slave(slave).mbx_receive() > 0:
                 continue
 
     def _text(self, error: Exception) -> str:

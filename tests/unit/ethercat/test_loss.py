@@ -176,12 +176,17 @@ def test_outputs_of_a_lost_module_stay_off_when_it_is_back(harness: Harness) -> 
     assert harness.slave(2).output == b"\x00\x00"
 
 
-def test_an_emergency_of_a_tripped_drive_is_fetched(harness: Harness) -> None:
-    drive = harness.slave(0).drive
+def trip(harness: Harness, number: int) -> None:
+    """A following error of a drive; returns when its emergency has been fetched."""
+    drive = harness.slave(number).drive
     assert drive is not None
     drive.trip(0x8611)
-    harness.until(lambda: harness.image.amp_alarm[0])
+    harness.until(lambda: harness.image.amp_alarm[number])
     harness.master.supervision._poll_mailbox()
+
+
+def test_an_emergency_of_a_tripped_drive_is_fetched(harness: Harness) -> None:
+    trip(harness, 0)
     harness.robot.step(2)
     assert "EMCY 0x8611 following error" in harness.image.reason[0]
     assert harness.image.alarm_code[0] == 0x8611
@@ -190,11 +195,7 @@ def test_an_emergency_of_a_tripped_drive_is_fetched(harness: Harness) -> None:
 
 
 def test_an_emergency_from_before_a_power_cycle_is_not_in_force(harness: Harness) -> None:
-    drive = harness.slave(1).drive
-    assert drive is not None
-    drive.trip(0x8611)
-    harness.until(lambda: harness.image.amp_alarm[1])
-    harness.master.supervision._poll_mailbox()
+    trip(harness, 1)
     assert "0x8611" in harness.robot.fieldbus.status(0).nodes[1].fault
     harness.slave(1).power_cycle()
     harness.robot.step(6)

@@ -62,8 +62,12 @@ class Hindrances:
     def newest(self) -> tuple[Hindrance, ...]:
         """Those known so far; never waits."""
         problems = self._problems.newest.data if self._problems.newest else ""
-        speed = self._speed.newest.data if self._speed.newest else 1.0
-        return read_hindrances(problems, speed)
+        return read_hindrances(problems, self.speed)
+
+    @property
+    def speed(self) -> float:
+        """Of all motion, 0 to 1, as known so far."""
+        return self._speed.newest.data if self._speed.newest else 1.0
 
 
 def read_hindrances(problems: str, speed: float) -> tuple[Hindrance, ...]:

@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
-from std_msgs.msg import Bool, Float64, String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
@@ -16,7 +16,7 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
-from robotd.ros.client.hindrances import SPEED, STOPPED, Hindrance, Hindrances
+from robotd.ros.client.hindrances import STOPPED, Hindrance, Hindrances
 from robotd.ros.client.operator_client import DISCOVERY_S, IO, Levels, read_levels
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
@@ -171,25 +171,25 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
         client.listen(String, STOPPED, LATCHED) as stopped,
-        client.listen(Float64, SPEED, LATCHED) as speed,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
         client.listen(String, IO, LATCHED) as io,
         client.listen(TFMessage, TOOL_POSE) as tools,
     ):
-        hindrances = Hindrances(client, stack)
+        motion = Hindrances(client, stack)
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
         reason, remedy = _fault(client)
         identities = published_axes(client) if is_ready else ()
         reports = axis_reports(axes.wait(), identities) if identities else None
+        hindrances = motion.wait()
         return RobotReport(
             state,
             is_ready,
             reason,
             remedy,
             stopped.wait().data,
-            speed.wait().data,
-            hindrances.wait(),
+            motion.speed,
+            hindrances,
             reports,
             _owners(owners.wait().data),
             *read_levels(io.wait().data),
