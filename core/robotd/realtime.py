@@ -6,9 +6,28 @@ import ctypes
 import os
 import platform
 import struct
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}  # number of the system call
+_control_loop = threading.local()  # ``active`` in a thread that runs control periods
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # struct sched_attr of linux/sched/types.h
+
+
+@contextmanager
+def control_loop_thread() -> Iterator[None]:
+    """Mark the calling thread as a control loop's until the block ends."""
+    before, _control_loop.active = is_control_loop(), True
+    try:
+        yield
+    finally:
+        _control_loop.active = before
+
+
+def is_control_loop() -> bool:
+    """Return True in a control-loop thread, which must start and await no thread."""
+    return getattr(_control_loop, "active", False)
 
 
 def request_realtime(priority: int) -> bool:

@@ -45,6 +45,8 @@ from robotd.plugin.manager import Backend, load_backend
 
 log = get_logger("robot")
 
+STOPS_END_S = 1.0  # for a stop that hangs in the driver at shutdown; its thread is abandoned
+
 
 class Robot:
     """A robot on a backend. Made by ``build_robot``; nothing is opened before ``start``.
@@ -147,10 +149,10 @@ class Robot:
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        guard = SoftLimitGuard(self.axes, driver, 1.0 / rate_hz)
+        guard = SoftLimitGuard(self.axes, 1.0 / rate_hz)
         self.control_loop.every(rate_hz, "travel", guard.look)
         self._motion_stop = MotionStop(
-            self.axes, driver, mixer, self.connection, clock, self.io, descriptor.stop_input
+            self.axes, mixer, self.connection, clock, self.io, descriptor.stop_input
         )
         self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
         self.groups = JointGroups(descriptor, self.axes, mixer, clock, driver, name)
@@ -191,6 +193,8 @@ class Robot:
             ConnectError: the device did not open, or an axis did not come up (all are named).
             RobotdError: communication or parameters failed.
         """
+        if not isinstance(self.clock, SimulatedClock):
+            self.axes.stops.start()
         self.control_loop.start()
         if self.base is not None:
             self.base.start()
@@ -332,6 +336,7 @@ class Robot:
             if self.base is not None:
                 self.base.close()
             self.control_loop.stop()
+            self.axes.stops.close(STOPS_END_S)
             if isinstance(self.clock, PacedClock):
                 self.clock.end()
 

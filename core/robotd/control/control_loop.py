@@ -28,7 +28,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd.realtime import request_realtime
+from robotd.realtime import control_loop_thread, request_realtime
 
 log = get_logger("control")
 
@@ -138,7 +138,7 @@ class ControlLoop:
     def start(self) -> None:
         """Start the loop; no effect while it runs. One thread; not again after ``stop``."""
         if isinstance(self._clock, SteppedClock):
-            self._clock.attach(self.period_ns, self.period)
+            self._clock.attach(self.period_ns, self._stepped_period)
         elif self._thread is None:
             self._thread = threading.Thread(target=self._run, name="robotd-control", daemon=True)
             self._thread.start()
@@ -160,7 +160,7 @@ class ControlLoop:
     def period(self, deadline_ns: int) -> int:
         """Run the period of a deadline that has come; return the next deadline.
 
-        Called by the thread, or by a ``SteppedClock``.
+        Called in the thread of the control loop, or in the one that sleeps on a ``SteppedClock``.
         """
         deadline_ns, due = self._deadlines.begin(deadline_ns)
         if due:
@@ -210,9 +210,14 @@ class ControlLoop:
         ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
         self.realtime = request_realtime(self._realtime_priority)
         deadline_ns = self._clock.now_ns() + self.period_ns
-        while not self._stopping.is_set():
-            self._clock.sleep_until_ns(deadline_ns)
-            deadline_ns = self.period(deadline_ns)
+        with control_loop_thread():
+            while not self._stopping.is_set():
+                self._clock.sleep_until_ns(deadline_ns)
+                deadline_ns = self.period(deadline_ns)
+
+    def _stepped_period(self, deadline_ns: int) -> int:
+        with control_loop_thread():
+            return self.period(deadline_ns)
 
     def _observe(self, observer: Callable[[], None]) -> None:
         try:

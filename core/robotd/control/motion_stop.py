@@ -10,7 +10,6 @@ from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.descriptor.io_settings import StopInputSettings
 from robotd.device.axes import Axes
 from robotd.device.connection import Connection
-from robotd.device.drivers import AxisDriver
 from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
@@ -27,7 +26,6 @@ class MotionStop:
 
     Args:
         axes: of the robot; their latch counts.
-        driver: stops what the device moves by itself; the control loop may call its ``stop``.
         mixer: source slots of all groups of axes.
         connection: of the device; the input counts while it is ready.
         clock: to wait by.
@@ -38,14 +36,13 @@ class MotionStop:
     def __init__(
         self,
         axes: Axes,
-        driver: AxisDriver,
         mixer: SetpointMixer,
         connection: Connection,
         clock: Clock,
         io: Io,
         stop_input: StopInputSettings | None,
     ) -> None:
-        self._axes, self._driver, self._mixer = axes, driver, mixer
+        self._axes, self._mixer = axes, mixer
         self._connection, self._clock = connection, clock
         self._input_name = ""
         self._forbids_motion: Callable[[], bool] = lambda: False  # by the input
@@ -72,7 +69,7 @@ class MotionStop:
             operations = image.operation.tolist()
             moved = [axis for axis, each in enumerate(operations) if each in BY_DEVICE]
             if moved:
-                self._driver.stop(moved)
+                self._axes.stops.request(moved)
 
     def stop(self, reason: str, timeout_s: float) -> None:
         """Engage the latch and wait for standstill. Any worker.

@@ -12,6 +12,7 @@ from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.soft_limits import REACTION_PERIODS
 from robotd.device.speed_scale import SpeedScale
+from robotd.device.stop_requests import StopRequests
 from robotd.motion import JointLimits
 from robotd.motion.limits import room_to_stop
 
@@ -26,7 +27,8 @@ class TorqueMotion(JointSource):
     position control.
 
     Args:
-        driver: applies the torques, and stops; the control loop may call its ``stop``.
+        driver: applies the torques.
+        stops: end them.
         axes: (m,) index of each joint's axis.
         limits: of the same joints.
         start_ns: monotonic time of its first period, at the earliest.
@@ -39,6 +41,7 @@ class TorqueMotion(JointSource):
     def __init__(
         self,
         driver: AxisDriver,
+        stops: StopRequests,
         axes: IntArray,
         limits: JointLimits,
         start_ns: int,
@@ -49,7 +52,8 @@ class TorqueMotion(JointSource):
     ) -> None:
         setpoint = np.full((3, len(axes)), np.nan)
         super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
-        self._driver, self._limits_of_joints = driver, limits.per_joint()
+        self._driver, self._stops = driver, stops
+        self._limits_of_joints = limits.per_joint()
         self._timeout_s, self._speed = timeout_s, speed
         self._feedback_period_s = feedback_period_s
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
@@ -67,7 +71,7 @@ class TorqueMotion(JointSource):
                 self._apply(time_ns + period_ns, image.axes)
             else:
                 self._enter(Phase.STOPPING, time_ns)
-                self._driver.stop(self._axes.tolist())
+                self._stops.request(self._axes.tolist())
         elif not self.completion.done:
             self._end_at_rest(time_ns, image)
         return False

@@ -128,6 +128,7 @@ class TorqueStreams:
         make = partial(
             TorqueMotion,
             self._driver,
+            self._axes.stops,
             axes,
             limits,
             timeout_s=seconds,

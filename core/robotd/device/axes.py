@@ -19,6 +19,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
 from robotd.device.stop_latch import StopLatch
+from robotd.device.stop_requests import StopRequests
 from robotd.errors import DeviceTimeout, NotReady, RobotdError, Unsupported
 from robotd.events import EventLog, noted
 from robotd.log import get_logger
@@ -66,6 +67,7 @@ class Axes:
     Attributes:
         arguments: checks that do not depend on the state of the device.
         stop_latch: no motion starts while it is engaged.
+        stops: stops that the control loop requests.
         device_limits, feedback_period_s, underrun, stream_buffer_s: of the driver when it was made.
         speed: of all motion.
         jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
@@ -91,6 +93,7 @@ class Axes:
         self.names = tuple(names)
         self.arguments = AxisArguments(names)
         self.stop_latch = StopLatch(driver.read_only)
+        self.stops = StopRequests(driver, names)
         self.speed = SpeedScale()
         self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver

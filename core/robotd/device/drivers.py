@@ -9,11 +9,11 @@ no axis twice, finite numbers, positive velocities and ramps where a move needs 
 within the limits of the joint, the servo on, no alarm, and the command mode that the command needs.
 Checks go by the process image, one period old: a driver still rejects what the device rejects.
 
-Threads: the control-loop thread calls ``AxisDriver.read`` and ``AxisDriver.stream``, and may
-call ``AxisDriver.stop``. They must not block; ``read`` and ``stream`` should not allocate, and
-must not raise in normal operation. Every other method may be called by any worker thread at any
-time, several at once; it may block for at most its ``timeout_s`` (10 s where it has none), and
-must not delay the control loop: never hold a lock that ``read`` needs while waiting.
+Threads: the control-loop thread calls ``AxisDriver.read`` and ``AxisDriver.stream``. They must
+not block, should not allocate, and must not raise in normal operation. Every other method may be
+called by any worker thread at any time, several at once; it may block for at most its ``timeout_s``
+(10 s where it has none), and must not delay the control loop: never hold a lock that ``read`` needs
+while waiting.
 
 Errors: a driver raises ``OperationError``, ``NotReady``, ``Unsupported`` or ``DeviceTimeout``
 with the reason alone; in a method that commands one axis the core adds its name. Any other
@@ -210,7 +210,7 @@ class AxisDriver(ABC):
 
         A move or velocity command ends with the deceleration of its profile, a stream with a
         ramp of the driver's own. A stream of torques ends with position control: the axis holds
-        where it has come to rest. Returns at once: the control loop calls it, too.
+        where it has come to rest. Returns at once: a stop that waits delays the next one.
         """
 
     def quick_stop(self, axes: Sequence[int]) -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from robotd.device.axes import Axes
-from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.log import get_logger
@@ -21,21 +18,28 @@ class SoftLimitGuard:
 
     Args:
         axes: whose limits and commands count.
-        driver: stops; the control loop may call ``stop``, which only starts one.
         period_s: of the control loop.
     """
 
-    def __init__(self, axes: Axes, driver: AxisDriver, period_s: float) -> None:
+    def __init__(self, axes: Axes, period_s: float) -> None:
         self._axes = axes
-        self._driver = driver
-        self._reaction_s = REACTION_PERIODS * period_s + driver.feedback_period_s
+        self._reaction_s = REACTION_PERIODS * period_s + axes.feedback_period_s
+        self._ended: set[int] = set()  # axes whose velocity command was ended, until it shows
 
     def look(self, image: ProcessImage) -> None:
-        """Cycle thread, once a period: stop what has just room enough left."""
+        """Stop what has just room enough left. Control loop, once a period."""
         operations = image.operation.tolist()
-        if Operation.VELOCITY in operations:
-            jogged = [axis for axis, each in enumerate(operations) if each == Operation.VELOCITY]
-            self._stop([axis for axis in jogged if self._ends(axis)])
+        if Operation.VELOCITY not in operations:
+            self._ended.clear()
+            return
+        jogged = [axis for axis, each in enumerate(operations) if each == Operation.VELOCITY]
+        ended = [axis for axis in jogged if self._ends(axis)]
+        if ended:
+            self._axes.stops.request(ended)
+        new = [self._axes.names[axis] for axis in ended if axis not in self._ended]
+        self._ended = set(ended)
+        if new:
+            log.warning("velocity command ended before the position limit", axes=new)
 
     def _ends(self, axis: int) -> bool:
         axes, image = self._axes, self._axes.image
@@ -43,9 +47,3 @@ class SoftLimitGuard:
         position = float(image.position[axis])
         room = room_to_stop(axes.limits[axis], position, velocity, axes.jog_deceleration[axis])
         return room <= abs(velocity) * self._reaction_s
-
-    def _stop(self, axes: Sequence[int]) -> None:
-        if axes:
-            self._driver.stop(axes)
-            names = [self._axes.names[axis] for axis in axes]
-            log.warning("velocity command ended before the position limit", axes=names)

@@ -7,6 +7,8 @@ import threading
 from collections.abc import Callable
 from typing import TypeVar
 
+from robotd.realtime import is_control_loop
+
 Result = TypeVar("Result")
 
 
@@ -18,12 +20,13 @@ def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) ->
     """The result of ``call``, or what it raised. Any thread; costs about 0.1 ms.
 
     A call that never returns keeps its thread, a daemon called ``name``: Python cannot end it.
-    While the interpreter ends no thread starts any more: the call runs in this one, unlimited.
+    In the control loop, which starts and waits for no thread, and while the interpreter ends, when
+    none starts any more, the call runs in this thread, unlimited.
 
     Raises:
         CallTimeout: after ``budget_s``.
     """
-    if sys.is_finalizing():
+    if is_control_loop() or sys.is_finalizing():
         return call()
     results: list[Result] = []
     errors: list[BaseException] = []

@@ -2,7 +2,7 @@
 
 A foreign exception becomes an ``OperationError``, a call that does not return a
 ``DeviceTimeout``; both name the plugin. Calls of the control loop, and those that only read
-memory, have no time limit, because one costs 0.1 ms: the watchdog of the control loop detects a
+memory, have no time limit, because it takes a thread: the watchdog of the control loop detects a
 hang. A device whose ``state`` does not return is in state UNKNOWN; of one whose ``fault`` does
 not return, that is the fault.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import inspect
 import threading
+import time
 from abc import ABC
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
@@ -19,6 +20,7 @@ from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDr
 from robotd.device.state import ConnectionState
 from robotd.errors import DeviceTimeout, OperationError, RobotdError, Unsupported
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
+from robotd.realtime import is_control_loop
 
 CALL_BUDGET_S = 30.0  # of calls without a time-out of their own: connecting, scanning, files
 COMMAND_BUDGET_S = 10.0  # the same of axes and outputs, which only have to accept a command
@@ -33,6 +35,7 @@ _UNTIMED = {
 }
 
 Driver = TypeVar("Driver", bound=ABC)
+Answer = TypeVar("Answer")
 Call = Callable[..., Any]
 
 
@@ -111,34 +114,14 @@ def _getter(name: str, driver: object) -> Call:
 
 def _state(ask: Callable[[], ConnectionState]) -> Callable[[], ConnectionState]:
     """Wrap ``state`` of a device: UNKNOWN while an earlier question is not answered."""
-    asking = threading.Lock()
-
-    def state() -> ConnectionState:
-        if not asking.acquire(timeout=ANSWER_BUDGET_S):
-            return ConnectionState.UNKNOWN
-        try:
-            return ask()
-        finally:
-            asking.release()
-
-    return state
+    return _asked_once(ask, lambda answer: answer(), ConnectionState.UNKNOWN)
 
 
 def _fault(ask: Callable[[], str], plugin: str) -> Callable[[], str]:
     """Wrap ``fault`` of a device: without an answer, the reason. Never raises."""
-    asking = threading.Lock()
     silent = f"{plugin}: DeviceDriver.fault does not return"
 
-    def answer() -> str:
-        """In a thread that may hang for ever; it is not called again then."""
-        try:
-            return ask()
-        finally:
-            asking.release()
-
-    def fault() -> str:
-        if not asking.acquire(timeout=ANSWER_BUDGET_S):
-            return silent
+    def limited(answer: Callable[[], str]) -> str:
         try:
             return call_with_timeout(ANSWER_BUDGET_S, answer, "robotd-fault")
         except CallTimeout:
@@ -146,4 +129,34 @@ def _fault(ask: Callable[[], str], plugin: str) -> Callable[[], str]:
         except RobotdError as error:
             return str(error)
 
-    return fault
+    return _asked_once(ask, limited, silent)
+
+
+def _asked_once(
+    ask: Callable[[], Answer], limited: Callable[[Callable[[], Answer]], Answer], silent: Answer
+) -> Callable[[], Answer]:
+    """Wrap a question to a device: ``silent`` while an earlier one is not answered.
+
+    The control loop does not wait for the answer to another thread.
+    """
+    asking = threading.Lock()
+    asked_s = 0.0
+
+    def answer() -> Answer:
+        """In a thread that may hang for ever; it is not called again then."""
+        try:
+            return ask()
+        finally:
+            asking.release()
+
+    def question() -> Answer:
+        nonlocal asked_s
+        in_loop = is_control_loop()
+        if asking.acquire(timeout=0.0 if in_loop else ANSWER_BUDGET_S):
+            asked_s = time.monotonic()
+            return limited(answer)
+        if in_loop and time.monotonic() - asked_s < ANSWER_BUDGET_S:
+            return ask()  # another thread is being answered now, or hangs since a moment ago
+        return silent
+
+    return question

@@ -19,10 +19,12 @@ from robotd.control.torque_motion import TorqueMotion
 from robotd.control.torque_stream import TorqueStreams
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
+from robotd.device.stop_requests import StopRequests
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 from robotd.motion import JointLimits
 
 PERIOD_NS, TIMEOUT_S = 4_000_000, 0.1
+AXIS_NAMES = ("elbow", "bare", "shoulder")
 AXES = np.array([2, 0])  # in another order than the device's
 
 
@@ -57,7 +59,15 @@ class Rig:
         )
         stopped = np.array([0.01, 0.01])
         self.motion = TorqueMotion(
-            self.axes, AXES, limits, self.time_ns, TIMEOUT_S, stopped, self.speed, 0.0
+            self.axes,
+            StopRequests(self.axes, AXIS_NAMES),
+            AXES,
+            limits,
+            self.time_ns,
+            TIMEOUT_S,
+            stopped,
+            self.speed,
+            0.0,
         )
 
     @property
@@ -94,7 +104,7 @@ def test_without_a_command_the_drives_stop_and_the_stream_ends_at_rest() -> None
     assert rig.motion.completion.requested is None
     rig.image.velocity[2] = 0.5
     rig.run(2)
-    assert rig.stopped() == [("stop", [2, 0])]
+    assert rig.stopped() == [("stop", [0, 2])]
     sent = len(rig.axes.torques)
     rig.run(10)
     assert not rig.motion.completion.done
@@ -129,7 +139,7 @@ def test_a_limit_ends_it(position: float, velocity: float, reason: str) -> None:
     rig.run()
     rig.image.position[0], rig.image.velocity[0] = position, velocity
     rig.run()
-    assert rig.stopped() == [("stop", [2, 0])]
+    assert rig.stopped() == [("stop", [0, 2])]
     assert rig.motion.completion.requested is not None
     assert rig.motion.completion.requested[0] is Outcome.STOPPED
     assert reason in rig.motion.completion.requested[1]
@@ -268,10 +278,18 @@ def test_a_start_that_takes_longer_than_a_period_is_repeated(harness: Harness) -
         if not made:
             harness.run(5 * PERIOD_S)
         limits, chosen = harness.robot.follower.limits.of([1]), np.array([1])
-        stopped = np.array([0.01])
+        stopped, torques = np.array([0.01]), TorqueAxes()
         made.append(
             TorqueMotion(
-                TorqueAxes(), chosen, limits, start_ns, TIMEOUT_S, stopped, axes.speed, 0.0
+                torques,
+                StopRequests(torques, AXIS_NAMES),
+                chosen,
+                limits,
+                start_ns,
+                TIMEOUT_S,
+                stopped,
+                axes.speed,
+                0.0,
             )
         )
         return made[-1]

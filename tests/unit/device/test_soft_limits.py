@@ -37,7 +37,7 @@ def place(harness: Harness, axis: int, position: float, velocity: float) -> None
 
 
 def stopped(harness: Harness) -> list[object]:
-    SoftLimitGuard(harness.axes, harness.driver, PERIOD_S).look(harness.image)
+    SoftLimitGuard(harness.axes, PERIOD_S).look(harness.image)
     return [call[1] for call in harness.driver.calls if call[0] == "stop"]
 
 
