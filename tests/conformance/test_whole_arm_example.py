@@ -48,7 +48,8 @@ def test_it_is_a_backend_and_a_robot_like_any_other(installed: Path, tmp_path: P
     robotd, robot = (installed, "-m", "robotd"), ("--robot", "dobot_cr3a")
     checked = run(*robotd, "backends", "--check", "dobot_tcp", *robot, cwd=tmp_path)
     assert "all checks passed" in checked
-    checked = run(*robotd, "check", *robot, cwd=tmp_path)
+    address = ("--set", "backends.dobot_tcp.address=192.168.5.1")
+    checked = run(*robotd, "check", *robot, *address, cwd=tmp_path)
     assert "joint3: lower limit -2.86 rad exceeds the device's -2.70526 rad" in checked
     assert "all checks passed" in checked
 

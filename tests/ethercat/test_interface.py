@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -12,6 +14,33 @@ from robotd_ethercat.slaves_process import SlavesProcess
 from robotd_ethercat.soem import Soem
 
 DEVICE_TYPE = 0x1000
+
+
+def run_on_a_cable(*command: str) -> str:
+    """Run ``robotd`` where ``eth0`` is a new cable; return status, EtherCAT frames, output."""
+    program = [sys.executable, "-m", "tests.ethercat.frames_sent"]
+    robotd = [sys.executable, "-m", "robotd", *command]
+    done = subprocess.run(
+        [*program, *robotd], capture_output=True, text=True, check=True, timeout=150
+    )
+    return done.stdout
+
+
+def test_nothing_is_sent_to_an_interface_that_the_user_has_not_named() -> None:
+    robot = ("--robot", "cr3a", "--backend", "ethercat")
+    run = run_on_a_cable("run", *robot, "--nodes", "wmx_engine_node")
+    assert run.startswith("status 3, 0 frames"), run
+    conform = run_on_a_cable("conform", *robot)
+    assert ", 0 frames" in conform
+    for text in (run, conform):
+        assert "backends.ethercat.interface: missing: name the network interface" in text
+    assert run_on_a_cable("ethercat", "scan").startswith("status 2, 0 frames")
+    listed = run_on_a_cable("ethercat", "doctor")
+    assert listed.splitlines()[0].endswith(", 0 frames")
+    assert "eth0 (up) has no address: --interface eth0 checks it" in listed
+    scanned = run_on_a_cable("ethercat", "scan", "--interface", "eth0")
+    assert scanned.startswith("status 0")
+    assert ", 0 frames" not in scanned
 
 
 def bus_of(slaves: SlavesProcess) -> Soem:

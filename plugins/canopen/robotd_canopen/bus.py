@@ -61,7 +61,7 @@ class Bus:
     """
 
     def __init__(self, options: BusOptions, realtime_priority: int = 0) -> None:
-        self.name = str(options.channel)
+        self.name = "virtual" if options.channel is None else str(options.channel)
         self.bitrate = options.bitrate
         self.fault: str | None = None
         self.last_malformed = self.last_error = ""

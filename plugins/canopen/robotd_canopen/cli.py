@@ -24,7 +24,7 @@ def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
             show_default=True,
             help="Bits per second.",
         ),
-        click.option("--channel", default="can0", show_default=True, help="Channel."),
+        click.option("--channel", metavar="NAME", required=True, help="Channel, such as can0."),
         click.option(
             "--interface", default="socketcan", show_default=True, help="python-can interface."
         ),
@@ -116,7 +116,16 @@ def write(
 @click.option(
     "--port", type=IntegerRange(), default=43113, show_default=True, help="Port of udp_multicast."
 )
-def simulate(robot: str, variant: str | None, interface: str, channel: str, port: int) -> None:
+@click.option(
+    "--hops",
+    type=IntegerRange(0, 255),
+    default=0,
+    show_default=True,
+    help="Reach of udp_multicast: 0 is this computer, 1 its networks.",
+)
+def simulate(
+    robot: str, variant: str | None, interface: str, channel: str, port: int, hops: int
+) -> None:
     """Simulate the robot's nodes in this process until Ctrl-C.
 
     Reads faults from the standard input, one per line: "help" lists them.
@@ -128,7 +137,7 @@ def simulate(robot: str, variant: str | None, interface: str, channel: str, port
 
     descriptor = load_robot_descriptor(robot, variant)
     options = validate_section(descriptor, "backends.canopen", CanopenOptions)
-    extra = {"port": port} if interface == "udp_multicast" else {}
+    extra = {"port": port, "hop_limit": hops} if interface == "udp_multicast" else {}
     bus = BusOptions(interface=interface, channel=channel, options=extra)
     with simulated_network(descriptor, options.model_copy(update={"bus": bus})) as network:
         ids = ", ".join(str(node) for node in network.members)

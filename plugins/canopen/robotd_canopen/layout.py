@@ -95,6 +95,9 @@ class NetworkLayout:
 def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayout:
     """Raises DescriptorError with every problem."""
     problems: list[DescriptorError] = []
+    if options.bus.channel is None and options.bus.interface != "virtual":
+        what = f"missing: name the CAN bus, for example --set {_SECTION}.bus.channel=can0"
+        problems.append(_error(robot, "bus.channel", what))
     problems += [
         _error(robot, "axes", what) for what in missing_and_unknown(options.axes, robot.axes)
     ]

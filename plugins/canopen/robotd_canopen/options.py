@@ -31,7 +31,9 @@ class BusOptions(Section):
     """CAN bus, in the terms of python-can."""
 
     interface: str = Field("socketcan", description="Interface of python-can.")
-    channel: str | int = Field("can0", description="Channel of that interface.")
+    channel: str | int | None = Field(
+        None, description="Channel of that interface; required, except for `virtual`."
+    )
     bitrate: int = Field(1_000_000, ge=10_000, le=1_000_000, description="Bits per second.")
     options: dict[str, Any] = Field({}, description="Further arguments of `can.Bus`.")
 

@@ -18,7 +18,7 @@ _MARKS = {"ok": "ok     ", "warning": "warning", "failed": "FAILED "}
 
 def _bus_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option(
-        "--interface", default="eth0", show_default=True, help="Network interface of the bus."
+        "--interface", metavar="NAME", required=True, help="Network interface of the bus."
     )(command)
 
 
@@ -113,11 +113,16 @@ def write(interface: str, slave: int, index: int, sub: int, value: int, size: in
 
 
 @ethercat.command()
-@_bus_option
+@click.option("--interface", metavar="NAME", help="Network interface of the bus.")
 @click.option("--slaves", is_flag=True, help="Also look for slaves; they go to PreOp.")
 @click.pass_context
-def doctor(ctx: click.Context, interface: str, *, slaves: bool) -> None:
-    """Check permissions, kernel, cores and the settings of the interface; exit 1 on a failure."""
+def doctor(ctx: click.Context, interface: str | None, *, slaves: bool) -> None:
+    """Check permissions, kernel, cores and the settings of the interface; exit 1 on a failure.
+
+    Without --interface it lists the interfaces of this computer. Nothing is sent without --slaves.
+    """
+    if slaves and interface is None:
+        raise click.UsageError("--slaves needs --interface")
     from robotd_ethercat.machine_check import Finding, check_machine
 
     failed = False
@@ -130,7 +135,7 @@ def doctor(ctx: click.Context, interface: str, *, slaves: bool) -> None:
 
     for finding in check_machine(interface):
         show(finding)
-    if slaves and not failed:
+    if slaves and interface is not None and not failed:
         from robotd_ethercat.bus_scan import open_bus, scan_bus
 
         with open_bus(interface) as bus:

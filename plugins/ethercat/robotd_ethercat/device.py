@@ -27,10 +27,10 @@ class EthercatDevice(DeviceDriver):
 
     def open(self, path: str = "", name: str = "") -> None:
         """Open the configured interface; ``path`` may name no other one, ``name`` is not used."""
-        interface = self.master.options.interface
-        if path and path != interface:
+        bus_name = self.master.plan.bus_name
+        if path and path != bus_name:
             raise InvalidArgument(
-                f"the interface is {interface!r}, another one ({path!r}) is not configured"
+                f"the interface is {bus_name!r}, another one ({path!r}) is not configured"
             )
         if self.master.state is not ConnectionState.IDLE:
             return

@@ -31,12 +31,15 @@ class Finding(NamedTuple):
     advice: str = ""
 
 
-def check_machine(interface: str) -> Iterator[Finding]:
-    """Yield all findings that need no slave."""
+def check_machine(interface: str | None) -> Iterator[Finding]:
+    """Yield all findings that need no slave; None: with every interface that could be meant."""
     yield _library()
     yield _permission()
     yield _kernel()
     yield _cores()
+    if interface is None:
+        yield from _candidates()
+        return
     if interface not in {name for _, name in socket.if_nameindex()}:
         known = ", ".join(name for _, name in socket.if_nameindex())
         yield Finding("failed", f"no interface {interface!r}", f"available: {known}")
@@ -77,6 +80,28 @@ def _cores() -> Finding:
     return Finding("warning" if count > 1 else "failed", f"{count} cores, none isolated", advice)
 
 
+def _candidates() -> Iterator[Finding]:
+    """Wired interfaces of this computer. One with an address carries other traffic."""
+    names = [name for _, name in socket.if_nameindex() if name != "lo"]
+    wired = [name for name in names if not (NETWORK / name / "wireless").exists()]
+    for name in wired:
+        state = _read(NETWORK / name / "operstate") or "unknown"
+        if address := _address(name):
+            text = f"{name} ({state}) has address {address}"
+            yield Finding("warning", text, "it carries other traffic: not an interface for a bus")
+        else:
+            yield Finding("ok", f"{name} ({state}) has no address", f"--interface {name} checks it")
+    if not wired:
+        advice = "EtherCAT needs a network card of its own"
+        yield Finding("failed", "no wired network interface", advice)
+
+
+def _address(interface: str) -> str:
+    """Return the first IPv4 address of ``interface``; "" without one."""
+    addresses = _tool("ip", "-brief", "address", "show", "dev", interface).split()[2:]
+    return next((address for address in addresses if "." in address), "")
+
+
 def _link(interface: str) -> Iterator[Finding]:
     folder = NETWORK / interface
     state = _read(folder / "operstate")
@@ -93,10 +118,9 @@ def _link(interface: str) -> Iterator[Finding]:
     driver = device / "driver"
     if driver.exists():
         yield Finding("ok", f"driver {driver.resolve().name}")
-    addresses = _tool("ip", "-brief", "address", "show", "dev", interface).split()[2:]
-    if any("." in address for address in addresses):
+    if address := _address(interface):
         advice = "other traffic delays the frames: remove the address, and let no DHCP run on it"
-        yield Finding("warning", f"{interface} has address {addresses[0]}", advice)
+        yield Finding("warning", f"{interface} has address {address}", advice)
 
 
 def _settings(interface: str) -> Iterator[Finding]:

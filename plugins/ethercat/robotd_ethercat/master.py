@@ -106,7 +106,7 @@ class Master:
     def interfaces(self) -> tuple[str, str | None]:
         """Interface of the bus, and that at the other end of the cable."""
         options = self.options
-        if not options.simulated:
+        if options.interface is not None and not options.simulated:
             return options.interface, options.redundant_interface
         first, second = SlavesProcess.interface, SlavesProcess.redundant_interface
         return first, second if options.redundant_interface else None

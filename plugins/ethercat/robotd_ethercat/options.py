@@ -94,7 +94,11 @@ class IoOptions(SlaveOptions):
 class EthercatOptions(BackendOptions):
     """The section ``backends.ethercat``."""
 
-    interface: str = Field("eth0", min_length=1, description="Network interface of the bus.")
+    interface: str | None = Field(
+        None,
+        min_length=1,
+        description="Network interface of the bus; required, except with `simulated`.",
+    )
     redundant_interface: str | None = Field(
         None,
         description="Interface at the other end of the cable, with `clocks: off`; null: none.",
@@ -141,7 +145,7 @@ class EthercatOptions(BackendOptions):
         taken = {slave for slave, _ in drives}
         problems += [f"slave {slave} is given twice" for slave in given_twice(modules)]
         problems += [f"slave {slave} is given twice" for slave in modules if slave in taken]
-        if self.redundant_interface == self.interface:
+        if self.redundant_interface is not None and self.redundant_interface == self.interface:
             problems.append(f"redundant_interface is {self.interface!r} as well")
         if self.redundant_interface is not None and self.clocks is not Clocks.OFF:
             problems.append(

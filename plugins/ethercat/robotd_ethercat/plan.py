@@ -43,7 +43,7 @@ class BusPlan:
     @property
     def bus_name(self) -> str:
         """Name of the bus for messages."""
-        return "simulated slaves" if self.options.simulated else self.options.interface
+        return "simulated slaves" if self.options.simulated else self.options.interface or ""
 
     @property
     def slaves(self) -> dict[int, list[SlaveOptions]]:
@@ -57,6 +57,12 @@ class BusPlan:
 def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
     """Raises DescriptorError with every problem."""
     problems: list[DescriptorError] = []
+    if options.interface is None and not options.simulated:
+        what = (
+            "missing: name the network interface of the bus, for example --set"
+            f" {_SECTION}.interface=enp3s0; 'robotd ethercat doctor' lists those of this computer"
+        )
+        problems.append(_error(robot, "interface", what))
     problems += [
         _error(robot, "axes", what) for what in missing_and_unknown(options.axes, robot.axes)
     ]

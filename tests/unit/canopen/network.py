@@ -14,6 +14,7 @@ def drive(axis: int, **keys: Any) -> dict[str, Any]:
 
 
 def options(**keys: Any) -> CanopenOptions:
+    keys["bus"] = {"interface": "virtual", **keys.get("bus", {})}
     section = {"axes": [drive(0), drive(1)], **keys}
     return CanopenOptions.model_validate(section)
 

@@ -16,11 +16,25 @@ def check(*arguments: str) -> Result:
 
 
 @pytest.mark.parametrize("robot", ["cr3a", "baymax"])
-@pytest.mark.parametrize("variant", ["", "canopen_simulated", "canopen_multicast"])
-def test_the_robots_that_come_with_robotd_are_well(robot: str, variant: str) -> None:
-    result = check("--robot", robot, *(["--variant", variant] if variant else []))
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--set", "backends.canopen.bus.channel=can0"),
+        ("--variant", "canopen_simulated"),
+        ("--variant", "canopen_multicast"),
+    ],
+)
+def test_the_robots_that_come_with_robotd_are_well(robot: str, arguments: tuple[str, str]) -> None:
+    result = check("--robot", robot, *arguments)
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines()[-1] == "all checks passed"
+
+
+@pytest.mark.parametrize("robot", ["cr3a", "baymax"])
+def test_a_bus_must_be_named(robot: str) -> None:
+    result = check("--robot", robot)
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "backends.canopen.bus.channel: missing: name the CAN bus, for example" in result.stdout
 
 
 def test_every_problem_of_the_network_is_told(tmp_path: Path) -> None:

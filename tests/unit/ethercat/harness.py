@@ -24,6 +24,7 @@ PATIENCE_S = 5.0
 def descriptor(drives: int = 2, **options: Any) -> RobotDescriptor:
     """Return a robot of ``drives`` joints and a module behind them; ``options`` of the section."""
     section = {
+        "interface": "eth0",
         "axis_defaults": {"counts_per_rad": COUNTS_PER_RAD},
         "axes": [{"axis": number, "slave": number} for number in range(drives)],
         "io": [{"slave": drives, "input_length": 2, "output_length": 2}],

@@ -46,6 +46,14 @@ def test_axes_and_drives_must_fit() -> None:
     assert "axis 5 does not exist, the robot has axes 0 to 1" in text
 
 
+def test_the_interface_must_be_named_unless_the_slaves_are_simulated() -> None:
+    text = plan_problem(descriptor(interface=None))
+    assert "backends.ethercat.interface: missing: name the network interface of the bus" in text
+    robot = descriptor(interface=None, simulated=True)
+    plan = plan_bus(robot, validate_section(robot, "backends.ethercat", EthercatOptions))
+    assert plan.bus_name == "simulated slaves"
+
+
 def test_a_mode_of_canopen_is_rejected() -> None:
     axes = [{"axis": 0, "slave": 0, "stream_mode": "ip"}, {"axis": 1, "slave": 1}]
     assert "'ip' is a mode of CANopen drives" in plan_problem(descriptor(axes=axes))

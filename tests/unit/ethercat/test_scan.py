@@ -29,6 +29,9 @@ def bus(monkeypatch: pytest.MonkeyPatch) -> FakeBus:
     return made
 
 
+BUS = ("--interface", "eth7")
+
+
 def run(*arguments: str) -> str:
     outcome = CliRunner().invoke(ethercat, arguments, catch_exceptions=False)
     assert outcome.exit_code == 0, outcome.output
@@ -36,29 +39,29 @@ def run(*arguments: str) -> str:
 
 
 def test_the_scan_lists_identity_state_and_modes(bus: FakeBus) -> None:
-    lines = run("scan").splitlines()
+    lines = run("scan", *BUS).splitlines()
     assert lines[0].startswith("slave   0: CiA 402, alias 5, vendor 0x00001234, product 0x00005678")
     assert "PreOp, 'drive0', 13 bytes out, 23 in; profile_position" in lines[0]
-    assert lines[-1] == "3 slaves on eth0"
+    assert lines[-1] == "3 slaves on eth7"
 
 
 def test_a_scan_without_slaves_says_what_to_check(bus: FakeBus) -> None:
     bus.all[0].present = False
     assert (
-        run("scan")
-        == "0 slaves on eth0: check power and the cable to the IN port of the first one\n"
+        run("scan", *BUS)
+        == "0 slaves on eth7: check power and the cable to the IN port of the first one\n"
     )
 
 
 def test_the_scan_shows_an_al_status_in_words(bus: FakeBus) -> None:
     bus.all[1].rejects[AlState.PRE_OP] = 0x0016
-    assert "Init (AL status 0x0016: invalid mailbox configuration in PreOp" in run("scan")
+    assert "Init (AL status 0x0016: invalid mailbox configuration in PreOp" in run("scan", *BUS)
 
 
 def test_the_sections_are_those_of_a_new_robot(bus: FakeBus) -> None:
-    found = json.loads(run("scan", "--json", "--interface", "eth3"))
+    found = json.loads(run("scan", "--json", *BUS))
     assert found["backend"] == "ethercat"
-    assert found["options"] == {"interface": "eth3"}
+    assert found["options"] == {"interface": "eth7"}
     assert found["axes"][0] == {
         "slave": 0,
         "identity": {"vendor_id": 0x1234, "product_code": 0x5678},
@@ -69,28 +72,28 @@ def test_the_sections_are_those_of_a_new_robot(bus: FakeBus) -> None:
 
 
 def test_the_mapping_is_shown_as_the_options_name_it(bus: FakeBus) -> None:
-    text = run("pdo", "1")
+    text = run("pdo", *BUS, "1")
     assert "rx_pdos: 0x1C12, 13 bytes to the slave\n  0x1600\n    0x6040:00 16 bit" in text
     assert "tx_pdos: 0x1C13, 23 bytes of the slave" in text
 
 
 def test_objects_are_read_and_written(bus: FakeBus) -> None:
-    assert "3000" in run("sdo", "read", "0", "0x6072")
-    assert "500" in run("sdo", "write", "1", "0x6072", "0", "500")
+    assert "3000" in run("sdo", "read", *BUS, "0", "0x6072")
+    assert "500" in run("sdo", "write", *BUS, "1", "0x6072", "0", "500")
     assert bus.all[1].values[0x6072, 0] == 500
-    assert "0xFFFFFFFB" in run("sdo", "write", "1", "0x607A", "0", "-5")
+    assert "0xFFFFFFFB" in run("sdo", "write", *BUS, "1", "0x607A", "0", "-5")
 
 
 def test_a_value_that_does_not_fit_is_not_written(bus: FakeBus) -> None:
-    outcome = CliRunner().invoke(ethercat, ["sdo", "write", "1", "0x6072", "0", "70000"])
+    outcome = CliRunner().invoke(ethercat, ["sdo", "write", *BUS, "1", "0x6072", "0", "70000"])
     assert "value 70000 does not fit in 2 bytes" in str(outcome.exception)
     assert not bus.all[1].written
 
 
 def test_a_slave_that_is_not_there_is_an_error(bus: FakeBus) -> None:
-    outcome = CliRunner().invoke(ethercat, ["sdo", "read", "7", "0x1000"])
+    outcome = CliRunner().invoke(ethercat, ["sdo", "read", *BUS, "7", "0x1000"])
     assert "slave 7 is not on the bus: it has 3 slaves, 0 to 2" in str(outcome.exception)
-    outcome = CliRunner().invoke(ethercat, ["sdo", "read", "7", "abc"])
+    outcome = CliRunner().invoke(ethercat, ["sdo", "read", *BUS, "7", "abc"])
     assert "'abc' is not a number" in outcome.output
 
 
@@ -99,11 +102,11 @@ def test_the_doctor_lists_slaves_that_have_errors(
 ) -> None:
     bus.all[2].rejects[AlState.PRE_OP] = 0x0016
     monkeypatch.setattr(machine_check, "check_machine", lambda interface: iter(()))
-    outcome = CliRunner().invoke(ethercat, ["doctor", "--slaves"])
+    outcome = CliRunner().invoke(ethercat, ["doctor", *BUS, "--slaves"])
     assert outcome.exit_code == 1
     assert "FAILED   slave   2" in outcome.output
     bus.all[0].present = False
-    outcome = CliRunner().invoke(ethercat, ["doctor", "--slaves"])
+    outcome = CliRunner().invoke(ethercat, ["doctor", *BUS, "--slaves"])
     assert "no slave answers" in outcome.output
 
 
@@ -153,6 +156,40 @@ def test_the_doctor_ends_at_an_interface_that_does_not_exist() -> None:
     findings = list(check_machine("none7"))
     assert findings[-1].verdict == "failed"
     assert findings[-1].what == "no interface 'none7'"
+
+
+@pytest.mark.parametrize(
+    "words", [("scan",), ("pdo", "0"), ("sdo", "read", "0", "0x1000"), ("doctor", "--slaves")]
+)
+def test_no_interface_is_used_that_the_user_has_not_named(
+    bus: FakeBus, words: tuple[str, ...]
+) -> None:
+    outcome = CliRunner().invoke(ethercat, words)
+    assert outcome.exit_code == 2
+    assert "--interface" in outcome.output
+    assert not bus.interfaces
+
+
+def test_the_doctor_lists_the_interfaces_and_sends_nothing(
+    bus: FakeBus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """One with an address, one without, and a wireless one."""
+    (tmp_path / "wlan0" / "wireless").mkdir(parents=True)
+    for name in ("eth0", "eth1"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "operstate").write_text("up\n")
+    monkeypatch.setattr(machine_check, "NETWORK", tmp_path)
+    names = ("lo", "eth0", "eth1", "wlan0")
+    monkeypatch.setattr(socket, "if_nameindex", lambda: list(enumerate(names, 1)))
+    addresses = {"eth0": "eth0 UP fe80::1/64 10.0.0.2/24\n"}
+    monkeypatch.setattr(machine_check, "_tool", lambda *line: addresses.get(line[-1], ""))
+    lines = CliRunner().invoke(ethercat, ["doctor"]).output.splitlines()
+    assert lines[-2] == (
+        "warning  eth0 (up) has address 10.0.0.2/24: it carries other traffic:"
+        " not an interface for a bus"
+    )
+    assert lines[-1] == "ok       eth1 (up) has no address: --interface eth1 checks it"
+    assert not bus.interfaces
 
 
 def test_a_tool_that_is_missing_gives_nothing() -> None:

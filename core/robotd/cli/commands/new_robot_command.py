@@ -28,7 +28,7 @@ EPILOG = """\b
 Examples:
   robotd new-robot my_arm --urdf my_arm.urdf
   robotd new-robot rover --urdf rover.urdf --wheels left_wheel,right_wheel --wheel-radius 0.1
-  robotd canopen scan --json > bus.json
+  robotd canopen scan --channel can0 --json > bus.json
   robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
   robotd new-robot axes --bus bus.json   # without a URDF: a joint for each drive
   robotd new-robot my_arm --urdf my_arm.urdf --package

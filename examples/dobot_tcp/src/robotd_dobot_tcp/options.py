@@ -15,7 +15,7 @@ Port = Annotated[int, Field(ge=1, le=65535)]
 class DobotOptions(BackendOptions):
     """Address of the controller, and its own limits."""
 
-    address: str = Field("192.168.5.1", description="Host name or IP address of the controller.")
+    address: str = Field(description="Host name or IP address of the controller; no default.")
     dashboard_port: Port = Field(29999, description="Commands as text, each with a reply.")
     motion_port: Port = Field(30003, description="Streamed joint targets.")
     feedback_port: Port = Field(30004, description="Packets of 1440 bytes, one every 8 ms.")
