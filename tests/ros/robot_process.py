@@ -75,7 +75,8 @@ def patience(backend: str) -> list[str]:
 class RobotProcess:
     """``robotd run`` with its standard output and error in one text.
 
-    Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False.
+    Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False. With ``terminal``, the
+    slave of a pseudo-terminal, it is the leader of a session there, and its output goes there.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class RobotProcess:
         backend: str = BACKEND,
         python: str | Path = sys.executable,
         patient: bool = True,
+        terminal: int | None = None,
     ) -> None:
         self._exit = ExitStack()
         self.domain = self._exit.enter_context(own_domain()) if domain is None else domain
@@ -98,9 +100,12 @@ class RobotProcess:
         }
         if patient:
             arguments = (*patience(backend), *arguments)
+        session = [] if terminal is None else ["setsid", "--ctty"]
+        command = [python, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments]
         self.process = subprocess.Popen(
-            [python, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments],
-            stdout=self._log,
+            [*session, *command],
+            stdin=terminal,
+            stdout=self._log if terminal is None else terminal,
             stderr=subprocess.STDOUT,
             env=environment,
         )

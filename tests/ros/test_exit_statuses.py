@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, connected, wait_until
-from tests.ros.test_client_commands import robotd
+from tests.ros.test_client_commands import robotd, started
 
 from robotd.cli.exit_codes import ExitCode
 
@@ -120,3 +120,15 @@ def test_a_goal_is_canceled_when_its_terminal_is_lost(
     assert joints[-1].position[0] < begin + 0.9
     owners = operator.listen(String, "/robotd/owners", LATCHED)
     wait_until(lambda: owners and owners[-1].data == "", "no owner")
+
+
+def test_a_goal_is_canceled_by_sigquit(simulated: RobotProcess, operator: Client) -> None:
+    joints = operator.listen(JointState, "/joint_states")
+    begin = operator.next(joints).position[0]
+    with started(simulated.domain, "move", "joint1=1.5", "--time", "30") as process:
+        wait_until(lambda: joints[-1].position[0] > begin + 0.02, "motion")
+        process.send_signal(signal.SIGQUIT)
+        assert process.wait(WAIT_S) == ExitCode.INTERRUPTED
+    operator.next(joints)
+    assert abs(joints[-1].velocity[0]) < 1e-3
+    assert joints[-1].position[0] < begin + 0.9

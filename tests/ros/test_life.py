@@ -5,17 +5,28 @@ from __future__ import annotations
 import ctypes
 import itertools
 import os
+import pty
+import select
 import signal
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from control_msgs.action import FollowJointTrajectory
+from rcl_interfaces.msg import Log
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, stamp_s, wait_until
+from tests.ros.robot_process import (
+    LATCHED,
+    Client,
+    RobotProcess,
+    connected,
+    stamp_s,
+    wait_until,
+)
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import EcatGetNetworkState, GetIoBit, SetAxis, SetEngine
@@ -164,28 +175,97 @@ def steepest(joints: list[Any]) -> float:
     return max((v1 - v2) / (t2 - t1) for (t1, v1), (t2, v2) in itertools.pairwise(samples))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> None:
-    process, client = start()
-    process.wait_ready()
+def moving(client: Client) -> tuple[Any, list[Any]]:
+    """A goal that moves all joints alike, at more than 1 rad/s now, and the joint states."""
     joints = client.listen(JointState, "/joint_states")
-    ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
     goal = FollowJointTrajectory.Goal()
     goal.trajectory.joint_names = [f"joint{axis}" for axis in range(1, 7)]
     point = JointTrajectoryPoint(positions=[1.5] * 6)
     point.time_from_start.sec = 2
     goal.trajectory.points = [point]
     sent = client.send_goal(goal)
-    client.next(joints, lambda each: each.velocity[0] > 0.5)
-    assert process.end(number) == 0
+    client.next(joints, lambda each: each.velocity[0] > 1.0)
+    return sent, joints
+
+
+def check_stopped_in_order(output: str, sent: Any, joints: list[Any]) -> None:
+    """The joints came to rest along their path, the client has the result, the servos are off."""
     _status, result = sent.result()
     assert "stopped by the robot" in result.error_string
-    assert abs(joints[-1].velocity[0]) < 0.05
+    assert max(map(abs, joints[-1].velocity[:6])) < 0.05
     assert steepest(joints) < 25.0  # joint1 may slow down by 12.57 rad/s²: it was not cut off
-    wait_until(lambda: not ready[-1].data, "ready is false at the end")
-    assert "communication stopped" in process.output
+    assert max(joints[-1].position[:6]) - min(joints[-1].position[:6]) < 0.02
+    assert output.index("servos off") < output.index("communication stopped")
     for trouble in ("Traceback", "servo off failed", "controlled stop failed"):
-        assert trouble not in process.output
+        assert trouble not in output
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> None:
+    process, client = start()
+    process.wait_ready()
+    ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
+    sent, joints = moving(client)
+    assert process.end(number) == 0
+    check_stopped_in_order(process.output, sent, joints)
+    assert "device closed" in process.output
+    wait_until(lambda: not ready[-1].data, "ready is false at the end")
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, Callable[[], None]]]:
+    """A pseudo-terminal whose output is read, and a function that closes it."""
+    master, slave = pty.openpty()
+    lost = threading.Event()
+
+    def read() -> None:
+        while not lost.is_set():
+            if select.select([master], [], [], 0.05)[0]:
+                os.read(master, 4096)
+        os.close(master)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+
+    def lose() -> None:
+        lost.set()
+        reader.join()
+
+    yield slave, lose
+    lose()
+    os.close(slave)
+
+
+def test_the_loss_of_the_terminal_stops_the_robot_in_order(
+    terminal: tuple[int, Callable[[], None]],
+) -> None:
+    """The kernel, the shell and the session manager signal one after the other."""
+    slave, lose = terminal
+    with RobotProcess(terminal=slave) as process, connected(process) as client:
+        states = client.listen(AxisState, "/wmx/axis/state")
+        client.next(states, lambda each: all(each.servo_on[:6]))
+        log = client.listen(Log, "/rosout", 100)
+        sent, joints = moving(client)
+        lose()
+        wait_until(lambda: any("stopping" in each.msg for each in log), "the stop")
+        process.process.send_signal(signal.SIGHUP)
+        process.process.send_signal(signal.SIGTERM)
+        assert process.exit_status() == 0
+        check_stopped_in_order("\n".join(each.msg for each in log), sent, joints)
+
+
+def test_under_nohup_the_robot_outlives_its_terminal() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the process inherits it
+    try:
+        process = RobotProcess()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    with process, connected(process) as client:
+        process.wait_ready()
+        sent, _ = moving(client)
+        process.process.send_signal(signal.SIGHUP)
+        assert sent.result()[1].error_code == 0
+        assert process.end() == 0
 
 
 def test_a_signal_that_wakes_another_thread_stops_the_robot() -> None:

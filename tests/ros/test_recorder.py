@@ -103,9 +103,10 @@ def being_recorded(folder: Path) -> Iterator[tuple[RobotProcess, subprocess.Pope
             yield process, record
 
 
-def test_record_stops_the_recording_when_its_terminal_is_lost(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT])
+def test_a_signal_stops_the_recording(tmp_path: Path, number: int) -> None:
     with being_recorded(tmp_path) as (_, record):
-        record.send_signal(signal.SIGHUP)
+        record.send_signal(number)
         output, error = record.communicate(timeout=WAIT_S)
         assert record.returncode == ExitCode.OK, error
         (path,) = tmp_path.glob("*-record.mcap")

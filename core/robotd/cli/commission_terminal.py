@@ -123,7 +123,7 @@ class CommissionTerminal:
         """Call ``tick`` with the velocity of the held key until Enter. Raises Left."""
         click.echo(text)
         shown_s = 0.0
-        with Interrupt(hangup=True) as interrupt, KeyInput(sys.stdin.fileno()) as key_input:
+        with Interrupt() as interrupt, KeyInput(sys.stdin.fileno()) as key_input:
             while not (is_done() or interrupt.happened or key_input.lost):
                 time.sleep(TICK_S)
                 typed, now_s = key_input.read(), time.monotonic()

@@ -30,7 +30,7 @@ def carry_out(
     the robot's reason.
     """
     motion = import_ros("client.motion_client")
-    with Interrupt(hangup=True) as interrupt:
+    with Interrupt() as interrupt:
         ending, reason = motion.move(
             client, arm, targets, time_s, lambda: interrupt.happened, on_progress
         )

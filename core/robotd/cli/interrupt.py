@@ -1,28 +1,25 @@
-"""Record SIGINT and SIGTERM as a flag instead of raising."""
+"""Record a signal that asks the process to stop as a flag instead of raising."""
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterable
 from types import FrameType
 from typing import Any, Self
 
+from robotd.stop_signals import stop_signals
+
 
 class Interrupt:
-    """Context in which the first SIGINT or SIGTERM only sets ``happened``.
+    """Context in which the first stop signal only sets ``happened``.
 
-    A second one has its previous effect: SIGINT raises KeyboardInterrupt. Main thread only.
-
-    Args:
-        hangup: SIGHUP too, which comes when the terminal is lost, often twice: from the kernel and
-            from the shell. The second one has no effect. It stays ignored under ``nohup``.
+    A second one has its previous effect: SIGINT raises KeyboardInterrupt. SIGHUP never does: it
+    comes when the terminal is lost, often twice, from the kernel and from the shell. Main thread
+    only.
     """
 
-    def __init__(self, *, hangup: bool = False) -> None:
+    def __init__(self) -> None:
         self.happened = False
-        hangup = hangup and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
-        numbers = (*_NUMBERS, signal.SIGHUP) if hangup else _NUMBERS
-        self._before: dict[int, Any] = {number: signal.getsignal(number) for number in numbers}
+        self._before: dict[int, Any] = {each: signal.getsignal(each) for each in stop_signals()}
 
     def __enter__(self) -> Self:
         for number in self._before:
@@ -30,15 +27,13 @@ class Interrupt:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._restore(self._before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.happened = True
-        self._restore(_NUMBERS)
-
-    def _restore(self, numbers: Iterable[int]) -> None:
-        for number in numbers:
-            signal.signal(number, self._before[number])
-
-
-_NUMBERS = (signal.SIGINT, signal.SIGTERM)
+        if number == signal.SIGHUP:
+            return
+        for other, handler in self._before.items():
+            if other != signal.SIGHUP:
+                signal.signal(other, handler)

@@ -39,7 +39,7 @@ def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
         import_ros("client.status_client").require_ready(client)
         with (
             import_ros("client.jog_client").jog_client(client) as jog,
-            Interrupt(hangup=True) as interrupt,
+            Interrupt() as interrupt,
             KeyInput(sys.stdin.fileno()) as key_input,
         ):
             keys = JogKeys(len(jog.identities), speed)

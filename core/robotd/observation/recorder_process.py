@@ -57,6 +57,7 @@ class RecorderProcess:
                 [sys.executable, "-c", PROGRAM, str(theirs.fileno())],
                 pass_fds=(theirs.fileno(), frames.fd),
                 stdin=subprocess.DEVNULL,
+                start_new_session=True,  # what a terminal sends is for the robot, which ends this
             )
         finally:
             theirs.close()

@@ -7,7 +7,6 @@ dies it writes what the memory still holds and closes the file.
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
@@ -188,7 +187,6 @@ def _batches(connection: Connection) -> Iterator[Batch | None]:
 def main() -> None:
     """Run the job of the connection whose file descriptor is the argument."""
     request_niceness(NICENESS)  # absolute: that of the robot's process may be below 0
-    os.setsid()  # Ctrl-C at the terminal ends the robot, which ends the recording
     connection = Connection(int(sys.argv[1]))
     try:
         run(connection)

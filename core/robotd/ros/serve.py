@@ -25,6 +25,7 @@ from robotd.ros.middleware import exit_after, remove_leftovers, use_profiles
 from robotd.ros.node_registry import select_nodes
 from robotd.ros.robot_lifecycle import RobotLifecycle
 from robotd.ros.run_nodes import run_nodes
+from robotd.stop_signals import stop_signals
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -80,10 +81,10 @@ def serve(
     faults: FaultSchedule | None = None,
     recorder: Recorder | None = None,
 ) -> int:
-    """Make the nodes, start the robot, and serve until SIGINT or SIGTERM. Main thread only.
+    """Make the nodes, start the robot, and serve until a stop signal. Main thread only.
 
     The first signal stops in order: motion, servos, communication, device, nodes, ROS. A second
-    one tries a quick stop and ends the process with status 130 at once.
+    one, other than SIGHUP, tries a quick stop and ends the process with status 130 at once.
 
     Args:
         robot: not started.
@@ -260,27 +261,37 @@ def _return_free_memory() -> None:
 
 @contextmanager
 def _stop_signals(events: SimpleQueue[Event]) -> Iterator[None]:
-    """SIGINT and SIGTERM as events; ignored afterwards where one came.
+    """Stop signals as events; ignored afterwards where one came.
 
     ``SimpleQueue.put`` is safe in a signal handler.
     """
     last_s = -REPEAT_S
+    terminal_lost = False
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        nonlocal last_s
+        nonlocal last_s, terminal_lost
+        is_first = last_s < 0.0
+        if number == signal.SIGHUP:
+            # The kernel, the shell and the session manager may send one each, and then SIGTERM:
+            # only what comes after that is meant as a second signal.
+            if is_first and not terminal_lost:
+                events.put(_Stop("SIGHUP"))
+            terminal_lost = True
+            return
         now_s = time.monotonic()
         if now_s - last_s >= REPEAT_S:
             last_s = now_s
-            events.put(_Stop(signal.Signals(number).name))
+            if not (is_first and terminal_lost):
+                events.put(_Stop(signal.Signals(number).name))
 
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, on_signal) for number in numbers]
+    before = {number: signal.signal(number, on_signal) for number in stop_signals()}
     try:
         yield
     finally:
-        for number, handler in zip(numbers, before, strict=True):
+        came = terminal_lost or last_s >= 0.0
+        for number, handler in before.items():
             # After a stop the process is about to end: one more signal must not spoil its status.
-            signal.signal(number, handler if last_s < 0.0 else signal.SIG_IGN)
+            signal.signal(number, signal.SIG_IGN if came else handler)
 
 
 def _in_thread(name: str, function: Callable[[], None]) -> threading.Thread:

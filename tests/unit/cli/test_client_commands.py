@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from click.testing import Result
@@ -77,18 +77,34 @@ def test_the_first_interrupt_is_noted_and_the_second_one_raises() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_hangup_that_comes_twice_is_noted_once() -> None:
+@pytest.fixture(params=[signal.SIGHUP, signal.SIGQUIT])
+def optional(request: pytest.FixtureRequest) -> Iterator[signal.Signals]:
+    """A signal that a parent can have the process ignore."""
+    before = signal.signal(request.param, signal.SIG_DFL)
+    yield request.param
+    signal.signal(request.param, before)
+
+
+def test_a_hangup_and_a_quit_are_noted_unless_they_are_ignored(optional: signal.Signals) -> None:
+    with Interrupt() as interrupt:
+        os.kill(os.getpid(), optional)
+        assert interrupt.happened
+    assert signal.getsignal(optional) is signal.SIG_DFL
+    signal.signal(optional, signal.SIG_IGN)  # SIGHUP: as nohup does
+    with Interrupt() as interrupt:
+        os.kill(os.getpid(), optional)
+        assert not interrupt.happened
+
+
+def test_what_follows_a_hangup_is_no_second_signal() -> None:
+    """The kernel and the shell send one each, and the session manager SIGTERM."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     try:
-        with Interrupt(hangup=True) as interrupt:
-            for _ in range(2):
-                os.kill(os.getpid(), signal.SIGHUP)
+        with Interrupt() as interrupt:
+            for number in (signal.SIGHUP, signal.SIGHUP, signal.SIGTERM):
+                os.kill(os.getpid(), number)
             assert interrupt.happened
-        assert signal.getsignal(signal.SIGHUP) is signal.SIG_DFL
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
-        with Interrupt(hangup=True) as interrupt:
-            os.kill(os.getpid(), signal.SIGHUP)
-            assert not interrupt.happened
+            assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGHUP, before)
 

@@ -91,11 +91,11 @@ def _commission(
 
 @contextmanager
 def _hangup_interrupts() -> Iterator[None]:
-    """Let the loss of the terminal, and SIGTERM, end a question as Ctrl-C does.
+    """Let the loss of the terminal, SIGQUIT and SIGTERM end a question as Ctrl-C does.
 
     Ctrl-C itself, too: a program that a script has started in the background ignores it.
     """
-    numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
+    numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM)
     before = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
     try:
         yield

@@ -60,7 +60,7 @@ def _record(timeout_s: float, time_s: float | None) -> None:
     with robot_client(max(timeout_s, SAVE_TIMEOUT_S)) as client:
         status = import_ros("client.status_client")
         started = status.set_recording(client, True)
-        with Interrupt(hangup=True) as interrupt:
+        with Interrupt() as interrupt:
             click.echo(f"{started}, stop with Ctrl-C", err=True)
             end_s = None if time_s is None else time.monotonic() + time_s
             while not interrupt.happened and (end_s is None or time.monotonic() < end_s):
