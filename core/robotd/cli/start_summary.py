@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
 from robotd.clock.simulated import PacedClock
-from robotd.descriptor import DifferentialDrive, DriveSettings, MecanumDrive, TricycleDrive
+from robotd.descriptor import DriveSettings, MecanumDrive, TricycleDrive, TwoSidedDrive
 from robotd.motion.limits import AxisLimits
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
@@ -85,12 +85,12 @@ def _range(limits: AxisLimits) -> str:
 
 
 def _wheels(drive: DriveSettings) -> Iterator[str]:
-    names = (name.removesuffix(" wheel") for name in drive.wheel_names)
+    names = (name.replace(" wheel", "") for name in drive.wheel_names)
     yield ", ".join(f"{name} axis {axis}" for name, axis in zip(names, drive.axes, strict=True))
     size = f"{drive.kind}, radius {drive.wheel_radius_m:g} m"
     if isinstance(drive, TricycleDrive):
         yield f"{size}, wheelbase {drive.wheelbase_m:g} m, steers {drive.steering_angle_rad:g} rad"
-    elif isinstance(drive, DifferentialDrive | MecanumDrive):
+    elif isinstance(drive, TwoSidedDrive | MecanumDrive):
         yield f"{size}, {drive.wheel_separation_m:g} m apart"
     yield f"at most {drive.velocity_m_s:g} m/s and {drive.angular_velocity_rad_s:g} rad/s"
 

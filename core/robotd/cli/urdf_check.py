@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
-from robotd.descriptor import JointSettings, JointType, RobotDescriptor
-from robotd.descriptor.urdf import UrdfJoint, read_urdf
+from robotd.descriptor import JointSettings, JointType, RobotDescriptor, TwoSidedDrive
+from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf
 from robotd.errors import DescriptorError, did_you_mean
 
 ROUNDING = 1e-3  # rad, m or their rates: files are written with few digits
@@ -15,8 +16,8 @@ ROUNDING = 1e-3  # rad, m or their rates: files are written with few digits
 _LIMITS = {"lower": "lower_rad", "upper": "upper_rad", "velocity": "velocity_rad_s"}
 
 
-def check_urdf(path: Path, descriptor: RobotDescriptor) -> None:
-    """Check the URDF itself, and compare names and limits of the joints.
+def check_urdf(path: Path, descriptor: RobotDescriptor) -> UrdfRobot:
+    """Return the URDF, checked itself and against names and limits of the joints.
 
     Raises DescriptorError with every problem: those of ``read_urdf``; or a joint that the URDF does
     not have or does not move, a missing ``tool_link``, and a limit of the descriptor beyond that of
@@ -38,6 +39,28 @@ def check_urdf(path: Path, descriptor: RobotDescriptor) -> None:
             problems.append(DescriptorError(f"has no joint {name!r}", path=path))
     if problems:
         raise DescriptorError.join(problems)
+    return urdf
+
+
+def urdf_warnings(urdf: UrdfRobot, descriptor: RobotDescriptor) -> Iterator[str]:
+    """Yield contradictions between a valid URDF and the descriptor, which wins.
+
+    A left wheel to the right of a right one: y of the base points to the left (REP 103).
+    """
+    drive = descriptor.drive
+    if not isinstance(drive, TwoSidedDrive) or not drive.wheel_joints:
+        return
+    half = drive.wheels_per_side
+    y = [float(urdf.pose(urdf.joint[name].child, {})[1, 3]) for name in drive.wheel_joints]
+    for left, right in product(range(half), range(half, 2 * half)):
+        if y[left] < y[right]:
+            yield (
+                f"drive.wheel_joints: {drive.wheel_joints[left]}, a left wheel, is at y"
+                f" {y[left]:g} m in the URDF, to the right of {drive.wheel_joints[right]} at"
+                f" y {y[right]:g} m; the descriptor applies: if the base turns to the wrong side,"
+                " exchange the axes and the wheel_joints of the two sides"
+            )
+            return
 
 
 def _differences(

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 from robotd.descriptor import (
-    DifferentialDrive,
     DriveSettings,
     MecanumDrive,
     RobotDescriptor,
     TricycleDrive,
+    TwoSidedDrive,
 )
 from robotd.motion.base_kinematics import BaseKinematics
-from robotd.motion.diff_drive import WheelPair
+from robotd.motion.diff_drive import TwoSidedWheels
 from robotd.motion.limits import AxisLimits
 from robotd.motion.mecanum import MecanumWheels
 from robotd.motion.planar import PlanarTwist
@@ -47,12 +47,13 @@ def axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
 def base_kinematics(settings: DriveSettings) -> BaseKinematics:
     """Return the kinematics of a base, calibrated, for its kind."""
     match settings:
-        case DifferentialDrive():
-            return WheelPair(
+        case TwoSidedDrive():
+            return TwoSidedWheels(
                 settings.wheel_radius_m,
                 settings.wheel_separation_m * settings.wheel_separation_multiplier,
                 settings.left_wheel_radius_multiplier,
                 settings.right_wheel_radius_multiplier,
+                settings.wheels_per_side,
             )
         case MecanumDrive():
             return MecanumWheels(

@@ -4,7 +4,9 @@ from robotd.descriptor.drive_settings import (
     DifferentialDrive,
     DriveSettings,
     MecanumDrive,
+    SkidSteerDrive,
     TricycleDrive,
+    TwoSidedDrive,
 )
 from robotd.descriptor.io_settings import GripperSettings, IoAddress
 from robotd.descriptor.joint_settings import JointSettings, JointType
@@ -36,8 +38,10 @@ __all__ = [
     "Override",
     "RobotDescriptor",
     "RobotSummary",
+    "SkidSteerDrive",
     "TrajectorySettings",
     "TricycleDrive",
+    "TwoSidedDrive",
     "default_search_path",
     "list_robots",
     "load_robot_descriptor",

@@ -10,6 +10,7 @@ from pydantic import Field, ValidatorFunctionWrapHandler, WrapValidator
 
 from robotd.descriptor.section import (
     Axis,
+    Key,
     Name,
     Positive,
     Problem,
@@ -56,9 +57,14 @@ class DriveSettings(Section):
     )
 
     @property
+    def keyed_axes(self) -> tuple[tuple[Key, int], ...]:
+        """The axes of the wheels, each with its key below ``drive``, in the order of the wheels."""
+        return tuple(((key,), getattr(self, key)) for key in self.AXIS_KEYS)
+
+    @property
     def axes(self) -> tuple[int, ...]:
-        """The axes of the wheels, in the order of ``AXIS_KEYS``."""
-        return tuple(getattr(self, key) for key in self.AXIS_KEYS)
+        """The axes of the wheels, in their order."""
+        return tuple(axis for _, axis in self.keyed_axes)
 
     @property
     def steering_axes(self) -> tuple[int, ...]:
@@ -73,17 +79,37 @@ class DriveSettings(Section):
 
     def problems(self) -> Iterator[Problem]:
         first: dict[int, str] = {}
-        for key, axis in zip(self.AXIS_KEYS, self.axes, strict=True):
+        for key, axis in self.keyed_axes:
             if axis in first:
-                yield (key,), f"used before, by {first[axis]}", axis
-            first.setdefault(axis, key)
+                yield key, f"used before, by {first[axis]}", axis
+            first.setdefault(axis, ".".join(map(str, key)))
         yield from twice("wheel_joints", enumerate(self.wheel_joints))
         if self.wheel_joints and len(self.wheel_joints) != len(self.axes):
             what = f"must be as many as wheels ({len(self.axes)}), or none"
             yield ("wheel_joints",), what, self.wheel_joints
 
 
-class DifferentialDrive(DriveSettings):
+class TwoSidedDrive(DriveSettings):
+    """A base that turns by the difference in speed of its left and right wheels."""
+
+    wheel_separation_m: Positive = Field(description=_SEPARATION)
+    wheel_separation_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the separation; above 1 where wheels slip in turns."
+    )
+    left_wheel_radius_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the radius of the left wheels."
+    )
+    right_wheel_radius_multiplier: Positive = Field(
+        1.0, description="Calibrated factor of the radius of the right wheels."
+    )
+
+    @property
+    def wheels_per_side(self) -> int:
+        """Number of wheels on each side; the left ones come first in ``axes``."""
+        return len(self.axes) // 2
+
+
+class DifferentialDrive(TwoSidedDrive):
     """A base on two driven wheels on one axle."""
 
     AXIS_KEYS = ("left_axis", "right_axis")
@@ -91,16 +117,39 @@ class DifferentialDrive(DriveSettings):
     kind: Literal["differential"] = Field("differential", description="Kind of the base.")
     left_axis: Axis = Field(description="Axis of the device that turns the left wheel.")
     right_axis: Axis = Field(description="Axis of the device that turns the right wheel.")
-    wheel_separation_m: Positive = Field(description=_SEPARATION)
-    wheel_separation_multiplier: Positive = Field(
-        1.0, description="Calibrated factor of the separation."
+
+
+class SkidSteerDrive(TwoSidedDrive):
+    """A base on several driven wheels a side, all of a side at one speed."""
+
+    AXIS_KEYS = ("left_axes", "right_axes")
+
+    kind: Literal["skid_steer"] = Field(description="Kind of the base.")
+    left_axes: tuple[Axis, ...] = Field(
+        strict=False, min_length=1, description="Axes that turn the left wheels, front to rear."
     )
-    left_wheel_radius_multiplier: Positive = Field(
-        1.0, description="Calibrated factor of the radius of the left wheel."
+    right_axes: tuple[Axis, ...] = Field(
+        strict=False, min_length=1, description="Axes that turn the right wheels, front to rear."
     )
-    right_wheel_radius_multiplier: Positive = Field(
-        1.0, description="Calibrated factor of the radius of the right wheel."
-    )
+
+    @property
+    def keyed_axes(self) -> tuple[tuple[Key, int], ...]:
+        return tuple(
+            ((key, index), axis)
+            for key in self.AXIS_KEYS
+            for index, axis in enumerate(getattr(self, key))
+        )
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        numbers = range(1, self.wheels_per_side + 1)
+        return tuple(f"{side} wheel {number}" for side in ("left", "right") for number in numbers)
+
+    def problems(self) -> Iterator[Problem]:
+        yield from super().problems()
+        if len(self.left_axes) != len(self.right_axes):
+            what = f"must be as many as left_axes ({len(self.left_axes)})"
+            yield ("right_axes",), what, self.right_axes
 
 
 class MecanumDrive(DriveSettings):
@@ -156,6 +205,7 @@ class TricycleDrive(DriveSettings):
 
 KINDS: Mapping[str, type[DriveSettings]] = {
     "differential": DifferentialDrive,
+    "skid_steer": SkidSteerDrive,
     "mecanum": MecanumDrive,
     "tricycle": TricycleDrive,
 }
@@ -176,4 +226,6 @@ def _by_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> DriveSettings
     raise validation_error("drive", [(("kind",), what, kind)])
 
 
-Drive = Annotated[DifferentialDrive | MecanumDrive | TricycleDrive, WrapValidator(_by_kind)]
+Drive = Annotated[
+    DifferentialDrive | SkidSteerDrive | MecanumDrive | TricycleDrive, WrapValidator(_by_kind)
+]

@@ -331,11 +331,11 @@ class RobotDescriptor(Section):
     def _drive_problems(self) -> Iterator[Problem]:
         joints = {joint.axis: index for index, joint in enumerate(self.joints)}
         drive = self.drive
-        for key, axis in zip(drive.AXIS_KEYS, drive.axes, strict=True) if drive else ():
+        for key, axis in drive.keyed_axes if drive else ():
             if axis >= self.axes:
-                yield ("drive", key), f"must be less than axes ({self.axes})", axis
+                yield ("drive", *key), f"must be less than axes ({self.axes})", axis
             if axis in joints:
-                yield ("drive", key), f"used before, by joints.{joints[axis]}.axis", axis
+                yield ("drive", *key), f"used before, by joints.{joints[axis]}.axis", axis
 
     def _gripper_problems(self) -> Iterator[Problem]:
         if self.gripper is None:

@@ -12,8 +12,11 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 MAX_AXES = 128
 
-Problem = tuple[tuple[str | int, ...], str, Any]
-"""Key path below the model, problem, and the value that has it."""
+Key = tuple[str | int, ...]
+"""Path of a key below a model: names of keys and places in lists."""
+
+Problem = tuple[Key, str, Any]
+"""Key below the model, problem, and the value that has it."""
 
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from robotd.descriptor import DifferentialDrive
+from robotd.descriptor import TwoSidedDrive
 from robotd.export.export_input import ExportInput
 
 STATE = "manipulator_state"
@@ -27,7 +27,7 @@ def topic_map(source: ExportInput) -> str:
     entries = []
     if STATE in source.descriptor.nodes and (topic := source.topic(STATE, PARAMETER)):
         entries.append(_joints(source, topic))
-    if isinstance(drive, DifferentialDrive) and BASE in source.descriptor.nodes:
+    if isinstance(drive, TwoSidedDrive) and BASE in source.descriptor.nodes:
         entries.append(_base(source, drive))
     if not entries:
         raise source.rejection(_nothing(source))
@@ -40,7 +40,7 @@ def topic_map(source: ExportInput) -> str:
         }
     )
     remarks = ["Nodes of the action graph in Isaac Sim. Units: rad, m, rad/s, m/s."]
-    if isinstance(drive, DifferentialDrive) and BASE in source.descriptor.nodes:
+    if isinstance(drive, TwoSidedDrive) and BASE in source.descriptor.nodes:
         remarks += _calibration(source, drive)
     return source.document(remarks, {"action_graph": entries})
 
@@ -57,7 +57,7 @@ def _joints(source: ExportInput, topic: str) -> dict[str, Any]:
     }
 
 
-def _base(source: ExportInput, drive: DifferentialDrive) -> dict[str, Any]:
+def _base(source: ExportInput, drive: TwoSidedDrive) -> dict[str, Any]:
     return {
         "node": "ROS2 Subscribe Twist",
         "topic": source.needed_topic(BASE, "encoder_vel_topic"),
@@ -70,7 +70,7 @@ def _base(source: ExportInput, drive: DifferentialDrive) -> dict[str, Any]:
     }
 
 
-def _calibration(source: ExportInput, drive: DifferentialDrive) -> Iterator[str]:
+def _calibration(source: ExportInput, drive: TwoSidedDrive) -> Iterator[str]:
     """Explain the multipliers that calibrate the real wheels, where there are any."""
     factors = {name: source.parameter(BASE, name, getattr(drive, name)) for name in MULTIPLIERS}
     if any(factor != 1.0 for factor in factors.values()):

@@ -1,4 +1,4 @@
-"""Differential drive: two wheels on one axle."""
+"""Differential drive and skid steering: wheels on two sides, each side at one speed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from robotd.motion.planar import PlanarTwist
 
 
 @dataclass(frozen=True)
-class WheelPair:
-    """Kinematics of a left and a right wheel.
+class TwoSidedWheels:
+    """Kinematics of left and right wheels; all wheels of a side have one speed.
 
-    The base's frame is in the middle between them.
+    The base's frame is in the middle between them. A side counts as one wheel that turns by the
+    mean of its wheels.
 
     Attributes:
         wheel_radius, separation: in m, positive.
-        left_multiplier, right_multiplier: calibrated factors of the radius of each wheel, positive.
+        left_multiplier, right_multiplier: calibrated factors of the radius of each side, positive.
+        per_side: wheels of each side; the left ones come first.
     """
 
     moves_sideways: ClassVar[bool] = False
@@ -28,6 +30,7 @@ class WheelPair:
     separation: float
     left_multiplier: float = 1.0
     right_multiplier: float = 1.0
+    per_side: int = 1
 
     @cached_property
     def radii(self) -> tuple[float, float]:
@@ -41,17 +44,20 @@ class WheelPair:
 
     @property
     def lever(self) -> float:
-        """Half the distance between the wheels in m."""
+        """Half the distance between the sides in m."""
         return self.separation / 2
 
     def speeds(self, twist: PlanarTwist) -> tuple[float, ...]:
-        """Angular velocities (left, right) in rad/s that move the base by ``twist``."""
+        """Angular velocities of all wheels in rad/s that move the base by ``twist``."""
         turning = twist.angular * self.separation / 2
         left, right = self.radii
-        return (twist.linear - turning) / left, (twist.linear + turning) / right
+        return (
+            *((twist.linear - turning) / left,) * self.per_side,
+            *((twist.linear + turning) / right,) * self.per_side,
+        )
 
     def twist(self, *turns: float) -> PlanarTwist:
         """Invert ``speeds``; for wheel angles in rad the result is a displacement."""
-        left, right = turns
-        left, right = left * self.radii[0], right * self.radii[1]
+        left = sum(turns[: self.per_side]) / self.per_side * self.radii[0]
+        right = sum(turns[self.per_side :]) / self.per_side * self.radii[1]
         return PlanarTwist((right + left) / 2, (right - left) / self.separation)

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from robotd.descriptor import (
-    DifferentialDrive,
     DriveSettings,
     MecanumDrive,
     RobotDescriptor,
     TricycleDrive,
+    TwoSidedDrive,
 )
 from robotd.errors import DescriptorError
 from robotd.node_settings.arm_settings import FILE_MEANING
@@ -27,8 +27,8 @@ Kind = TypeVar("Kind", bound=DriveSettings)
 
 MULTIPLIERS = {
     "wheel_separation_multiplier": "distance between the wheels",
-    "left_wheel_radius_multiplier": "radius of the left wheel",
-    "right_wheel_radius_multiplier": "radius of the right wheel",
+    "left_wheel_radius_multiplier": "radius of the left wheels",
+    "right_wheel_radius_multiplier": "radius of the right wheels",
 }
 
 # Wheels measure x, y and yaw; sideways they do not slip; of the rest they know nothing.
@@ -86,9 +86,9 @@ def _drive_of(node: str, descriptor: RobotDescriptor, kind: type[Kind]) -> Kind:
 def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) -> BaseSettings:
     """Declare the parameters of ``diff_drive_controller``.
 
-    Raises DescriptorError where the robot has no differential drive.
+    Raises DescriptorError where the robot has neither a differential nor a skid-steer drive.
     """
-    drive = _drive_of(parameters.node, descriptor, DifferentialDrive)
+    drive = _drive_of(parameters.node, descriptor, TwoSidedDrive)
     return BaseSettings(
         drive=_diff_drive(parameters, drive),
         stamped=parameters.flag("use_stamped_vel", False, "take TwistStamped instead of Twist"),
@@ -101,14 +101,14 @@ def read_diff_drive(parameters: ParameterReader, descriptor: RobotDescriptor) ->
     )
 
 
-def _diff_drive(parameters: ParameterReader, drive: DifferentialDrive) -> DifferentialDrive:
+def _diff_drive(parameters: ParameterReader, drive: TwoSidedDrive) -> TwoSidedDrive:
     """Declare the parameters of geometry, ramps and limits; ``drive`` gives their defaults.
 
     ``acc_time`` and ``dec_time`` are the times between rest and the highest speed; a limit of
     acceleration that is lower wins.
     """
-    parameters.same_as("drive.left_axis", "left_axis", drive.left_axis, "axis of the wheel")
-    parameters.same_as("drive.right_axis", "right_axis", drive.right_axis, "axis of the wheel")
+    for key in drive.AXIS_KEYS:
+        parameters.same_as(f"drive.{key}", key, getattr(drive, key), "axis of the wheels")
     limits = _limits(parameters, drive, "linear.x")
     limits |= _limits(parameters, drive, "angular.z", "angular_", "rad")
     acc_time = parameters.positive("acc_time", 1.0, "time from rest to the highest speed in s")

@@ -132,13 +132,16 @@ class ParameterReader:
             self.reject(name, f"file {path!r} does not exist")
         return Path(path) if path else None
 
-    def same_as(self, key: str, name: str, value: int | Sequence[str], meaning: str) -> None:
+    def same_as(
+        self, key: str, name: str, value: int | Sequence[str] | Sequence[int], meaning: str
+    ) -> None:
         """Declare a parameter that repeats ``key`` of the descriptor, whose value is ``value``.
 
         One that says anything else is rejected with both places.
         """
         known = value if isinstance(value, int) else list(value)
         given = self._declare(name, known, f"{meaning}, as the robot's descriptor has it")
+        given = given if isinstance(known, int) else list(given)
         if given != known:
             self.reject(name, f"{given} contradicts {key}: {known} ({self._origin(key)})")
 

@@ -31,6 +31,7 @@ ROBOTS = (
     ("cr3a", "orin", ()),
     ("baymax", None, ()),
     ("baymax", None, ("-p", "publish_tf:=true", "-p", "publish_limited_velocity:=true")),
+    ("skid_steer_base", None, ()),
     ("mecanum_base", None, ()),
     ("mecanum_base", None, ("-p", "publish_limited_velocity:=true")),
     ("tricycle_base", None, ()),

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from tests.unit.cli.conftest import Robotd
 from robotd.cli.exit_codes import ExitCode
 from robotd.clock.simulated import SteppedClock
 from robotd.control.trajectory_execution import Outcome
-from robotd.descriptor import RobotDescriptor, load_robot_descriptor
+from robotd.descriptor import RobotDescriptor, SkidSteerDrive, load_robot_descriptor
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, open_robot
@@ -56,7 +57,7 @@ def goal(names: Sequence[str], wanted: Mapping[str, float]) -> TrajectoryRequest
     return TrajectoryRequest.from_rows(names, [MOTION_S], [[wanted[name] for name in names]])
 
 
-def drive(robot: Robot) -> None:
+def drive_base(robot: Robot) -> None:
     """Command the base until its thread has claimed the wheels and they turn."""
     assert robot.base is not None
     deadline = time.monotonic() + 20.0
@@ -85,7 +86,7 @@ def test_it_moves_on_the_simulation(new: New, shape: str) -> None:
             measured = robot.image.position[list(robot.joint_axes)]
             assert measured == pytest.approx(list(wanted.values()), abs=0.01)
         if robot.base is not None:
-            drive(robot)
+            drive_base(robot)
             assert abs(robot.base.pose.y) < 1e-6
 
 
@@ -126,9 +127,118 @@ def test_wheels_are_told_apart_by_their_side(new: New) -> None:
     assert drive is not None
     assert (drive.wheel_radius_m, drive.wheel_separation_m) == (0.1, 0.4)
     text = robot.path.read_text(encoding="utf-8")
-    assert "# Wheels left_wheel_joint and right_wheel_joint." in text
+    assert "# Wheels left_wheel_joint on the left, right_wheel_joint on the right." in text
     assert re.search(r"#   caster_(wheel_)?joint: a passive wheel", text)
     assert "10.0      # assumed: the URDF has none" in text
+
+
+WHEELS = [f"{end}_{side}_wheel" for side in ("left", "right") for end in ("front", "rear")]
+
+
+def four_wheels(steered: str = "") -> str:
+    """A URDF on four wheels; the ``steered`` end has a steering joint for each of its wheels."""
+    parts = ['<robot name="rover"><link name="base_link"/>']
+    for wheel in WHEELS:
+        x, y = (0.3 if "front" in wheel else -0.3), (0.25 if "left" in wheel else -0.25)
+        parent, place = "base_link", f"{x} {y} 0"
+        if steered and steered in wheel:
+            parts.append(
+                f'<link name="{wheel}_fork"/><joint name="{wheel}_turn" type="revolute">'
+                f'<parent link="base_link"/><child link="{wheel}_fork"/><origin xyz="{place}"/>'
+                '<axis xyz="0 0 1"/><limit lower="-0.5" upper="0.5" effort="1" velocity="1"/>'
+                "</joint>"
+            )
+            parent, place = f"{wheel}_fork", "0 0 0"
+        parts.append(
+            f'<joint name="{wheel}" type="continuous"><parent link="{parent}"/>'
+            f'<child link="{wheel}_link"/><origin xyz="{place}"/><axis xyz="0 1 0"/>'
+            f'<limit effort="10" velocity="9"/></joint><link name="{wheel}_link"><collision>'
+            '<geometry><cylinder radius="0.1" length="0.05"/></geometry></collision></link>'
+        )
+    return "\n".join([*parts, "</robot>"])
+
+
+@pytest.fixture
+def rover(robotd: Robotd, tmp_path: Path) -> Callable[..., tuple[RobotDescriptor, str]]:
+    """Make the robot of a URDF on four wheels; also return what was printed."""
+
+    def make(*wheels: str, steered: str = "") -> tuple[RobotDescriptor, str]:
+        urdf = tmp_path / "four.urdf"
+        urdf.write_text(four_wheels(steered), encoding="utf-8")
+        options = ["--wheels", ",".join(wheels)] if wheels else []
+        result = robotd(
+            "new-robot", "rover", "--urdf", str(urdf), "--into", str(tmp_path), *options
+        )
+        assert result.exit_code == 0, result.output
+        return load_robot_descriptor(tmp_path / "rover"), result.output
+
+    return make
+
+
+def test_several_wheels_a_side_make_a_skid_steer_base(rover: Any) -> None:
+    robot, output = rover(*WHEELS)
+    drive = robot.drive
+    assert isinstance(drive, SkidSteerDrive)
+    assert (drive.left_axes, drive.right_axes) == ((0, 1), (2, 3))
+    assert drive.wheel_joints == tuple(WHEELS)
+    assert (drive.wheel_radius_m, drive.wheel_separation_m) == (0.1, 0.5)
+    assert robot.joints == ()
+    assert "warn" not in output
+    with open_robot(robot.path, clock=SteppedClock()) as served:
+        drive_base(served)
+        speeds = served.image.velocity
+        assert (speeds > 0.1).all()
+
+
+def test_four_wheels_are_asked_for_with_the_command(robotd: Robotd, tmp_path: Path) -> None:
+    urdf = tmp_path / "four.urdf"
+    urdf.write_text(four_wheels(), encoding="utf-8")
+    result = robotd("new-robot", "rover", "--urdf", str(urdf), "--into", str(tmp_path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert f"on a skid-steer base, --wheels {','.join(WHEELS)};" in result.stderr
+
+
+@pytest.mark.parametrize("end", ["front", "rear"])
+def test_wheels_that_are_not_named_are_not_held_by_an_axis(rover: Any, end: str) -> None:
+    robot, _ = rover(f"{end}_left_wheel", f"{end}_right_wheel")
+    assert robot.joints == ()
+    assert robot.axes == 2
+    others = "rear" if end == "front" else "front"
+    text = robot.path.read_text(encoding="utf-8")
+    assert f"#   {others}_left_wheel: a wheel that is not driven" in text
+
+
+def test_what_steers_an_undriven_wheel_is_not_held_by_an_axis(rover: Any) -> None:
+    robot, _ = rover("rear_left_wheel", "rear_right_wheel", steered="front")
+    assert robot.joints == ()
+    text = robot.path.read_text(encoding="utf-8")
+    assert "#   front_left_wheel_turn: steers front_left_wheel, which is not driven" in text
+
+
+def test_the_named_sides_win_over_the_geometry_and_the_contradiction_is_told(rover: Any) -> None:
+    robot, output = rover("front_right_wheel", "front_left_wheel")
+    assert robot.drive.wheel_joints == ("front_right_wheel", "front_left_wheel")
+    assert "warn  drive.wheel_joints: front_right_wheel, a left wheel, is at y -0.25 m" in output
+
+
+@pytest.mark.parametrize(
+    ("wheels", "steered", "text"),
+    [
+        (WHEELS[:3], "", "a base has as many left as right wheels"),
+        (WHEELS[::2] + WHEELS[1::2], "", "the wheels are not on two sides"),
+        (WHEELS, "front", "front_left_wheel: the wheel is steered by front_left_wheel_turn"),
+    ],
+)
+def test_wheels_that_make_no_base_are_rejected(
+    robotd: Robotd, tmp_path: Path, wheels: list[str], steered: str, text: str
+) -> None:
+    urdf = tmp_path / "four.urdf"
+    urdf.write_text(four_wheels(steered), encoding="utf-8")
+    options = ["--urdf", str(urdf), "--into", str(tmp_path), "--wheels", ",".join(wheels)]
+    result = robotd("new-robot", "rover", *options)
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert text in result.stderr
+    assert not (tmp_path / "rover").exists()
 
 
 def test_drive_models_carry_the_masses_of_the_urdf(new: New) -> None:
@@ -147,10 +257,10 @@ def test_accelerations_follow_from_the_ramp_time(new: New) -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        (["--wheels", "left_wheel_joint"], "a differential base has two wheels, LEFT,RIGHT"),
+        (["--wheels", "left_wheel_joint"], "a base has as many left as right wheels"),
         (["--wheels", "left_wheel_joint,lef"], "has no joint 'lef' for a wheel"),
         (["--no-base"], "left_wheel_joint: a driven joint needs a speed"),
-        (["--wheels", "caster_joint,caster_wheel_joint"], "are on one side, at y 0 m"),
+        (["--wheels", "caster_joint,caster_wheel_joint"], "the wheels are not on two sides"),
     ],
 )
 def test_what_a_urdf_cannot_give_is_asked_for(

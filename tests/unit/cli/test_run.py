@@ -250,6 +250,7 @@ def test_a_robot_without_joints_is_told_so(robotd: Robotd, server: Server) -> No
     [
         ("baymax", "differential, radius 0.09 m, 0.55 m apart"),
         ("mecanum_base", "mecanum, radius"),
+        ("skid_steer_base", "skid_steer, radius 0.165 m, 0.57 m apart"),
         ("tricycle_base", "tricycle, radius 0.1 m, wheelbase 0.8 m, steers 1.2 rad"),
     ],
 )

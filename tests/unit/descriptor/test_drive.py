@@ -8,6 +8,7 @@ from robotd.descriptor import (
     DifferentialDrive,
     MecanumDrive,
     RobotDescriptor,
+    SkidSteerDrive,
     load_robot_descriptor,
 )
 from robotd.errors import DescriptorError
@@ -82,6 +83,37 @@ drive:
   angular_acceleration_rad_s2: 1.0
   angular_deceleration_rad_s2: 1.0
 """
+
+
+SKID = BASE.replace("  left_axis: 2\n", "  kind: skid_steer\n  left_axes: [0, 1]\n").replace(
+    "right_axis: 3", "right_axes: [2, 3]"
+)
+
+
+def test_a_skid_steer_drive_has_several_wheels_a_side(tmp_path: Path) -> None:
+    robot = load(tmp_path, SKID)
+    assert isinstance(robot.drive, SkidSteerDrive)
+    assert (robot.axes, robot.drive.axes) == (4, (0, 1, 2, 3))
+    assert robot.drive.wheels_per_side == 2
+    assert robot.drive.wheel_names == (
+        "left wheel 1", "left wheel 2", "right wheel 1", "right wheel 2",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        (SKID.replace("[2, 3]", "[2]"), r"drive.right_axes: must be as many as left_axes \(2\)"),
+        (SKID.replace("[0, 1]", "[]"), "drive.left_axes"),
+        (SKID.replace("[0, 1]", "0"), "drive.left_axes"),
+        (SKID.replace("[2, 3]", "[2, 1]"), "drive.right_axes.1: used before, by left_axes.1"),
+        (SKID + "axes: 3\n", r"drive.right_axes.1: must be less than axes \(3\)"),
+        (SKID + f"joints: [{JOINT}]\n", "drive.right_axes.0: used before, by joints.0.axis"),
+    ],
+)
+def test_mistakes_in_a_skid_steer_drive_are_named(tmp_path: Path, text: str, where: str) -> None:
+    with pytest.raises(DescriptorError, match=where):
+        load(tmp_path, text)
 
 
 def test_a_drive_is_differential_unless_it_says_otherwise(tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotd.motion.dead_reckoning import Odometry
-from robotd.motion.diff_drive import WheelPair
+from robotd.motion.diff_drive import TwoSidedWheels
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose, along_arc
 
-BAYMAX = WheelPair(0.09, separation=0.55)
+BAYMAX = TwoSidedWheels(0.09, separation=0.55)
 
 speeds = st.floats(-10.0, 10.0)
 twists = st.builds(PlanarTwist, speeds, speeds, st.just(0.0))
@@ -36,15 +36,24 @@ def test_wheel_speeds_of_the_reference() -> None:
     assert right == pytest.approx((2 * 0.5 + 1.0 * 0.55) / (2 * 0.09))
 
 
-@given(st.builds(WheelPair, lengths, lengths, factors, factors), twists)
-def test_a_twist_comes_back_from_its_wheel_speeds(wheels: WheelPair, twist: PlanarTwist) -> None:
+@given(st.builds(TwoSidedWheels, lengths, lengths, factors, factors), twists)
+def test_a_twist_comes_back_from_its_wheel_speeds(
+    wheels: TwoSidedWheels, twist: PlanarTwist
+) -> None:
     assert wheels.twist(*wheels.speeds(twist)) == pytest.approx(twist, rel=1e-9, abs=1e-9)
 
 
 def test_a_larger_right_wheel_turns_slower_and_its_odometry_turns_left() -> None:
-    wheels = WheelPair(0.1, 0.5, left_multiplier=1.0, right_multiplier=1.25)
+    wheels = TwoSidedWheels(0.1, 0.5, left_multiplier=1.0, right_multiplier=1.25)
     assert wheels.speeds(PlanarTwist(1.0, 0.0)) == pytest.approx((10.0, 8.0))
     assert wheels.twist(1.0, 1.0) == pytest.approx(PlanarTwist(0.1125, 0.05))
+
+
+def test_all_wheels_of_a_side_turn_alike_and_count_by_their_mean() -> None:
+    pair, wheels = TwoSidedWheels(0.1, 0.5), TwoSidedWheels(0.1, 0.5, per_side=3)
+    left, right = pair.speeds(PlanarTwist(1.0, 0.4))
+    assert wheels.speeds(PlanarTwist(1.0, 0.4)) == (left, left, left, right, right, right)
+    assert wheels.twist(1.0, 2.0, 3.0, 4.0, 4.0, 7.0) == pytest.approx(pair.twist(2.0, 5.0))
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0))

@@ -11,7 +11,7 @@ from robotd.cli.check_report import CheckReport
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import log_options, robot_options
-from robotd.cli.urdf_check import check_urdf
+from robotd.cli.urdf_check import check_urdf, urdf_warnings
 from robotd.control.device_fit import fit_device
 from robotd.control.joint_group import ON_DEVICE
 from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
@@ -68,7 +68,9 @@ def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
             for warning in parameter_warnings(found, descriptor):
                 report.warn(warning)
     if urdf is not None:
-        report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
+        model = report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
+        for warning in urdf_warnings(model, descriptor) if model else ():
+            report.warn(warning)
 
 
 def _check_backend(

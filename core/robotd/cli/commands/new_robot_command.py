@@ -28,6 +28,7 @@ EPILOG = """\b
 Examples:
   robotd new-robot my_arm --urdf my_arm.urdf
   robotd new-robot rover --urdf rover.urdf --wheels left_wheel,right_wheel --wheel-radius 0.1
+  robotd new-robot skid --urdf skid.urdf --wheels front_left,rear_left,front_right,rear_right
   robotd canopen scan --channel can0 --json > bus.json
   robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
   robotd new-robot axes --bus bus.json   # without a URDF: a joint for each drive
@@ -72,9 +73,10 @@ Examples:
 )
 @click.option(
     "--wheels",
-    metavar="LEFT,RIGHT",
+    metavar="LEFT,...,RIGHT,...",
     callback=names,
-    help="Joints of the driven wheels; by default the two continuous joints named like wheels.",
+    help="Joints of the driven wheels, all left ones first; by default the two continuous joints"
+    " named like wheels. Several wheels a side make a skid-steer base.",
 )
 @click.option(
     "--wheel-radius",

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from robotd.descriptor.from_urdf.wheel_base import WheelBase, wheel_base
+from robotd.descriptor.from_urdf.wheel_base import WheelBase, left_first, wheel_base
 from robotd.descriptor.section import NAME
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
 from robotd.errors import DescriptorError, did_you_mean
 
 _PASSIVE = re.compile(r"caster|castor|swivel|roller|idler", re.IGNORECASE)
 _WHEEL = re.compile(r"wheel", re.IGNORECASE)
+UPRIGHT = 0.9  # part of an axis along z
 
 
 class GripperDrive(StrEnum):
@@ -30,7 +31,7 @@ class Choices:
     """Answers that a URDF does not contain.
 
     Attributes:
-        wheels: names of the left and the right driven wheel's joint; empty: found by name.
+        wheels: joints of the driven wheels, the left ones first; empty: found by name.
         wheel_radius_m: None: from the wheels' cylinders.
         base: False takes no joint for a wheel.
         gripper: actuator of the fingers.
@@ -86,7 +87,11 @@ def assign_roles(urdf: UrdfRobot, choices: Choices, path: Path) -> Roles:
     wheels = base.joints if base else ()
     free = [joint for joint in urdf.joints if joint.moves and joint not in wheels]
     passive = [(joint, "a passive wheel") for joint in free if _PASSIVE.search(joint.name)]
-    free = [joint for joint in free if not _PASSIVE.search(joint.name)]
+    if base is not None:
+        _check_steering(urdf, base, path)
+        passive += _idle_wheels(urdf, free)
+    idle = {joint.name for joint, _ in passive}
+    free = [joint for joint in free if joint.name not in idle]
     groups = _finger_groups(urdf, free)
     fingers = None
     if choices.gripper is GripperDrive.OUTPUT and len(groups) == 1:
@@ -119,15 +124,17 @@ def _base(urdf: UrdfRobot, choices: Choices, path: Path) -> WheelBase | None:
     found = [joint for joint in urdf.joints if _is_wheel(urdf, joint)]
     if not found:
         return None
-    if len(found) != 2:
-        names = ", ".join(joint.name for joint in found)
+    wheels = left_first(urdf, found)
+    if len(found) != 2:  # which of them are driven, and how, the file does not say
+        names = ",".join(joint.name for joint in wheels)
         what = (
-            f"{len(found)} wheels ({names}), a differential base has two: name them by"
-            " --wheels LEFT,RIGHT, or pass --no-base; other bases are described by hand, as in"
-            " robots/mecanum_base and robots/tricycle_base"
+            f"{len(found)} wheels ({names}): name the driven ones, the left ones first, by --wheels"
+            f" LEFT,RIGHT or, on a skid-steer base, --wheels {names}; the others are passive then;"
+            " --no-base takes none for a wheel; mecanum and steered bases are described by hand,"
+            " as in robots/mecanum_base and robots/tricycle_base"
         )
         raise DescriptorError(what, path=path, line=found[0].line, key=found[0].name)
-    return wheel_base(urdf, found, choices.wheel_radius_m, path)
+    return wheel_base(urdf, wheels, choices.wheel_radius_m, path)
 
 
 def _named(urdf: UrdfRobot, names: Sequence[str], path: Path) -> list[UrdfJoint]:
@@ -145,6 +152,56 @@ def _is_wheel(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
         and bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
         and not _PASSIVE.search(joint.name)
         and not urdf.carries(joint)
+    )
+
+
+def _check_steering(urdf: UrdfRobot, base: WheelBase, path: Path) -> None:
+    """Raise DescriptorError for a driven wheel that is steered."""
+    for wheel in base.joints:
+        steering = _carrier(urdf, wheel)
+        if steering is not None and _steers(urdf, steering):
+            what = (
+                f"the wheel is steered by {steering.name}: a base with steered wheels is described"
+                " by hand, as in robots/tricycle_base"
+            )
+            raise DescriptorError(what, path=path, line=wheel.line, key=wheel.name)
+
+
+def _idle_wheels(urdf: UrdfRobot, free: Sequence[UrdfJoint]) -> list[tuple[UrdfJoint, str]]:
+    """Return wheels of the base that are not driven and what steers them, each with the reason.
+
+    An axis would hold them in position, against the driven wheels.
+    """
+    found = []
+    for wheel in (joint for joint in free if _is_wheel(urdf, joint)):
+        carrier = _carrier(urdf, wheel)
+        if carrier is not None and _steers(urdf, carrier):
+            found.append((carrier, f"steers {wheel.name}, which is not driven"))
+        elif carrier is not None:  # beyond an arm, such as a grinding wheel
+            continue
+        found.append((wheel, "a wheel that is not driven"))
+    return found
+
+
+def _carrier(urdf: UrdfRobot, joint: UrdfJoint) -> UrdfJoint | None:
+    """Return the nearest moving joint that carries ``joint``."""
+    link = joint.parent
+    while link != urdf.root:
+        holding = urdf.parent_joint[link]
+        if holding.moves:
+            return holding
+        link = holding.parent
+    return None
+
+
+def _steers(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
+    """Return True for a joint of the base that turns one wheel about the vertical."""
+    upright = abs(float((urdf.pose(joint.child, {})[:3, :3] @ joint.axis)[2])) > UPRIGHT
+    return (
+        upright
+        and joint.type in ("continuous", "revolute")
+        and len(urdf.carries(joint)) == 1
+        and _carrier(urdf, joint) is None
     )
 
 

@@ -59,7 +59,7 @@ def robot_files(
     Raises DescriptorError: nothing can be driven; a scan that does not fit; see ``assign_roles``.
     """
     roles = assign_roles(urdf, choices, path)
-    count = len(roles.arm) + (2 if roles.base else 0)
+    count = len(roles.arm) + (len(roles.base.joints) if roles.base else 0)
     if count == 0:
         raise DescriptorError("no joint moves: there is nothing to drive", path=path)
     if count > MAX_AXES:
@@ -162,20 +162,29 @@ def _base(roles: Roles) -> Iterator[str]:
     fastest = base.velocity_rad_s * base.radius_m
     speed = min(fastest, MAX_BASE_VELOCITY_M_S)
     turning = min(2.0 * fastest / base.separation_m, MAX_BASE_TURNING_RAD_S)
-    left, right = base.joints
+    left, right = (" and ".join(each.name for each in side) for side in (base.left, base.right))
     origin = "assumed: the URDF has none" if base.is_assumed else "the URDF's"
     yield from _comment(
-        f"Wheels {left.name} and {right.name}. Speeds and ramps of the base are moderate ones, to"
-        " be replaced by those of the machine; the wheels' speed limits both parts of a twist. The"
-        " base moves independently of the joints and is no group."
+        f"Wheels {left} on the left, {right} on the right. Speeds and ramps of the base are"
+        " moderate ones, to be replaced by those of the machine; the wheels' speed limits both"
+        " parts of a twist. The base moves independently of the joints and is no group."
     )
     yield "drive:"
-    yield "  kind: differential                    # mecanum has other keys: robots/mecanum_base"
-    yield f"  left_axis: {first}"
-    yield f"  right_axis: {first + 1}"
-    yield f"  wheel_joints: [{left.name}, {right.name}]"
+    per_side = len(base.left)
+    yield "  # Mecanum and steered bases have other keys: robots/mecanum_base, robots/tricycle_base"
+    if per_side == 1:
+        yield "  kind: differential"
+        yield f"  left_axis: {first}"
+        yield f"  right_axis: {first + 1}"
+    else:
+        yield "  kind: skid_steer"
+        yield f"  left_axes: [{_range(first, per_side)}]"
+        yield f"  right_axes: [{_range(first + per_side, per_side)}]"
+    yield f"  wheel_joints: [{', '.join(joint.name for joint in base.joints)}]"
     yield f"  wheel_radius_m: {_rounded(base.radius_m)}"
     yield f"  wheel_separation_m: {_rounded(base.separation_m)}"
+    if per_side > 1:
+        yield "  # The wheels slip in turns: calibrate wheel_separation_multiplier, often 1.2 to 2."
     yield f"  wheel_velocity_rad_s: {_number(base.velocity_rad_s)}      # {origin}"
     yield f"  velocity_m_s: {_rounded(speed)}"
     yield f"  acceleration_m_s2: {_rounded(speed / BASE_RAMP_S)}"
@@ -289,6 +298,10 @@ def _backends(
 
 def _comment(text: str) -> Iterator[str]:
     return (f"# {line}" for line in textwrap.wrap(text, WIDTH))
+
+
+def _range(first: int, count: int) -> str:
+    return ", ".join(map(str, range(first, first + count)))
 
 
 def _quoted(text: str) -> str:
