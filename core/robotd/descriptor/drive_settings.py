@@ -58,7 +58,7 @@ class DriveSettings(Section):
 
     @property
     def keyed_axes(self) -> tuple[tuple[Key, int], ...]:
-        """The axes of the wheels, each with its key below ``drive``, in the order of the wheels."""
+        """The axes of the wheels in their order, each with its key below ``drive``."""
         return tuple(((key,), getattr(self, key)) for key in self.AXIS_KEYS)
 
     @property

@@ -168,7 +168,7 @@ def _check_steering(urdf: UrdfRobot, base: WheelBase, path: Path) -> None:
 
 
 def _idle_wheels(urdf: UrdfRobot, free: Sequence[UrdfJoint]) -> list[tuple[UrdfJoint, str]]:
-    """Return wheels of the base that are not driven and what steers them, each with the reason.
+    """Return undriven wheels of the base and what steers them, each with the reason.
 
     An axis would hold them in position, against the driven wheels.
     """

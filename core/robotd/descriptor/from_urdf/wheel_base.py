@@ -41,7 +41,7 @@ class WheelBase:
 
 
 def left_first(urdf: UrdfRobot, wheels: Sequence[UrdfJoint]) -> list[UrdfJoint]:
-    """Return the wheels of the left half, then those of the right; y is to the left (REP 103)."""
+    """Return the left half of the wheels, then the right half, by y (REP 103)."""
     by_side = sorted(wheels, key=lambda joint: -_side(urdf, joint))
     half = len(by_side) // 2
     return [
