@@ -1,0 +1,34 @@
+"""Habits of real drives, as settings of the independent CiA 402 drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Knobs:
+    """Habits of real drives; counts are those of the encoder. Most can change at run time."""
+
+    power_on_position: int = 123_456
+    max_speed: float = 655_360.0  # counts/s
+    lag_s: float = 0.005
+    encoder: int = 65_536  # counts per turn
+    feed: int = 65_536  # position units per turn
+    supported_modes: int = 0x3A5  # 0x6502
+    sdo_delay_s: float = 0.0
+    sdo_missing: int = 0  # number of SDO responses that do not come; -1 for all
+    sdo_mute: tuple[int, ...] = ()  # indexes whose responses never come
+    store_s: float = 0.0  # delay of the response to 0x1010
+    duplicate_delay_s: float = 0.0  # a second node with this id answers after this time
+    refused: tuple[int, ...] = ()  # indexes that cannot be written
+    refusal: str = "ro"  # read-only in the EDS too; "abort": only when they are written
+    absent: tuple[int, ...] = ()  # indexes that do not exist
+    event_position: bool = False  # its TPDO is sent on change only: type 255, fixed
+    position_alone: bool = False  # the default mapping has the position in a TPDO of its own
+    self_starting: bool = False  # operational without an NMT command, TPDOs active by default
+    heartbeat_ms: int = 0  # default of 0x1017
+    heartbeat_copies: int = 1
+    boot_s: float = 0.05
+    status_delay_s: float = 0.0
+    code_in_603f: bool = True
+    empty_strings: bool = False
