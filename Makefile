@@ -72,8 +72,8 @@ coverage: $(tools) ## run the unit and contract tests and report their coverage
 	exec .venv/bin/python -m tools.coverage $(ARGS)
 
 backends: $(tools) ## run the conformance checks and the tests of CANopen, EtherCAT and WMX
-	@$(say) 'pytest tests/conformance tests/canopen tests/ethercat'
-	.venv/bin/python -m pytest tests/conformance tests/canopen tests/ethercat $(ARGS)
+	@$(say) 'pytest tests/conformance tests/canopen tests/independent tests/ethercat'
+	.venv/bin/python -m pytest tests/{conformance,canopen,independent,ethercat} $(ARGS)
 	$(MAKE) --no-print-directory -C plugins/wmx test
 
 lint: $(tools) ## check style, format, layers and types

@@ -15,7 +15,7 @@ settings.register_profile("explore", deadline=None)
 settings.register_profile("robotd", settings.get_profile("explore"), derandomize=True)
 settings.load_profile("robotd")
 
-REAL_TIME = ("canopen", "conformance", "ethercat", "page", "ros")
+REAL_TIME = ("canopen", "conformance", "ethercat", "independent", "page", "ros")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -100,6 +100,9 @@ class RunningNode:
                 raise TimeoutError(f"after {timeout_s} s: {measured}")
             time.sleep(0.01)
 
+    def wait_for_boot(self) -> None:
+        self.wait(lambda measured: "boots" in measured["counts"])
+
     def close(self) -> None:
         raise NotImplementedError
 
@@ -119,6 +122,7 @@ class ThreadedNode(RunningNode):
         self.drive = ServoDrive(node_id, bus.send, knobs)
         self._thread = threading.Thread(target=serve, args=(bus, self.drive, self._requests))
         self._thread.start()
+        self.wait_for_boot()
 
     def ask(self, **request: Any) -> dict[str, Any]:
         replies: queue.Queue[dict[str, Any]] = queue.Queue()
@@ -145,7 +149,7 @@ class NodeProcess(RunningNode):
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
         )
-        self.ask()
+        self.wait_for_boot()
 
     def ask(self, **request: Any) -> dict[str, Any]:
         assert self._process.stdin

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import struct
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -746,6 +748,18 @@ def test_restart_coasts_and_keeps_the_position(bench: Bench) -> None:
     assert bench.drive.axis.position > 123_456
 
 
+def test_shares_no_code_with_robotd() -> None:
+    folder = Path(__file__).parent
+    names = ("canopen_objects", "canopen_device", "servo_axis", "cia402_node", "knobs", "harness")
+    for name in names:
+        tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
+        imported = [n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)]
+        imported += [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
+        roots = {module.split(".")[0] for module in imported} - sys.stdlib_module_names
+        assert roots <= {"can", "tests"}
+        assert all(m.startswith("tests.independent") for m in imported if m.startswith("tests"))
+
+
 def test_eds_describes_the_drive(tmp_path: Path) -> None:
     drive = Bench().drive
     path = tmp_path / "node.eds"
@@ -764,7 +778,7 @@ def test_runs_in_a_thread_with_a_foreign_master() -> None:
     network = canopen.Network()
     network.connect(interface="virtual", channel="independent-drive")
     with ThreadedNode(bus, NODE) as node:
-        node.wait(lambda measured: measured["nmt"] == "PRE_OPERATIONAL")
+        assert node["nmt"] == "PRE_OPERATIONAL"
         remote = network.add_node(NODE, canopen.ObjectDictionary())
         assert remote.sdo.upload(0x2000, 0) == b"a text that needs segments"
         remote.sdo.download(0x2000, 0, b"another text that needs them")
