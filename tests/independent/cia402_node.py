@@ -177,7 +177,7 @@ class ServoDrive(CanopenDevice):
             self.remove(index)
             self.names.pop(index, None)
         for key, entry in self.objects.items():
-            if key[0] in knobs.refused and knobs.refusal == "ro" and entry.access == "rw":
+            if key[0] in knobs.rejected and knobs.rejection == "ro" and entry.access == "rw":
                 entry.access = "ro"
         if knobs.empty_strings:
             for entry in self.objects.values():
@@ -196,9 +196,9 @@ class ServoDrive(CanopenDevice):
         return self.knobs.store_s if index == 0x1010 and write else self.knobs.sdo_delay_s
 
     def write(self, index: int, sub: int, data: bytes) -> None:
-        if index in self.knobs.refused:
+        if index in self.knobs.rejected:
             self.writes[f"{index:04X}:{sub}"] += 1
-            raise Abort(READ_ONLY if self.knobs.refusal == "ro" else DEVICE_STATE)
+            raise Abort(READ_ONLY if self.knobs.rejection == "ro" else DEVICE_STATE)
         super().write(index, sub, data)
 
     # Rules of single objects

@@ -20,8 +20,8 @@ class Knobs:
     sdo_mute: tuple[int, ...] = ()  # indexes whose responses never come
     store_s: float = 0.0  # delay of the response to 0x1010
     duplicate_delay_s: float = 0.0  # a second node with this id answers after this time
-    refused: tuple[int, ...] = ()  # indexes that cannot be written
-    refusal: str = "ro"  # read-only in the EDS too; "abort": only when they are written
+    rejected: tuple[int, ...] = ()  # indexes that cannot be written
+    rejection: str = "ro"  # read-only in the EDS too; "abort": only when they are written
     absent: tuple[int, ...] = ()  # indexes that do not exist
     event_position: bool = False  # its TPDO is sent on change only: type 255, fixed
     position_alone: bool = False  # the default mapping has the position in a TPDO of its own

@@ -91,7 +91,7 @@ def abort_of(bench: Bench, data: bytes) -> int:
     return aborted.value.code
 
 
-def refused(bench: Bench, index: int, sub: int, value: int, size: int = 4) -> int:
+def rejected(bench: Bench, index: int, sub: int, value: int, size: int = 4) -> int:
     with pytest.raises(Abort) as aborted:
         bench.write(index, sub, value, size)
     return aborted.value.code
@@ -169,7 +169,7 @@ def test_lost_heartbeat_after_the_first_one_is_a_fault(bench: Bench) -> None:
 
 def test_one_node_is_consumed_once(bench: Bench) -> None:
     bench.write(0x1016, 1, 0x7F << 16 | 200)
-    assert refused(bench, 0x1016, 2, 0x7F << 16 | 300) == 0x0604_0043
+    assert rejected(bench, 0x1016, 2, 0x7F << 16 | 300) == 0x0604_0043
 
 
 def test_error_history_has_the_newest_first_and_can_be_cleared(bench: Bench) -> None:
@@ -178,7 +178,7 @@ def test_error_history_has_the_newest_first_and_can_be_cleared(bench: Bench) -> 
     assert bench.read(0x1003) == 2
     assert [bench.read(0x1003, sub) for sub in (1, 2)] == [0x4210, 0x3210]
     assert bench.read(0x1001) == 0x0D
-    assert refused(bench, 0x1003, 0, 1, 1) == 0x0609_0030
+    assert rejected(bench, 0x1003, 0, 1, 1) == 0x0609_0030
     bench.write(0x1003, 0, 0, 1)
     assert bench.read(0x1003) == 0
 
@@ -267,15 +267,15 @@ def test_store_is_counted_and_survives_a_reset(bench: Bench) -> None:
 
 def test_mapping_needs_an_invalid_pdo_and_no_mapped_objects(bench: Bench) -> None:
     position = 0x6064_0020
-    assert refused(bench, 0x1A00, 0, 0, 1) == 0x0601_0000
+    assert rejected(bench, 0x1A00, 0, 0, 1) == 0x0601_0000
     bench.write(0x1800, 1, INVALID | 0x180 + NODE)
-    assert refused(bench, 0x1A00, 1, position) == 0x0601_0000
+    assert rejected(bench, 0x1A00, 1, position) == 0x0601_0000
     bench.write(0x1A00, 0, 0, 1)
     bench.write(0x1A00, 1, position)
     bench.write(0x1A00, 2, 0x606C_0020)
     bench.write(0x1A00, 0, 2, 1)
     bench.write(0x1800, 1, 0x180 + NODE)
-    assert refused(bench, 0x1A00, 0, 1, 1) == 0x0601_0000
+    assert rejected(bench, 0x1A00, 0, 1, 1) == 0x0601_0000
     bench.nmt(1)
     bench.wait(0.01)
     assert bench.sent(0x180 + NODE)[-1] == struct.pack("<ii", 123_456, 0)
@@ -292,15 +292,15 @@ def test_mapping_needs_an_invalid_pdo_and_no_mapped_objects(bench: Bench) -> Non
         (0x0007_0020, 0x0604_0041),
     ],
 )
-def test_tpdo_refuses_objects(bench: Bench, word: int, code: int) -> None:
+def test_tpdo_rejects_objects(bench: Bench, word: int, code: int) -> None:
     bench.write(0x1A01, 0, 0, 1)
     expected = 0x0602_0000 if word >> 16 == 7 else code
-    assert refused(bench, 0x1A01, 1, word) == expected
+    assert rejected(bench, 0x1A01, 1, word) == expected
 
 
 def test_rpdo_skips_dummy_objects(bench: Bench) -> None:
     bench.write(0x1601, 0, 0, 1)
-    assert refused(bench, 0x1601, 1, 0x6064_0020) == 0x0604_0041
+    assert rejected(bench, 0x1601, 1, 0x6064_0020) == 0x0604_0041
     bench.write(0x1601, 1, 0x0005_0008)
     bench.write(0x1601, 2, 0x60FF_0020)
     bench.write(0x1601, 0, 2, 1)
@@ -314,14 +314,14 @@ def test_pdo_has_64_bits(bench: Bench) -> None:
     bench.write(0x1A01, 0, 0, 1)
     for sub, word in enumerate((0x6064_0020, 0x606C_0020, 0x6041_0010), 1):
         bench.write(0x1A01, sub, word)
-    assert refused(bench, 0x1A01, 0, 3, 1) == 0x0604_0042
-    assert refused(bench, 0x1A01, 0, 9, 1) == 0x0604_0042
+    assert rejected(bench, 0x1A01, 0, 3, 1) == 0x0604_0042
+    assert rejected(bench, 0x1A01, 0, 9, 1) == 0x0604_0042
     bench.write(0x1A01, 0, 2, 1)
 
 
 @pytest.mark.parametrize("value", [0x600 + NODE, 0x7E5, 0x20, EXTENDED | 0x185, 0x281])
 def test_cob_id_of_a_valid_pdo_is_fixed_and_not_restricted(bench: Bench, value: int) -> None:
-    assert refused(bench, 0x1800, 1, value) == 0x0609_0030
+    assert rejected(bench, 0x1800, 1, value) == 0x0609_0030
     bench.write(0x1800, 1, INVALID | NO_RTR | 0x281)
 
 
@@ -338,11 +338,11 @@ def test_transmission_types(bench: Bench, index: int, kind: int, allowed: bool) 
     if allowed:
         bench.write(index, 2, kind, 1)
     else:
-        assert refused(bench, index, 2, kind, 1) == 0x0609_0030
+        assert rejected(bench, index, 2, kind, 1) == 0x0609_0030
 
 
 def test_inhibit_time_is_fixed_while_the_pdo_is_valid(bench: Bench) -> None:
-    assert refused(bench, 0x1800, 3, 10, 2) == 0x0609_0030
+    assert rejected(bench, 0x1800, 3, 10, 2) == 0x0609_0030
     bench.write(0x1801, 3, 10, 2)
 
 
@@ -417,8 +417,8 @@ def test_event_driven_tpdo_has_inhibit_time_and_event_timer(bench: Bench) -> Non
 def test_silent_event_driven_position_is_sent_on_change_only() -> None:
     bench = Bench(event_position=True, position_alone=True)
     bench.wait(0.1)
-    assert refused(bench, 0x1802, 2, 1, 1) == 0x0601_0002
-    assert refused(bench, 0x1802, 5, 100, 2) == 0x0609_0011
+    assert rejected(bench, 0x1802, 2, 1, 1) == 0x0601_0002
+    assert rejected(bench, 0x1802, 5, 100, 2) == 0x0609_0011
     bench.nmt(1)
     bench.wait(1.0)
     assert not bench.sent(0x380 + NODE)
@@ -724,11 +724,11 @@ def test_responses_may_be_slow_missing_or_double() -> None:
     assert twin.answer_delay_s(0x1000, 0, False) == 0.5
 
 
-def test_objects_may_be_refused_or_absent() -> None:
-    for refusal, code in (("ro", 0x0601_0002), ("abort", 0x0800_0022)):
-        bench = Bench(refused=(0x6007, 0x605A), refusal=refusal, absent=(0x6084, 0x6502))
+def test_objects_may_be_rejected_or_absent() -> None:
+    for rejection, code in (("ro", 0x0601_0002), ("abort", 0x0800_0022)):
+        bench = Bench(rejected=(0x6007, 0x605A), rejection=rejection, absent=(0x6084, 0x6502))
         bench.wait(0.1)
-        assert refused(bench, 0x605A, 0, 6, 2) == code
+        assert rejected(bench, 0x605A, 0, 6, 2) == code
         assert bench.read(0x605A) == 2
         with pytest.raises(Abort, match="0x06020000"):
             bench.read(0x6502)
