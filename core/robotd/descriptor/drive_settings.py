@@ -72,6 +72,16 @@ class DriveSettings(Section):
         return ()
 
     @property
+    def wheel_deceleration(self) -> float:
+        """Ramp of a controlled stop of a driven wheel, rad/s²."""
+        return self.deceleration_m_s2 / self.wheel_radius_m
+
+    @property
+    def steering_ramps(self) -> dict[int, float]:
+        """Highest acceleration of each of ``steering_axes``, rad/s², by axis."""
+        return {}
+
+    @property
     def wheel_names(self) -> tuple[str, ...]:
         """Names of the wheels for people, in the order of ``axes``."""
         keys = (key.removesuffix("_axis") for key in self.AXIS_KEYS)
@@ -195,6 +205,10 @@ class TricycleDrive(DriveSettings):
     @property
     def steering_axes(self) -> tuple[int, ...]:
         return (self.steering_axis,)
+
+    @property
+    def steering_ramps(self) -> dict[int, float]:
+        return {self.steering_axis: self.steering_acceleration_rad_s2}
 
     def problems(self) -> Iterator[Problem]:
         yield from super().problems()

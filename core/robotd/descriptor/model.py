@@ -299,6 +299,18 @@ class RobotDescriptor(Section):
             for name, group in self.groups.items()
         } or {ALL_JOINTS: self.joints}
 
+    @property
+    def stop_decelerations(self) -> tuple[float | None, ...]:
+        """Ramp of a controlled stop of each axis, rad/s² or m/s².
+
+        None: it is neither a joint nor a wheel.
+        """
+        ramps = {joint.axis: joint.acceleration for joint in self.joints}
+        if self.drive:
+            ramps |= dict.fromkeys(self.drive.axes, self.drive.wheel_deceleration)
+            ramps |= self.drive.steering_ramps
+        return tuple(ramps.get(axis) for axis in range(self.axes))
+
     def problems(self) -> Iterator[Problem]:
         if self.axes == 0:  # the default of a robot of bare axes, which pydantic does not check
             yield ("axes",), "missing: no joint says how many axes there are", self.axes

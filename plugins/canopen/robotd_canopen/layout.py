@@ -31,7 +31,7 @@ from robotd_canopen.options import (
 from robotd_canopen.pdo import Direction, Pdo, axis_pdos, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis
-from robotd_cia402.options import StreamMode, missing_and_unknown, parse_object
+from robotd_cia402.options import StreamMode, missing_and_unknown, parse_object, with_robot_ramps
 
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6502)  # without these it is no CiA 402 drive
@@ -94,6 +94,7 @@ class NetworkLayout:
 
 def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayout:
     """Raises DescriptorError with every problem."""
+    options = options.model_copy(update={"axes": with_robot_ramps(options.axes, robot)})
     problems: list[DescriptorError] = []
     if options.bus.channel is None and options.bus.interface != "virtual":
         what = f"missing: name the CAN bus, for example --set {_SECTION}.bus.channel=can0"

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from enum import StrEnum
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from robotd.api import RobotDescriptor
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{4}(:[0-9]{1,3})?$")]
@@ -82,7 +84,9 @@ class DriveOptions(Section):
     homing_creep_rad_s: Positive = Field(0.02, description="Speed towards the edge.")
     homing_acceleration_rad_s2: Positive = Field(1.0, description="Ramp of homing.")
     stop_deceleration_rad_s2: Positive = Field(
-        10.0, description="Ramp of a controlled stop that no command gave one."
+        10.0,
+        description="Ramp of a controlled stop that no command gave one. Not given: that of the"
+        " joint, the wheel or the steering in the robot's file.",
     )
     quick_stop_deceleration_rad_s2: Positive = Field(40.0, description="Ramp of a quick stop.")
     simulated_switches: SimulatedSwitches = Field(
@@ -96,6 +100,9 @@ class DriveOptions(Section):
         return self
 
 
+Drive = TypeVar("Drive", bound=DriveOptions)
+
+
 def with_axis_defaults(data: Any) -> Any:
     """Lay each item of ``axes`` over ``axis_defaults``, in a section before it is checked."""
     if not isinstance(data, dict):
@@ -105,6 +112,19 @@ def with_axis_defaults(data: Any) -> Any:
         return data
     merged = [{**defaults, **axis} if isinstance(axis, dict) else axis for axis in axes]
     return {**data, "axes": merged}
+
+
+def with_robot_ramps(drives: Sequence[Drive], robot: RobotDescriptor) -> tuple[Drive, ...]:
+    """Return ``drives`` with the robot's ramp of a controlled stop, where they have none."""
+
+    def filled(drive: Drive) -> Drive:
+        ramps = robot.stop_decelerations
+        ramp = ramps[drive.axis] if drive.axis < len(ramps) else None
+        if ramp is None or "stop_deceleration_rad_s2" in drive.model_fields_set:
+            return drive
+        return drive.model_copy(update={"stop_deceleration_rad_s2": ramp})
+
+    return tuple(filled(drive) for drive in drives)
 
 
 def given_twice(values: Any) -> list[Any]:

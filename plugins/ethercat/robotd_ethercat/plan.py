@@ -16,7 +16,13 @@ from robotd_cia402.object_numbers import (
     TARGET_VELOCITY,
     on_axis,
 )
-from robotd_cia402.options import StreamMode, VelocityMode, missing_and_unknown, parse_object
+from robotd_cia402.options import (
+    StreamMode,
+    VelocityMode,
+    missing_and_unknown,
+    parse_object,
+    with_robot_ramps,
+)
 from robotd_ethercat.options import AxisOptions, EthercatOptions, PdoOptions, SlaveOptions
 
 _SECTION = "backends.ethercat"
@@ -80,7 +86,8 @@ def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
             ]
     if problems:
         raise DescriptorError.join(problems)
-    ordered = tuple(sorted(options.axes, key=lambda drive: drive.axis))
+    axes = with_robot_ramps(options.axes, robot)
+    ordered = tuple(sorted(axes, key=lambda drive: drive.axis))
     return BusPlan(options, ordered, 1 / robot.cycle.rate_hz)
 
 

@@ -16,7 +16,6 @@ from robotd.api import (
     Clock,
     ConnectionState,
     DescriptorError,
-    FloatArray,
     NotReady,
     Operation,
     RobotDescriptor,
@@ -67,7 +66,7 @@ class Simulation:
         self.motion = Motion(
             self.world,
             self.states,
-            _ramps(robot),
+            np.array(robot.stop_decelerations, np.float64),  # None becomes NaN
             1.0 / robot.cycle.rate_hz,
             options.ticks(options.stream_timeout_s),
         )
@@ -242,16 +241,6 @@ class Simulation:
         for axis, position in enumerate(counts / self.scaling.gain):
             self.servo.place(axis, float(position), float(position), 0.0)
             self.motion.hold(axis, float(position))
-
-
-def _ramps(robot: RobotDescriptor) -> FloatArray:
-    """Deceleration of each axis' controlled stop, in rad/s²; NaN where the descriptor has none."""
-    ramps = np.full(robot.axes, np.nan)
-    for joint in robot.joints:
-        ramps[joint.axis] = joint.acceleration
-    if robot.drive:
-        ramps[list(robot.drive.axes)] = robot.drive.deceleration_m_s2 / robot.drive.wheel_radius_m
-    return ramps
 
 
 def _check_axes(options: SimOptions, axes: int) -> None:

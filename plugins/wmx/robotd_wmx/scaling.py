@@ -30,20 +30,16 @@ class Scaling:
         self.units: FloatArray = np.broadcast_to(units, (robot.axes,)).copy()
         self.si: FloatArray = 1.0 / self.units
         self.torque: FloatArray = np.full(robot.axes, np.nan)
-        self.stop_deceleration: FloatArray = np.full(robot.axes, options.stop_deceleration_rad_s2)
+        ramps = [ramp or options.stop_deceleration_rad_s2 for ramp in robot.stop_decelerations]
+        self.stop_deceleration: FloatArray = np.array(ramps)
         self.velocity: FloatArray = np.full(robot.axes, UNLIMITED)
         self.moved_axes = [joint.axis for joint in robot.joints]
         for joint in robot.joints:
             self.velocity[joint.axis] = min(joint.velocity, UNLIMITED)
-            self.stop_deceleration[joint.axis] = joint.acceleration
             if joint.rated_effort is not None:
                 self.torque[joint.axis] = joint.rated_effort / 100.0
         if robot.drive:
-            wheels = list(robot.drive.axes)
-            self.moved_axes += wheels
-            self.stop_deceleration[wheels] = (
-                robot.drive.deceleration_m_s2 / robot.drive.wheel_radius_m
-            )
+            self.moved_axes += robot.drive.axes
 
     def profile(self, axis: int, profile: Profile) -> tuple[float, float, float]:
         """Velocity, acceleration and deceleration in user units."""

@@ -97,3 +97,27 @@ def test_an_early_arrival_is_no_success(tmp_path: Path) -> None:
         execution = ran_otherwise(robot, "fast_spline")
     assert execution.outcome is Outcome.FAULT
     assert "the device ended a trajectory of 2.000 s after 1." in execution.message
+
+
+def test_a_steering_axis_stops_with_the_ramp_of_steering(tmp_path: Path) -> None:
+    """6 rad/s²; that of the wheels is 10."""
+    port("topology", 2, 0)
+    speeds: list[float] = []
+    with running(tmp_path, "tricycle_base", units_per_si=1000.0) as robot:
+        assert robot.base is not None
+
+        def steers(angular: float) -> bool:
+            robot.base.command(0.5, angular)
+            return abs(robot.image.velocity_command[1]) > 1.4
+
+        eventually(lambda: steers(1.0))
+        eventually(lambda: steers(-1.0) and robot.image.velocity_command[1] < -1.4)
+        robot.control_loop.every(
+            200, "test", lambda image: speeds.append(-image.velocity_command[1])
+        )
+        robot.axes.stop([1])
+        eventually(lambda: len(speeds) > 3 and speeds[-1] == 0.0)
+    braking = np.array(speeds)
+    ramp = braking[(braking < 1.2) & (braking > 0.1)]
+    assert len(ramp) >= 2
+    assert (ramp[0] - ramp[-1]) / ((len(ramp) - 1) * 0.005) == pytest.approx(6.0, rel=0.2)

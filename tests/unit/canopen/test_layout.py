@@ -5,7 +5,9 @@ import pytest
 from pydantic import ValidationError
 from tests.unit.canopen.network import drive, options, plan
 
+from robotd.descriptor import load_robot_descriptor
 from robotd.errors import DescriptorError
+from robotd_canopen.layout import plan_network
 
 
 def test_the_default_fits_and_has_predefined_cob_ids() -> None:
@@ -83,3 +85,11 @@ def test_two_pdos_with_one_cob_id() -> None:
 def test_common_keys_of_axes() -> None:
     section = options(axis_defaults={"polarity": -1}, axes=[drive(0), drive(1, polarity=1)])
     assert [axis.polarity for axis in section.axes] == [-1, 1]
+
+
+def test_an_axis_has_the_robots_ramp_of_a_controlled_stop_unless_it_has_its_own() -> None:
+    robot = load_robot_descriptor("tricycle_base")
+    for own, ramp in (({}, 6.0), ({"stop_deceleration_rad_s2": 3.0}, 3.0)):
+        layout = plan_network(robot, options(axes=[drive(0), drive(1, **own)]))
+        ramps = [axis.options.stop_deceleration_rad_s2 for axis in layout.axes]
+        assert ramps == [10.0, ramp]  # of the wheel, of the steering

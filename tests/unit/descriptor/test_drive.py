@@ -152,3 +152,10 @@ def test_a_mecanum_drive_has_four_wheels(tmp_path: Path) -> None:
 def test_mistakes_in_a_kind_of_base_are_named(tmp_path: Path, text: str, where: str) -> None:
     with pytest.raises(DescriptorError, match=where):
         load(tmp_path, text)
+
+
+def test_each_axis_has_a_ramp_of_a_controlled_stop(tmp_path: Path) -> None:
+    """A bare axis has none; a steering axis has that of steering, not that of the wheels."""
+    robot = load(tmp_path, f"{BASE}axes: 5\njoints: [{JOINT.replace('axis: 2', 'axis: 0')}]\n")
+    assert robot.stop_decelerations == (3.0, None, 10.0, 10.0, None)
+    assert load_robot_descriptor("tricycle_base").stop_decelerations == (10.0, 6.0)

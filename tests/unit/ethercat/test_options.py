@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 from tests.unit.ethercat.harness import descriptor
 
-from robotd.descriptor import RobotDescriptor, validate_section
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor, validate_section
 from robotd.errors import DescriptorError
 from robotd_ethercat.options import EthercatOptions
 from robotd_ethercat.plan import plan_bus
@@ -72,3 +72,18 @@ def test_the_second_axis_of_a_drive_needs_its_own_objects() -> None:
     robot = descriptor(axes=axes)
     plan = plan_bus(robot, validate_section(robot, "backends.ethercat", EthercatOptions))
     assert [len(options) for options in plan.slaves.values()] == [2, 1]
+
+
+def test_an_axis_has_the_robots_ramp_of_a_controlled_stop_unless_it_has_its_own() -> None:
+    axes = [
+        {"axis": 0, "slave": 0, "counts_per_rad": 1e5},
+        {"axis": 1, "slave": 1, "counts_per_rad": 1e5, "stop_deceleration_rad_s2": 3.0},
+    ]
+    robot = load_robot_descriptor("tricycle_base")
+    for section, ramps in (
+        (axes, [10.0, 3.0]),
+        ([axes[0], AXES[1]], [10.0, 6.0]),  # of the wheel, of the steering
+    ):
+        given = EthercatOptions.model_validate({"interface": "eth7", "axes": section})
+        plan = plan_bus(robot, given)
+        assert [axis.stop_deceleration_rad_s2 for axis in plan.axes] == ramps

@@ -11,6 +11,7 @@ from tests.unit.sim.harness import PROFILE, TICK_S, Harness, closed_rig, harness
 
 from robotd.api import CommandMode, NotReady, Operation
 from robotd.arrays import FloatArray
+from robotd.descriptor import load_robot_descriptor
 
 PERIOD_S = 0.002
 
@@ -195,3 +196,23 @@ def test_in_velocity_mode_the_end_of_a_stream_slows_to_rest() -> None:
     assert np.abs(np.diff(record.command_velocity[:, 0])).max() == pytest.approx(10.0 * TICK_S)
     assert list(record.command_velocity[-1]) == [0.0, 0.0]
     assert list(record.operation[-1]) == [Operation.IDLE] * 2
+
+
+def test_a_steering_axis_stops_with_the_ramp_of_steering() -> None:
+    """The wheel of this base has 10 rad/s², the steering 6."""
+    descriptor = load_robot_descriptor("tricycle_base")
+    made, period_s = closed_rig(descriptor=descriptor), 1 / descriptor.cycle.rate_hz
+    made.device.open()
+    made.device.start_communication(1.0)
+    made.enable()
+    made.axes.begin_stream([1])
+    position, speed = 0.0, 1.2
+    for _ in range(40):
+        position += speed * period_s
+        setpoint = np.array([np.nan, position]), np.array([np.nan, speed])
+        made.axes.stream(*setpoint, due(made, period_s))
+        made.look(period_s)
+    made.axes.stop([1])
+    record = made.record(0.5)
+    braking_s = (record.operation[:, 1] == Operation.STOPPING).sum() * TICK_S
+    assert braking_s == pytest.approx(speed / 6.0, abs=3 * TICK_S)
