@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from tests.conformance import broken, whole_arm
+from tests.conformance import broken, kept_pose, whole_arm
 from tests.conformance.mutants import all_mutants, buffered
 
 
 def __getattr__(name: str) -> object:
     """``tests.conformance.installed:Degrees`` is an instance of that mutant."""
-    classes = all_mutants() | vars(broken) | vars(buffered) | vars(whole_arm)
+    classes = all_mutants() | vars(broken) | vars(buffered) | vars(whole_arm) | vars(kept_pose)
     if name not in classes:
         raise AttributeError(name)
     return classes[name]()

@@ -14,11 +14,16 @@ CHECKS = Path(package.__file__).parent
 
 @dataclass
 class Outcome:
-    """Names of checks (``test_units.py::test_…``) by how they went, and what failures said."""
+    """Names of checks (``test_units.py::test_…``) by how they went, and what failures said.
+
+    Attributes:
+        ended_early: the run has ended before its last check.
+    """
 
     passed: set[str] = field(default_factory=set)
     skipped: set[str] = field(default_factory=set)
     failed: dict[str, str] = field(default_factory=dict)
+    ended_early: bool = False
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         name = report.nodeid.rpartition("/")[2]
@@ -34,7 +39,7 @@ def run_kit(backend: str, *checks: str, robot: str | None = None) -> Outcome:
     """Run ``checks`` (all of them without a name) on ``backend``, within this process."""
     outcome = Outcome()
     arguments = [f"--robotd-backend={backend}", *([f"--robotd-robot={robot}"] if robot else [])]
-    pytest.main(
+    status = pytest.main(
         [
             *([str(CHECKS / check) for check in checks] or [str(CHECKS)]),
             *arguments,
@@ -47,4 +52,5 @@ def run_kit(backend: str, *checks: str, robot: str | None = None) -> Outcome:
         ],
         plugins=[outcome],
     )
+    outcome.ended_early = status is pytest.ExitCode.INTERRUPTED
     return outcome

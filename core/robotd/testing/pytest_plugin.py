@@ -18,6 +18,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="robot that the backend drives; by default two plain joints and a bare axis",
     )
     group.addoption(
+        "--robotd-max-excursion",
+        metavar="RAD",
+        type=float,
+        help="end a run on hardware when an axis is so far from its start pose",
+    )
+    group.addoption(
         "--robotd-set",
         metavar="KEY=VALUE",
         action="append",

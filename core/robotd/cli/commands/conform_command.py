@@ -37,6 +37,12 @@ PACKAGE = "robotd.testing.conformance"
     multiple=True,
     help="Replace a value of the robot's file, e.g. backends.acme.port=502. May be repeated.",
 )
+@click.option(
+    "--max-excursion",
+    metavar="RAD",
+    type=click.FloatRange(min=0.3, min_open=True),
+    help="End a run on hardware when an axis is so far from its start pose; by default 0.45 rad.",
+)
 @click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match.")
 @click.argument("pytest_arguments", metavar="[-- ARG...]", nargs=-1, type=click.UNPROCESSED)
 @log_options
@@ -46,6 +52,7 @@ def conform(
     junit: Path | None,
     expression: str | None,
     overrides: Sequence[str],
+    max_excursion: float | None,
     pytest_arguments: Sequence[str],
 ) -> ExitCode:
     """Run the conformance checks on a backend. Axes move."""
@@ -59,6 +66,7 @@ def conform(
         f"--robotd-backend={backend}",
         *([f"--robotd-robot={robot}"] if robot else []),
         *(f"--robotd-set={override}" for override in overrides),
+        *([] if max_excursion is None else [f"--robotd-max-excursion={max_excursion}"]),
         *([f"--junitxml={junit}"] if junit else []),
         *(["-k", expression] if expression else []),
         *pytest_arguments,

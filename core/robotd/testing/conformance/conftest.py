@@ -15,6 +15,7 @@ from robotd.testing.busy_computer import BusyComputer
 from robotd.testing.conformance.harness import Harness, MakeHarness
 from robotd.testing.conformance.kit_report import Report
 from robotd.testing.conformance.kit_target import KitTarget
+from robotd.testing.conformance.start_pose import StartPose
 from robotd.testing.conformance.surroundings import surroundings
 from robotd.testing.conformance.time_limits import TimeLimits
 
@@ -28,7 +29,8 @@ def pytest_configure(config: pytest.Config) -> None:
     try:
         note_step(f"loading the backend {name}")
         robot, overrides = config.getoption("--robotd-robot"), config.getoption("--robotd-set")
-        target = KitTarget(name, robot, overrides)
+        pose = StartPose(config.getoption("--robotd-max-excursion"))
+        target = KitTarget(name, robot, overrides, pose)
     except RobotdError as error:
         raise pytest.UsageError(str(error)) from error
     config.stash[TARGET] = target
@@ -37,6 +39,8 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
 
 
+# Checks that change what a position means, or that use the whole way of a simulated axis.
+UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)
 TARGET = pytest.StashKey[KitTarget]()
 AT_START = pytest.StashKey[dict[str, object]]()
 
@@ -52,7 +56,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what the backend does not have."""
     mark = item.get_closest_marker("needs")
-    backend = item.config.stash[TARGET].backend
+    target = item.config.stash[TARGET]
+    backend = target.backend
+    target.pose.counts = not (mark and mark.args[0] in UNCOUNTED)
     if mark and mark.args[0] not in backend.capabilities:
         pytest.skip(f"the {backend.name} backend does not have {mark.args[0]}")
 
@@ -63,17 +69,25 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     result = yield
     errors = item.config.stash[TARGET].take_read_errors()
     assert not errors, f"{len(errors)} reads failed, the first: {errors[0]}"
+    assert not item.config.stash[TARGET].stray, item.config.stash[TARGET].stray
     return result
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """After a failed check the next one gets a device made anew."""
-    failed_before = item.session.testsfailed
+    """Return to the start pose after each check; replace the device after a failed one."""
+    failed_before, target = item.session.testsfailed, item.config.stash[TARGET]
     result = yield
     if item.session.testsfailed > failed_before:
-        item.config.stash[TARGET].clear()
+        target.clear()
+    if ended := target.stray or target.return_to_start():
+        item.session.shouldstop = f"{item.name}: {ended}"
     return result
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Shut down what the return to the start pose has opened after the last check."""
+    session.config.stash[TARGET].clear()
 
 
 @pytest.fixture(scope="session")

@@ -25,11 +25,11 @@ from robotd.motion.profile import Profile
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot
 from robotd.testing.conformance.recording import Recorder, Recording
+from robotd.testing.conformance.start_pose import StartPose
 
-TRAVEL_RAD = 0.3  # the farthest that a check moves an axis
 SPEED_RAD_S = 0.8
-RAMP_RAD_S2 = 4.0
 SETTLED_RAD = 2e-3  # largest error of an axis that stands
+RAMP_RAD_S2 = 4.0
 STANDSTILL_RAD_S = 0.01
 SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
 UNDONE_BY: dict[str, tuple[str, int, tuple[Any, ...]]] = {
@@ -56,6 +56,7 @@ class Harness:
         robot, drivers: the robot, and the drivers behind it.
         read_errors: what ``read`` raised that is no error of robotd.
         fault_injector: None where the backend offers none.
+        pose: start pose of the run.
         period_s, feedback_s: control period, and time between two measured values.
         clock: of the device.
         all, joints: all axes, and those of the joints.
@@ -66,6 +67,7 @@ class Harness:
         self,
         backend: Backend,
         descriptor: RobotDescriptor,
+        pose: StartPose,
         *,
         uses_context_clock: bool,
         real_time: bool = False,
@@ -86,8 +88,10 @@ class Harness:
         self.count = len(self.robot.axes)
         self.all = list(range(self.count))
         self.joints = list(self.robot.joint_axes)
+        self.pose = pose
         self._recorder = Recorder()
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
+        self.robot.control_loop.every(descriptor.cycle.rate_hz, "start pose", self._track)
         self._running = False
 
     @property
@@ -125,14 +129,19 @@ class Harness:
             parameters.apply()
 
     def start(self, *, enable: bool = True) -> None:
-        """Open, communicate, and switch every axis on (or leave them as they are)."""
+        """Open, communicate, and switch every axis on (or leave them as they are).
+
+        Axes that are switched on go to the start pose of the run.
+        """
         self.begin()
         self.robot.connection.start()
         self.until(lambda: self.robot.connection.ready, "the engine is ready")
         self.until(lambda: bool(np.isfinite(self.image.position).all()), "positions are known")
         self.periods(2)
+        self.pose.begin(self.image.position, self.robot.axes.limits, self.robot.axes.names)
         if enable:
             self.enable()
+            self.return_to_start()
 
     def enable(self) -> None:
         """Alarms cleared, servos on, in position mode."""
@@ -152,7 +161,32 @@ class Harness:
     def stop(self) -> None:
         """Undo faults and shut everything down; the harness is done with."""
         self.undo_faults()
+        self.pose.left = self.image.position.copy() if self.robot.connection.ready else None
         self.robot.shutdown()
+
+    def return_to_start(self) -> None:
+        """Move every axis back to the start pose of the run, from rest and enabled.
+
+        Raises AssertionError: it is too far away, or the axes do not get there.
+        """
+        pose, start = self.pose, self.pose.position
+        if start is None or pose.is_start(self.image.position_command):
+            return
+        away = pose.away(self.image.position_command)
+        assert away <= pose.max_excursion or self.can(Capability.SIMULATED), (
+            f"{away:.3f} rad from the start pose, more than --max-excursion"
+            f" {pose.max_excursion:g}: not moved back"
+        )
+        self.move(self.all, start)
+        self.rest()
+        away = pose.away(self.image.position)
+        assert away <= SETTLED_RAD, f"an axis stands {away:.3f} rad from the start pose"
+
+    def _track(self, image: ProcessImage) -> None:
+        """Control loop: stop a run on hardware that goes too far from its start pose."""
+        self.pose.track(image)
+        if self.pose.exceeded and not self.can(Capability.SIMULATED):
+            self.robot.axes.stop_latch.engage(self.pose.exceeded)
 
     @property
     def injector(self) -> FaultInjector:
@@ -248,15 +282,8 @@ class Harness:
     # Motion
 
     def travel(self, share: float = 1.0) -> FloatArray:
-        """(n_axes,) distances to move by, all different, away from the nearer position limit."""
-        size = TRAVEL_RAD * share * np.linspace(1.0, 0.5, self.count)
-        sign = np.where(np.arange(self.count) % 2, -1.0, 1.0)
-        for axis, limits in enumerate(self.robot.axes.limits):
-            start = float(self.image.position_command[axis])
-            target = start + sign[axis] * size[axis]
-            if not limits.lower < target < limits.upper:
-                sign[axis] = -sign[axis]
-        return cast(FloatArray, sign * size)
+        """(n_axes,) distances to move by, all different, to the sides of the start pose."""
+        return self.pose.travel(share)
 
     def speeds(self, share: float) -> FloatArray:
         """(n_axes,) velocities at ``share`` of each profile, in the directions of ``travel``."""

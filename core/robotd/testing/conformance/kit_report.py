@@ -53,6 +53,8 @@ class Report:
         share = run / totals.total() if totals else 0.0
         yield ""
         yield f"tested on {share:.0%} of the checks: {run} of {totals.total()}"
+        if distance := self._target.pose.summary():
+            yield distance
         for reason, count in self._reasons.most_common():
             yield f"  {count} skipped: {reason}"
         yield from (f"FAILED {check}" for check in self._failed)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from robotd.descriptor import (
@@ -16,8 +15,10 @@ from robotd.descriptor import (
     parse_override,
 )
 from robotd.device.capabilities import Capability
+from robotd.errors import RobotdError
 from robotd.plugin.manager import Backend, load_backend, load_plugins, register_all
-from robotd.testing.conformance.harness import SETTLED_RAD, Harness
+from robotd.testing.conformance.harness import Harness
+from robotd.testing.conformance.start_pose import StartPose
 
 PLAIN_ROBOT = Path(__file__).parent / "plain.yaml"
 
@@ -28,6 +29,7 @@ class KitTarget:
     Args:
         robot: name or file; None is the plain robot.
         overrides: ``KEY=VALUE`` texts that replace values of its file.
+        pose: start pose of the run; None: one with the default bounds.
 
     Attributes:
         uses_context_clock: the device is simulated and has no time but the clock that it is given.
@@ -35,11 +37,18 @@ class KitTarget:
         arguments: the three above as texts, "" for no robot; the overrides follow one by one.
     """
 
-    def __init__(self, backend: str, robot: str | None, overrides: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        backend: str,
+        robot: str | None,
+        overrides: Sequence[str] = (),
+        pose: StartPose | None = None,
+    ) -> None:
         self.arguments = (backend, str(robot or ""), *overrides)
         self.backend = load_backend(backend)
         self.descriptor = _find(robot or PLAIN_ROBOT, overrides)
         self.uses_context_clock = _uses_context_clock(self.backend, self.descriptor)
+        self.pose = pose or StartPose()
         self.begin()
         self._shared: Harness | None = None
         self._built: list[Harness] = []
@@ -47,10 +56,18 @@ class KitTarget:
     def build(self, **options: Any) -> Harness:
         """Return a harness that is not started."""
         clocked = self.uses_context_clock
-        harness = Harness(self.backend, self.descriptor, uses_context_clock=clocked, **options)
+        harness = Harness(
+            self.backend, self.descriptor, self.pose, uses_context_clock=clocked, **options
+        )
         self.real_time |= not harness.stepped
         self._built.append(harness)
         return harness
+
+    @property
+    def stray(self) -> str:
+        """Axis of hardware that is too far from its start pose, as text; ""."""
+        simulated = Capability.SIMULATED in self.backend.capabilities
+        return "" if simulated else self.pose.exceeded
 
     def take_read_errors(self) -> list[str]:
         """Return what reads have raised since the last call."""
@@ -72,12 +89,26 @@ class KitTarget:
             harness = self.build()
             self._shared = harness
             harness.start()
-            self._pose = harness.image.position_command.copy()
-        harness = self._shared
-        if np.abs(harness.image.position_command - self._pose).max() > SETTLED_RAD:
-            harness.move(harness.all, self._pose)
-            harness.rest()
-        return harness
+        self._shared.return_to_start()
+        return self._shared
+
+    def return_to_start(self) -> str:
+        """Move the axes back to the start pose; return why that failed, or "".
+
+        After a check, whatever it has left. A simulation is not opened for it.
+        """
+        pose, simulated = self.pose, Capability.SIMULATED in self.backend.capabilities
+        if pose.position is None:
+            return ""
+        is_there = pose.left is not None and pose.is_start(pose.left)
+        if self._shared is None and (simulated or is_there):
+            return ""
+        try:
+            self.shared()
+        except (AssertionError, RobotdError) as error:
+            self.clear()
+            return "" if simulated else f"the axes are not back at their start pose: {error}"
+        return ""
 
     def begin(self, item: pytest.Item | None = None) -> None:
         """Begin a check, which may build a harness in real time."""
