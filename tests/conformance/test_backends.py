@@ -7,12 +7,25 @@ from tests.conformance.conftest import InstallPlugin
 from tests.conformance.kit import CHECKS, run_kit
 from tests.conformance.whole_arm import ArmAxes
 
+from robotd.descriptor import list_robots
 
-@pytest.mark.parametrize("robot", [None, "cr3a", "standalone", "baymax"])
+WHOLE_KIT = ("cr3a", "standalone", "baymax")  # robots of different kinds; the others are like them
+ROBOTS = sorted(robot.name for robot in list_robots())
+MOTION = ("test_profiles.py", "test_stopping.py", "test_trajectories.py", "test_units.py")
+
+
+@pytest.mark.parametrize("robot", [None, *WHOLE_KIT])
 def test_the_simulation_passes(robot: str | None) -> None:
     outcome = run_kit("sim", robot=robot)
     assert not outcome.failed
     assert len(outcome.passed) > 90
+
+
+@pytest.mark.parametrize("robot", [name for name in ROBOTS if name not in WHOLE_KIT])
+def test_the_simulation_moves_every_robot_as_the_kit_asks(robot: str) -> None:
+    outcome = run_kit("sim", *MOTION, robot=robot)
+    assert not outcome.failed
+    assert len(outcome.passed) > 20
 
 
 def test_a_whole_arm_controller_passes(install_plugin: InstallPlugin) -> None:

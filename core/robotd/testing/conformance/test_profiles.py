@@ -15,14 +15,14 @@ MORE = 1.1  # what a measured value may be above its limit
 
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_a_move_keeps_to_its_velocity(harness: Harness, share: float) -> None:
-    recording = record_move(harness, share)
-    tops = np.abs(recording.velocity).max(0)
-    limits = [harness.profile(axis, share).velocity for axis in harness.all]
-    problems = [
-        f"axis {axis}: {top:.3g} rad/s, commanded {limit:.3g}"
-        for axis, (top, limit) in enumerate(zip(tops, limits, strict=True))
-        if not 0.8 * limit <= top <= MORE * limit
-    ]
+    way, recording = np.abs(harness.travel()), record_move(harness, share)
+    problems = []
+    for axis, top in enumerate(np.abs(recording.velocity).max(0)):
+        profile = harness.profile(axis, share)
+        # On a short way a gentle ramp leaves no time for the whole speed.
+        reached = min(profile.velocity, float(np.sqrt(way[axis] * profile.acceleration)))
+        if not 0.8 * reached <= top <= MORE * profile.velocity:
+            problems.append(f"axis {axis}: {top:.3g} rad/s, commanded {profile.velocity:.3g}")
     judge(harness, recording, problems)
 
 
