@@ -96,6 +96,7 @@ class ServoDrive(CanopenDevice):
         self.history: deque[tuple[float, int]] = deque([(0.0, 0)])  # of the statusword
         self.emergencies: list[int] = []
         self._add_drive_objects()
+        self._map_pdos()
         self._apply_knobs()
         self.restart()
 
@@ -157,7 +158,7 @@ class ServoDrive(CanopenDevice):
             }
         )
 
-    def _apply_knobs(self) -> None:
+    def _map_pdos(self) -> None:
         knobs = self.knobs
         word, mode, target, speed = (0x6040, 0), (0x6060, 0), (0x607A, 0), (0x60FF, 0)
         outputs = (word,), (word, mode), (word, target), (word, speed)
@@ -169,19 +170,22 @@ class ServoDrive(CanopenDevice):
         for pdo, keys in zip(self.tpdos, inputs, strict=True):
             special = position in keys and (knobs.position_alone or knobs.event_position)
             pdo.map_default(*keys, valid=keys == (status,) or special or knobs.self_starting)
+
+    def _apply_knobs(self) -> None:
+        knobs = self.knobs
         if knobs.event_position:
-            communication = self.tpdos[2].communication
-            self.objects[communication, 2].access = "ro"
-            self.remove(communication, 5)
+            self.remove(self.tpdos[2].communication, 5)
         for index in knobs.absent:
             self.remove(index)
             self.names.pop(index, None)
-        for key, entry in self.objects.items():
-            if key[0] in knobs.rejected and knobs.rejection == "ro" and entry.access == "rw":
+        for (index, sub), entry in self.objects.items():
+            if index in knobs.rejected and knobs.rejection == "ro" and entry.access == "rw":
                 entry.access = "ro"
-        if knobs.empty_strings:
-            for entry in self.objects.values():
-                entry.default = "" if entry.kind == "s" else entry.default
+            is_pdo = 0x1400 <= index < 0x1C00
+            if knobs.fixed_pdos and is_pdo and (index & 0x200 or sub == 2):
+                entry.access = "const"
+            if knobs.empty_strings and entry.kind == "s":
+                entry.default = ""
         self.objects[0x1017, 0].default = knobs.heartbeat_ms
 
     # Knobs that act on the communication

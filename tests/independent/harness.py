@@ -185,9 +185,10 @@ def main() -> None:
         sys.stdout.write(ServoDrive(options.node, lambda _: None, knobs).eds(options.node))
         return
     port = {"port": options.port} if options.port else {}
+    local = {"hop_limit": 0} if options.interface == "udp_multicast" else {}
     requests: queue.Queue[Request] = queue.Queue()
     threading.Thread(target=read_requests, args=(requests,), daemon=True).start()
-    with can.Bus(interface=options.interface, channel=options.channel, **port) as bus:
+    with can.Bus(interface=options.interface, channel=options.channel, **port, **local) as bus:
         serve(bus, ServoDrive(options.node, bus.send, knobs), requests)
 
 

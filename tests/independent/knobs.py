@@ -23,7 +23,8 @@ class Knobs:
     rejected: tuple[int, ...] = ()  # indexes that cannot be written
     rejection: str = "ro"  # read-only in the EDS too; "abort": only when they are written
     absent: tuple[int, ...] = ()  # indexes that do not exist
-    event_position: bool = False  # its TPDO is sent on change only: type 255, fixed
+    event_position: bool = False  # its TPDO has no event timer and is not sent without a change
+    fixed_pdos: bool = False  # mappings and transmission types are constant
     position_alone: bool = False  # the default mapping has the position in a TPDO of its own
     self_starting: bool = False  # operational without an NMT command, TPDOs active by default
     heartbeat_ms: int = 0  # default of 0x1017

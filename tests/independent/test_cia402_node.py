@@ -417,7 +417,6 @@ def test_event_driven_tpdo_has_inhibit_time_and_event_timer(bench: Bench) -> Non
 def test_silent_event_driven_position_is_sent_on_change_only() -> None:
     bench = Bench(event_position=True, position_alone=True)
     bench.wait(0.1)
-    assert rejected(bench, 0x1802, 2, 1, 1) == 0x0601_0002
     assert rejected(bench, 0x1802, 5, 100, 2) == 0x0609_0011
     bench.nmt(1)
     bench.wait(1.0)
@@ -427,6 +426,14 @@ def test_silent_event_driven_position_is_sent_on_change_only() -> None:
     bench.write(0x60FF, 0, TURN)
     bench.wait(0.1)
     assert bench.sent(0x380 + NODE)
+
+
+def test_pdo_parameters_may_be_constant() -> None:
+    bench = Bench(fixed_pdos=True)
+    bench.wait(0.1)
+    bench.write(0x1800, 1, INVALID | 0x180 + NODE)
+    for index, sub, size in ((0x1800, 2, 1), (0x1A00, 0, 1), (0x1A00, 1, 4), (0x1600, 0, 1)):
+        assert rejected(bench, index, sub, 1, size) == 0x0601_0002
 
 
 def test_position_tpdo_of_its_own() -> None:

@@ -1,0 +1,129 @@
+"""Faults that users of CANopen drivers have reported, each on a drive with that habit."""
+
+from __future__ import annotations
+
+import pytest
+from tests.independent.conftest import NODE, START_RAD, OpenBench
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.errors import ConnectError
+
+OPTION_CODES = (0x6007, 0x605A, 0x605D, 0x60C2, 0x1016)
+EVENT_DRIVEN = [
+    {"number": 1, "objects": ["0x6041", "0x6061"]},
+    {"number": 3, "transmission": 255, "objects": ["0x6064"]},
+]
+SAVE = "0x65766173"
+
+
+def test_plain_drive_follows_without_a_jump(open_bench: OpenBench) -> None:
+    with open_bench() as bench:
+        bench.robot.start()
+        assert bench.image.position[0] == pytest.approx(START_RAD, abs=1e-3)
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+        assert bench.drive["position"] == pytest.approx(20_000, abs=20)
+
+
+# The position
+
+
+def test_position_in_a_tpdo_of_its_own(open_bench: OpenBench) -> None:
+    tpdos = [*EVENT_DRIVEN[:1], {"number": 3, "objects": ["0x6064"]}]
+    with open_bench(axis={"tpdos": tpdos}, position_alone=True) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert bench.drive["counts"]["enabled_blind"] == 0
+        assert not bench.has_jumped()
+
+
+# The node
+
+
+def test_drive_that_starts_by_itself_is_configured(open_bench: OpenBench) -> None:
+    with open_bench(self_starting=True, heartbeat_ms=50) as bench:
+        bench.robot.start()
+        assert bench.image.position[0] == pytest.approx(START_RAD, abs=1e-3)
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+
+
+def test_boot_up_in_motion_stops_and_recovers_without_a_jump(open_bench: OpenBench) -> None:
+    with open_bench() as bench:
+        bench.robot.start()
+        with bench.moving(-1.0, 3.0) as execution:
+            bench.until(lambda: bench.image.position[0] < 1.0)
+            bench.drive.do("restart")
+            assert execution.wait(10)
+        assert execution.outcome is Outcome.FAULT
+        assert "reset" in execution.message
+        bench.drive.wait(lambda measured: abs(measured["velocity"]) < 1)
+        assert not bench.drive["energised"]
+        bench.drive.do("clear")
+        bench.robot.recover()
+        assert bench.move(0.5).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+
+
+def test_doubled_heartbeat_of_one_node_does_not_end_the_motion(open_bench: OpenBench) -> None:
+    with open_bench() as bench:
+        bench.robot.start()
+        bench.drive.set(heartbeat_copies=2)
+        assert bench.move(2.0, 1.0).outcome is Outcome.SUCCEEDED
+
+
+# Objects
+
+
+def test_fault_is_named_by_its_emergency_where_0x603f_is_0(open_bench: OpenBench) -> None:
+    with open_bench(code_in_603f=False) as bench:
+        bench.robot.start()
+        with bench.moving(-1.0, 3.0) as execution:
+            bench.until(lambda: bench.image.position[0] < 1.2)
+            bench.drive.do("fault", code=0x3210)
+            assert execution.wait(10)
+        assert execution.outcome is Outcome.FAULT
+        assert "0x3210" in execution.message
+        bench.robot.recover()
+        assert bench.move(1.0).outcome is Outcome.SUCCEEDED
+
+
+def test_late_statusword_only_takes_time(open_bench: OpenBench) -> None:
+    with open_bench(status_delay_s=0.3) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+
+
+# SDO
+
+
+def test_slow_responses_only_take_time(open_bench: OpenBench) -> None:
+    with open_bench(sdo_delay_s=0.05) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+
+
+def test_one_missing_response_is_asked_for_again(open_bench: OpenBench) -> None:
+    with open_bench(sdo_missing=1) as bench:
+        bench.robot.start()
+        assert bench.drive["energised"]
+
+
+@pytest.mark.parametrize(
+    ("knobs", "object_"),
+    [
+        ({"sdo_missing": -1}, "0x1000"),
+        ({"sdo_mute": (0x6502,)}, "0x6502"),
+    ],
+)
+def test_missing_responses_end_the_start_with_node_and_object(
+    open_bench: OpenBench, knobs: dict[str, object], object_: str
+) -> None:
+    with open_bench(**knobs) as bench:
+        with pytest.raises(ConnectError) as failed:
+            bench.robot.start()
+        text = str(failed.value)
+        assert f"node {NODE}" in text
+        assert f"{object_}:00" in text
+        assert "no answer within 0.3 s" in text
