@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from robotd.device.process_image import FLAGS, NUMBERS, ProcessImage
+from robotd.arrays import BoolArray
+from robotd.device.process_image import FLAGS, NUMBERS
 from robotd.device.state import CommandMode, Operation
 from robotd.events import Event, EventKind, Level
 from robotd.recording.frame_ring import Frames
@@ -19,12 +20,12 @@ class ChangeDetector:
     """Turns changes between successive frames into events. One thread.
 
     Args:
-        image: live process image, for the device's reasons.
+        reasons: the device's reasons of the axes, as ``FrameRing.reasons``.
         names: of the axes.
     """
 
-    def __init__(self, image: ProcessImage, names: Sequence[str]) -> None:
-        self._image = image
+    def __init__(self, reasons: Collection[tuple[int, list[str]]], names: Sequence[str]) -> None:
+        self._reasons = reasons
         self._names = names
         self._last: Frames | None = None
 
@@ -46,7 +47,7 @@ class ChangeDetector:
             if not after["ready"]:
                 continue  # start-up, shutdown, and a lost device, whose image is cleared
             for axis in np.flatnonzero(changed[index]).tolist():
-                yield from self._axis(axis, before, after)
+                yield from self._axis(axis, joined[index:])
 
     def _readiness(self, after: np.void) -> Event:
         ready = bool(after["ready"])
@@ -54,18 +55,24 @@ class ChangeDetector:
         level = Level.INFO if ready else Level.WARNING
         return Event(int(after["start_ns"]), EventKind.STATE, "device", text, level)
 
-    def _axis(self, axis: int, before: np.void, after: np.void) -> Iterator[Event]:
+    def _axis(self, axis: int, frames: Frames) -> Iterator[Event]:
+        """Yield the changes of ``axis`` between the first two of ``frames``."""
+        before, after = frames[0], frames[1]
         time_ns, name = int(after["start_ns"]), self._names[axis]
         was, flags = before["flags"][:, axis], after["flags"][:, axis]
         old, numbers = before["numbers"][:, axis], after["numbers"][:, axis]
         data = {"axis": axis, **_values(after, axis)}
-        reason = f" ({self._image.reason[axis]})" if self._image.reason[axis] else ""
         if flags[_OFFLINE] and not was[_OFFLINE]:
+            reason = self._reason(axis, frames[1:], frames[1:]["flags"][:, _OFFLINE, axis])
             text = f"{name}: drive is offline{reason}"
             yield Event(time_ns, EventKind.FAULT, name, text, Level.ERROR, data=data)
         is_new = not was[_ALARM] or old[_CODE] != numbers[_CODE]
         if flags[_ALARM] and is_new and not flags[_OFFLINE]:
             code = int(numbers[_CODE])
+            same = frames[1:]["flags"][:, _ALARM, axis] & (
+                frames[1:]["numbers"][:, _CODE, axis] == code
+            )
+            reason = self._reason(axis, frames[1:], same)
             text = f"{name}: amplifier alarm {code}{reason}"
             data = {**data, "code": code}
             yield Event(time_ns, EventKind.FAULT, name, text, Level.ERROR, data=data)
@@ -79,6 +86,18 @@ class ChangeDetector:
                 word = kind(int(numbers[row])).name.lower()
                 text = f"{name}: {kind.__name__.lower().removeprefix('command')} {word}"
                 yield Event(time_ns, EventKind.STATE, name, text, Level.DEBUG, data=data)
+
+    def _reason(self, axis: int, frames: Frames, lasts: BoolArray) -> str:
+        """Return `` (reason)`` of a fault while it ``lasts``; "" without one.
+
+        The last one: a device may learn the reason some periods after the fault.
+        """
+        end = len(frames) if lasts.all() else int(np.argmin(lasts))
+        end_ns, reason = int(frames["start_ns"][end - 1]), ""
+        for since_ns, reasons in [*self._reasons]:  # the control loop adds to them
+            if since_ns <= end_ns:
+                reason = reasons[axis]
+        return f" ({reason})" if reason else ""
 
 
 def _values(frame: np.void, axis: int) -> dict[str, float]:

@@ -29,13 +29,17 @@ def period_writer(robot: Robot, ring: FrameRing, io: IoSampler) -> Callable[[], 
     has_live, add = io.live is not None, io.add
     read_inputs, read_outputs = io.live or (bytes, bytes)
     inputs = outputs = b""
+    reasons: list[str] = []
     written = 0
 
     def write_period() -> None:
-        nonlocal written, inputs, outputs
+        nonlocal written, inputs, outputs, reasons
         start_ns, late_ns, header[4] = stats.last
         header[0], header[3] = start_ns, late_ns
         header[1], header[2] = image.stamp_ns, image.fresh_ns
+        if image.reason != reasons:
+            reasons = [*image.reason]
+            ring.reasons.append((start_ns, reasons))  # before the frame can be read
         header[5], header[6], header[7] = stats.missed, mixer.sent_ns, connection.ready
         at = COUNT_BYTES + written % capacity * size
         memory[at : at + size] = frame

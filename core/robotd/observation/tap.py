@@ -78,7 +78,7 @@ class Tap:
         self.buses: dict[int, BusStatus] = {}
         self.info = recording_info(robot)
         self.urdf = _text(robot.descriptor.urdf)
-        self._detector = ChangeDetector(robot.image, robot.axes.names)
+        self._detector = ChangeDetector(self.frames.reasons, robot.axes.names)
         self._cursor = 0
         self._observed = 0
         self._io = IoSampler(robot.io, robot.clock.now_ns)

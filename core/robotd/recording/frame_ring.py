@@ -5,6 +5,7 @@ from __future__ import annotations
 import mmap
 import os
 import weakref
+from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from robotd.device.process_image import image_type
 
 MEMORY_BYTES = 16 * 2**20  # of the frames; plots, events and samples take up to 8 MiB
 COUNT_BYTES = 64  # before the first frame: number of frames written, int64
+MAX_REASONS = 100  # the tap reads them ten times a second
 PIECE_FRAMES = 64  # copied at once by a reader, which holds the interpreter: 10 us
 
 HEADER = (
@@ -143,6 +145,10 @@ class FrameRing(FrameMemory):
         rate_hz: of the control loop.
         seconds: time to hold.
         memory_bytes: limit of the frames.
+
+    Attributes:
+        reasons: latest changes of ``ProcessImage.reason``: ``start_ns`` of the first frame with
+            these texts, and the texts.
     """
 
     def __init__(
@@ -157,6 +163,7 @@ class FrameRing(FrameMemory):
         fd = os.memfd_create("robotd-frames")
         os.ftruncate(fd, COUNT_BYTES + capacity * size)
         super().__init__(fd, axes, capacity)
+        self.reasons: deque[tuple[int, list[str]]] = deque(maxlen=MAX_REASONS)
         weakref.finalize(self, os.close, fd)
         # Written once, because the first access to a page costs the control loop 1 us or more.
         self._frames.view(np.uint8)[:] = 1

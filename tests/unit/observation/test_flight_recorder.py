@@ -58,6 +58,21 @@ def test_a_drive_alarm_in_a_goal_is_saved_with_cause_and_sender(arm: Observed) -
     np.testing.assert_array_equal(goal["positions"], [[0.3] * 6])
 
 
+def test_each_fault_has_the_reason_of_its_own_time(arm: Observed) -> None:
+    """Both faults are found in one look at the frames, when the reason is another or none."""
+    for code in (0x3210, 0x8611):
+        arm.robot.fault_injector.trip(2, code)
+        arm.robot.step(2)
+        arm.robot.axes.clear_alarm(2)
+        arm.robot.step(2)
+    arm.tap.observe()
+    faults = [each.text for each in arm.robot.events.since(0)[0] if each.kind is EventKind.FAULT]
+    assert faults == [
+        "joint3: amplifier alarm 12816 (DC link over-voltage)",
+        "joint3: amplifier alarm 34321 (following error)",
+    ]
+
+
 def test_the_recorded_values_are_those_of_the_image(arm: Observed) -> None:
     image, expected = arm.robot.image, {}
     with arm.goal([0.3] * 6, 0.5):
