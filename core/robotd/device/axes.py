@@ -170,10 +170,9 @@ class Axes:
             CommandMode.TORQUE: Capability.TORQUE_MODE,
         }.get(CommandMode(mode))
         self._require(needs, f"{CommandMode(mode).name.lower()} mode")
-        self._check_idle(axis, "the command mode")
-        with self.arguments.naming(axis):
+        with self._reserved(axis, "the command mode"), self.arguments.naming(axis):
             self._driver.set_command_mode(axis, CommandMode(mode))
-        self._effect.wait_for(lambda: bool(self.image.mode[axis] == mode))
+            self._effect.wait_for(lambda: bool(self.image.mode[axis] == mode))
 
     @noted
     def set_polarity(self, axis: int, polarity: int) -> None:
@@ -203,10 +202,9 @@ class Axes:
         self._check_axis(axis)
         self.stop_latch.check()
         self._require(Capability.HOMING, "homing")
-        self._check_idle(axis, "homing")
-        with self.arguments.naming(axis):
+        with self._reserved(axis, "homing"), self.arguments.naming(axis):
             self._driver.home(axis, self._connection.settings.homing_timeout_s)
-        self._effect.wait_for_next()
+            self._effect.wait_for_next()
 
     @noted
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
@@ -287,6 +285,22 @@ class Axes:
                 self._check_axis(axis)
                 self._check_idle(axis, what)
             yield
+
+    @contextmanager
+    def _reserved(self, axis: int, what: str) -> Iterator[None]:
+        """Give an idle axis to the command ``what`` until the block ends.
+
+        A command of another thread between the check and the driver's call is rejected.
+        """
+        with self._lock:
+            self._check_axis(axis)
+            self._check_idle(axis, what)
+            self._owners[axis] = what
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._owners.pop(axis, None)
 
     @contextmanager
     def claimed(

@@ -378,6 +378,10 @@ class FieldbusDriver(ABC):
     def status(self, bus: int) -> BusStatus:
         """Return the status of one bus and its nodes, in any state of the device."""
 
+    def node_ids(self, bus: int) -> Sequence[int]:
+        """Return the ids of the nodes in ``status``; override it where that asks the bus."""
+        return [node.id for node in self.status(bus).nodes]
+
     @property
     def register_bytes(self) -> int:
         """Size of the register memory of a node, bytes; ``read_register`` stays inside."""

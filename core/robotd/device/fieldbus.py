@@ -120,6 +120,6 @@ def _check_object(index: int, subindex: int) -> None:
 
 
 def _check_node(driver: FieldbusDriver, bus: int, node: int) -> None:
-    known = [one.id for one in driver.status(bus).nodes]
+    known = [*driver.node_ids(bus)]
     if node not in known:
         raise InvalidArgument(f"slave {node} is not on master {bus} (slaves: {known})")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from robotd.api import BusNode, BusState, BusStatus, ConnectionState, FieldbusDriver
 from robotd_canopen.diagnostic_values import diagnostic_values
 from robotd_canopen.master import Master
@@ -40,6 +42,9 @@ class CanopenFieldbus(FieldbusDriver):
                 "tx_pdo_size": self._size(Direction.TRANSMIT),
             },
         )
+
+    def node_ids(self, bus: int) -> Sequence[int]:
+        return sorted(self._master.nodes)
 
     def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
         return self._master.nodes[node].sdo.upload(index, subindex)

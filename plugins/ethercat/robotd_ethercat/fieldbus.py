@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from robotd.api import (
     BusNode,
@@ -40,7 +40,8 @@ class EthercatFieldbus(FieldbusDriver):
     def status(self, bus: int) -> BusStatus:
         master = self._master
         counters = master.exchange.counters
-        nodes = tuple(self._node(slave) for slave in master.slaves.values())
+        ports = {slave.number: _ports(slave) for slave in master.slaves.values()}
+        nodes = tuple(self._node(slave, ports[number]) for number, slave in master.slaves.items())
         return BusStatus(
             state=_STATES[master.state],
             period_s=master.plan.period_s,
@@ -51,13 +52,16 @@ class EthercatFieldbus(FieldbusDriver):
             timeouts=counters.lost,
             nodes=nodes,
             note=self._note(),
-            details=self._details(),
+            details=self._details(ports),
             extra={
                 "rx_pdo_size": sum(node.output_size for node in nodes),
                 "tx_pdo_size": sum(node.input_size for node in nodes),
                 "rings": 1,
             },
         )
+
+    def node_ids(self, bus: int) -> Sequence[int]:
+        return [*self._master.slaves]
 
     def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
         return self._slave(node).read_register(address, length)
@@ -94,12 +98,11 @@ class EthercatFieldbus(FieldbusDriver):
             raise NotReady(f"{slave.name}: it has not been found on the bus")
         return slave
 
-    def _node(self, slave: Slave) -> BusNode:
+    def _node(self, slave: Slave, ports: PortCounters | None) -> BusNode:
         vendor, product, revision, serial = slave.identity
         emergency = slave.emergency
         reason = slave.fault or (emergency.text if emergency is not None else "")
         outputs, inputs = slave.sizes
-        ports = self._ports(slave)
         return BusNode(
             id=slave.number,
             state=_NODE_STATES[slave.state],
@@ -122,22 +125,13 @@ class EthercatFieldbus(FieldbusDriver):
             },
         )
 
-    def _ports(self, slave: Slave) -> PortCounters | None:
-        """Read the counters of the ports; None while the slave does not answer."""
-        if not slave.online:
-            return None
-        try:
-            return PortCounters.read(slave)
-        except DeviceTimeout:
-            return None
-
     def _note(self) -> str:
         master = self._master
         fault = master.supervision.fault() if master.state is ConnectionState.UNKNOWN else ""
         base = f"EtherCAT on {master.plan.bus_name}"
         return f"{base}; {fault}" if fault else base
 
-    def _details(self) -> Mapping[str, str]:
+    def _details(self, ports: Mapping[int, PortCounters | None]) -> Mapping[str, str]:
         """Values for ``/diagnostics``, by name."""
         master = self._master
         exchange, counters, clock = master.exchange, master.exchange.counters, master.observer
@@ -151,10 +145,9 @@ class EthercatFieldbus(FieldbusDriver):
             "slaves in Op": str(sum(slave.online for slave in master.slaves.values())),
             "lost slaves since the start": str(sum(s.losses for s in master.slaves.values())),
         }
-        for slave in master.slaves.values():
-            ports = self._ports(slave)
-            if ports is not None and ports.text:
-                values[f"ports of {slave.name}"] = ports.text
+        for number, counted in ports.items():
+            if counted is not None and counted.text:
+                values[f"ports of {master.slaves[number].name}"] = counted.text
         if master.bring_up.clocks:
             values |= {
                 "phase to SYNC0 (µs)": f"{clock.phase_ns / 1e3:.1f}",
@@ -164,6 +157,16 @@ class EthercatFieldbus(FieldbusDriver):
                 "drift of the bus time (ppm)": f"{clock.drift_ppm:.2f}",
             }
         return values
+
+
+def _ports(slave: Slave) -> PortCounters | None:
+    """Read the counters of the ports; None while the slave does not answer."""
+    if not slave.online:
+        return None
+    try:
+        return PortCounters.read(slave)
+    except DeviceTimeout:
+        return None
 
 
 _STATES = {

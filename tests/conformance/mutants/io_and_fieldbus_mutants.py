@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -219,6 +220,14 @@ class NodesTwice(Mutant):
         def status(self, bus: int) -> BusStatus:
             status = super().status(bus)
             return replace(status, nodes=status.nodes * 2)
+
+
+class NodeIdsByPosition(Mutant):
+    found_by = "test_fieldbus.py::test_the_slaves_are_told_apart"
+
+    class Fieldbus(SimFieldbus):
+        def node_ids(self, bus: int) -> Sequence[int]:
+            return range(1, 1 + len(super().node_ids(bus)))
 
 
 class AxesOnOneNode(Mutant):

@@ -88,6 +88,32 @@ def test_an_unknown_mode_is_rejected(harness: Harness, mode: int) -> None:
     rejected(harness, InvalidArgument, text, lambda: harness.axes.set_command_mode(0, mode))
 
 
+@pytest.mark.parametrize("command", ["home", "set_command_mode"])
+def test_an_axis_belongs_to_its_homing_or_change_of_mode_until_it_ends(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """Other threads meanwhile: the image still shows an idle axis in position mode."""
+    axes, texts = harness.axes, list[str]()
+    others: dict[str, Callable[[], object]] = {
+        "move": lambda: axes.move([Move(0, 1.0, PROFILE)]),
+        "home": lambda: axes.home(0),
+        "set_command_mode": lambda: axes.set_command_mode(0, CommandMode.VELOCITY),
+    }
+
+    def obey(*_: object) -> None:
+        for other in others.values():
+            with pytest.raises(NotReady) as error:
+                other()
+            texts.append(str(error.value))
+
+    monkeypatch.setattr(harness.driver, command, obey)
+    others[command]()
+    owner = "homing" if command == "home" else "the command mode"
+    assert texts == [f"joint1: in use by {owner}"] * 3
+    assert not harness.driver.calls
+    assert not axes.owner(0)
+
+
 @pytest.mark.parametrize("operation", [op for op in Operation if op is not Operation.IDLE])
 def test_mode_and_home_need_an_idle_axis(harness: Harness, operation: Operation) -> None:
     harness.driver.image.operation[0] = operation

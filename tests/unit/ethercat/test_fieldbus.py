@@ -49,6 +49,27 @@ def test_registers_and_objects_are_read_beside_the_cycle(harness: Harness) -> No
         fieldbus.read_register(0, 0, 0x0FFF, 2)
 
 
+def test_an_object_costs_no_register_and_a_status_each_once(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The counters of all ports were read twice before each SDO."""
+    read, asked = harness.bus.read_register, list[int]()
+
+    def counted(slave: int, address: int, size: int) -> bytes:
+        asked.append(slave)
+        return read(slave, address, size)
+
+    monkeypatch.setattr(harness.bus, "read_register", counted)
+    harness.robot.fieldbus.read_object(0, 1, 0x6065)
+    with pytest.raises(
+        InvalidArgument, match=r"slave 7 is not on master 0 \(slaves: \[0, 1, 2\]\)"
+    ):
+        harness.robot.fieldbus.read_object(0, 7, 0x6065)
+    assert asked == []
+    harness.robot.fieldbus.status(0)
+    assert asked == [0, 1, 2]
+
+
 def test_a_lost_slave_is_shown_with_its_al_code(harness: Harness) -> None:
     harness.slave(1).state, harness.slave(1).code = AlState.SAFE_OP, 0x001B
     harness.master.supervision.check()

@@ -130,10 +130,10 @@ def test_an_interface_that_does_not_exist_is_named_with_the_others() -> None:
 def test_without_rights_the_capability_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     made = socket.socket
 
-    def refuse(family: int, kind: int) -> socket.socket:
-        if family == socket.AF_PACKET:
+    def refuse(*arguments: int, **named: int) -> socket.socket:
+        if socket.AF_PACKET in arguments:
             raise PermissionError
-        return made(family, kind)
+        return made(*arguments, **named)
 
     monkeypatch.setattr(socket, "socket", refuse)
     bus = Soem(0.7)

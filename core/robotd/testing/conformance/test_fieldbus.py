@@ -51,6 +51,7 @@ def test_the_slaves_are_told_apart(harness: Harness) -> None:
         network = driver.status(master)
         ids = [node.id for node in network.nodes]
         assert len(ids) == len(set(ids))
+        assert sorted(driver.node_ids(master)) == sorted(ids), "node_ids differ from the status"
         assert {type(node.state) for node in network.nodes} <= {BusState}
 
 
