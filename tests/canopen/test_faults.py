@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.canopen.conftest import SMALL, OpenRig
+from tests.canopen.drives_process import RATE_HZ
 from tests.canopen.harness import Harness, broken
 
 from robotd.control.trajectory_execution import Outcome
@@ -12,6 +13,8 @@ from robotd.device.axes import Move
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
 from robotd.motion.profile import Profile
+from robotd_canopen.frame import Frame
+from robotd_canopen.nmt import NmtCommand
 
 WINDOW = {"startup": [{"object": "0x6065", "value": 2000}], "counts_per_rad": 1e5}
 
@@ -175,6 +178,19 @@ def test_a_pause_of_the_computer_loses_no_drive(open_rig: OpenRig) -> None:
         harness.until(lambda: harness.robot.connection.ready)
         assert not harness.master.supervision.faults
         assert np.isfinite(harness.positions()).all()
+
+
+def test_a_recovery_from_an_nmt_stop_lasts(open_rig: OpenRig) -> None:
+    """The drives report that they are on until they obey the first frame after the restart."""
+    with open_rig() as harness:
+        harness.master.bus.send(Frame(0, bytes([NmtCommand.STOP, 0])))
+        harness.until(lambda: not harness.robot.connection.ready)
+        lines: list[str] = []
+        harness.robot.recover(lines.append)
+        assert lines[-1].startswith("verified: 6 axes on")
+        syncs = harness.master.sync.count
+        harness.until(lambda: harness.master.sync.count > syncs + RATE_HZ)
+        assert harness.robot.problems == []
 
 
 def test_a_servo_that_does_not_go_on_says_why(open_rig: OpenRig) -> None:

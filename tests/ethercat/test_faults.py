@@ -91,6 +91,18 @@ def test_an_al_error_of_a_slave_is_given_in_words(robot: EthercatRobot) -> None:
     robot.until(lambda: any(text in fault for fault in robot.master.supervision.faults))
 
 
+def test_a_recovery_from_safe_op_lasts(robot: EthercatRobot) -> None:
+    robot.inject("1 al 0x001A")
+    robot.inject("2 al 0x001A")
+    robot.until(lambda: not robot.robot.connection.ready)
+    lines: list[str] = []
+    robot.robot.recover(lines.append)
+    assert lines[-1].startswith("verified: 2 axes on")
+    frames = robot.master.exchange.good_frames
+    robot.until(lambda: robot.master.exchange.good_frames > frames + 250)
+    assert robot.robot.problems == []
+
+
 def test_corrupt_frames_are_counted_at_the_port_that_sees_them(robot: EthercatRobot) -> None:
     robot.inject("2 corrupt 0.2")
     fieldbus = robot.robot.fieldbus

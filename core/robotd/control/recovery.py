@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import Clock, wait_until
-from robotd.control.problem import Problem, axis_problems, find_problems
+from robotd.clock import NANOSECONDS, Clock, wait_until
+from robotd.control.problem import Problem, ProblemKind, axis_problems, find_problems
 from robotd.device.axes import Axes
 from robotd.device.connection import Connection
 from robotd.device.each_axis import each
@@ -21,16 +21,23 @@ from robotd.log import get_logger
 log = get_logger("recovery")
 
 READY_S = 1.0  # for values to be fresh after communication has started
+SETTLED_S = 0.2  # without a change, after which the states of restarted drives are final
+STABLE_S = 1.0  # without a problem, after which a recovery is verified
+WATCH_POLL_S = 0.01
 NOTHING_WRONG = "nothing is wrong: no axis has a fault"
 
 Report = Callable[[str], None]
+
+_NOT_TWICE = (ProblemKind.CONTROLLER, ProblemKind.ALARM)  # may be a short circuit
 
 
 class Recovery:
     """Brings a robot back to where it takes commands, step by step. Nothing moves.
 
     Cause → connection → rest → alarms → servos → verification. The first step that fails ends it.
-    Servos are switched on as at start: at the measured position, without a jump.
+    Servos are switched on as at start: at the measured position, without a jump. What goes off or
+    is lost during verification, without an alarm, is brought back once more: drives that are lost
+    together are not noticed together.
 
     Args:
         connection, axes, fieldbus: of the robot.
@@ -88,16 +95,29 @@ class Recovery:
             self._running.release()
 
     def _recover(self, report: Report) -> None:
+        self._connection.update_ready()  # a loss may be younger than the last period
         found = self.problems()
         for line in [f"found: {problem}" for problem in found] or [NOTHING_WRONG]:
             report(line)
         if not found:
             return
+        before = self._bring_back(report)
+        left = self._watch()
+        if left and not any(problem.kind in _NOT_TWICE for problem in left):
+            report(f"not stable yet: {'; '.join(map(str, left))}")
+            self._bring_back(report)
+            left = self._watch()
+        if left:
+            raise NotReady(f"not recovered: {'; '.join(map(str, left))}")
+        self._report_success(before, report)
+
+    def _bring_back(self, report: Report) -> FloatArray:
+        """Reconnect, clear alarms, switch servos on; return the positions (n_axes,) before."""
         if not self._connection.ready:
             self._reconnect(report)
         image = self._axes.image
-        before = image.copy().position
         self._join_offline(report)
+        before = image.copy().position
         self._await_rest()
         self._run_each(
             [axis for axis in range(len(self._axes)) if image.amp_alarm[axis]],
@@ -113,7 +133,7 @@ class Recovery:
             "servos cannot be switched on",
             report,
         )
-        self._verify(before, report)
+        return before
 
     def _reconnect(self, report: Report) -> None:
         report("reconnecting")
@@ -126,12 +146,30 @@ class Recovery:
         if not self._becomes_ready():
             raise NotReady(self._connection.rejection)
         report(f"reconnected after {time.monotonic() - began_s:.1f} s")
+        self._settle()
 
     def _becomes_ready(self) -> bool:
         connection = self._connection
         timeout_s = READY_S + connection.settings.stale_after_s
         fresh = wait_until(lambda: connection.ready, timeout_s, self._clock)
         return fresh and wait_until(lambda: bool(self._axes.image.stamp_ns), timeout_s, self._clock)
+
+    def _settle(self) -> None:
+        """Wait until restarted drives report a state that lasts.
+
+        They were enabled before, and report it until they obey their first command.
+        """
+        since_ns, flags = self._clock.now_ns(), self._axes.image.copy().flags
+
+        def settled() -> bool:
+            nonlocal since_ns, flags
+            image = self._axes.image.copy()
+            if not np.array_equal(image.flags, flags):
+                since_ns, flags = self._clock.now_ns(), image.flags
+            lasts = image.fresh_ns - since_ns >= SETTLED_S * NANOSECONDS
+            return lasts or not self._connection.ready
+
+        wait_until(settled, READY_S + self._connection.settings.stale_after_s, self._clock)
 
     def _join_offline(self, report: Report) -> None:
         """Let drives join the bus again where the backend can do that at run time."""
@@ -192,10 +230,26 @@ class Recovery:
             },
         )
 
-    def _verify(self, before: FloatArray, report: Report) -> None:
-        left = self.problems()
-        if left:
-            raise NotReady(f"not recovered: {'; '.join(map(str, left))}")
+    def _watch(self) -> list[Problem]:
+        """Return the problems that show within ``STABLE_S`` after the last command; [] without one.
+
+        Values from before it say nothing: nodes that were lost with others may not be noticed yet.
+        """
+        connection, image = self._connection, self._axes.image
+        begun_ns, stale_s = self._clock.now_ns(), connection.settings.stale_after_s
+        problems: list[Problem] = []
+
+        def ended() -> bool:
+            problems[:] = self.problems()
+            lasts = image.fresh_ns - begun_ns >= STABLE_S * NANOSECONDS
+            return lasts or bool(problems)
+
+        if not wait_until(ended, STABLE_S + READY_S + stale_s, self._clock, WATCH_POLL_S):
+            text = "the device sends no values from after the last command"
+            return [Problem(ProblemKind.DEVICE, text)]
+        return problems
+
+    def _report_success(self, before: FloatArray, report: Report) -> None:
         moved = np.abs(self._axes.image.copy().position - before)[self._used]
         known = moved[np.isfinite(moved)]
         most = f"; largest change of position {known.max():.4f} rad or m" if len(known) else ""

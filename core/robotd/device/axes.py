@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from robotd.clock import Clock, wait_until
 from robotd.device.axis_arguments import AxisArguments
 from robotd.device.capabilities import Capability
@@ -365,6 +367,7 @@ class Axes:
         connection, timeout_s = self._connection, self._connection.settings.servo_timeout_s
         connection.require_ready()
         connection.require_alive()
+        self._require_position(group)
         for other in group:
             if self.image.amp_alarm[other]:
                 raise self._fault_error(other, "; clear it first")
@@ -374,6 +377,18 @@ class Axes:
         if connection.ending:  # the request came while the drive was enabling
             self._driver.servo(axis, False, timeout_s)
             connection.require_alive()
+
+    def _require_position(self, axes: Sequence[int]) -> None:
+        """Wait for the first positions of a new connection; raise NotReady where one is missing.
+
+        An axis is enabled at its measured position: at an unknown one it would jump.
+        """
+        image = self.image
+        self._effect.wait_for_first(lambda: bool(np.isfinite(image.position[list(axes)]).all()))
+        for axis in axes:
+            if not math.isfinite(image.position[axis]):
+                known = image.fault(axis) or "the device has not reported it"
+                raise self.arguments.error(NotReady, axis, f"position is not known: {known}")
 
     def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
         self.check_axes(axes)

@@ -10,6 +10,7 @@ from robotd.device.process_image import ProcessImage
 
 SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
 SAMPLES = 3  # slow feedback periods in which it does
+FIRST_S = 1.0  # for the first values of a device that has begun to communicate
 
 
 class CommandEffect:
@@ -43,6 +44,11 @@ class CommandEffect:
     def wait_for(self, condition: Callable[[], bool]) -> None:
         """Wait until ``condition``, by which the next command is judged; not for long."""
         wait_until(lambda: condition() or not self._connection.ready, self._shown_s, self._clock)
+
+    def wait_for_first(self, condition: Callable[[], bool]) -> None:
+        """Wait for ``condition`` on values that a new connection may not have reported yet."""
+        timeout_s = max(FIRST_S, self._shown_s)
+        wait_until(lambda: condition() or not self._connection.ready, timeout_s, self._clock)
 
     def wait_for_motion(self) -> None:
         """Wait for an image that is newer than the last motion command."""

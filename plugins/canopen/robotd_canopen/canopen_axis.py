@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from robotd.api import OperationError, wait_until
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import Node
+from robotd_canopen.pdo import Pdo
 from robotd_canopen.rpdo_writer import RpdoWriter
 from robotd_cia402.axis import Axis
+from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_cia402.emcy import Emergency
 from robotd_cia402.scaling import Scaling
+
+_EVENT_S = 1.0  # for an event-driven TPDO whose objects cannot be read
 
 
 class CanopenObjects:
@@ -41,6 +46,11 @@ class CanopenObjects:
         return self._node.online and self._feedback.complete(self._number)
 
     @property
+    def awaited(self) -> str:
+        names = [pdo.name for pdo in self._feedback.missing(self._number)]
+        return f"{', '.join(names)} not received yet"
+
+    @property
     def frames(self) -> int:
         return self._feedback.syncs
 
@@ -66,6 +76,37 @@ class CanopenObjects:
     def forget(self) -> None:
         self._feedback.forget(self._number)
 
+    def accept(self) -> None:
+        """Worker: the node is configured and starts; its TPDOs count from now on."""
+        self._feedback.accept(self._number)
+
+    def query(self) -> None:
+        """Worker: read the values that an operational node sends on an event only.
+
+        Nothing may change for hours, and until then they would be unknown. Raises OperationError
+        and DeviceTimeout naming the object.
+        """
+        for pdo in self._feedback.event_driven(self._number):
+            try:
+                self._query(pdo)
+            except SdoAbort as error:
+                if not self._comes(pdo):
+                    raise OperationError(
+                        f"first values: {pdo.name} is event-driven and has not come within"
+                        f" {_EVENT_S:g} s, and {error.reason}"
+                    ) from error
+
+    def _query(self, pdo: Pdo) -> None:
+        if not self._feedback.has_come(self._number, pdo):
+            sdo = self._node.sdo
+            values = {entry.base: sdo.read(entry.index, entry.sub) for entry in pdo.inputs}
+            self._feedback.seed(self._number, pdo, values)
+
+    def _comes(self, pdo: Pdo) -> bool:
+        return wait_until(
+            lambda: self._feedback.has_come(self._number, pdo), _EVENT_S, self._node.clock
+        )
+
 
 class CanopenAxis(Axis):
     """Axis ``number`` of the robot, on ``node``."""
@@ -75,4 +116,4 @@ class CanopenAxis(Axis):
     ) -> None:
         objects = CanopenObjects(number, layout, node, feedback)
         super().__init__(number, layout.options, objects, scaling)
-        self.layout, self.node, self.rpdos = layout, node, objects.rpdos
+        self.layout, self.node, self.canopen, self.rpdos = layout, node, objects, objects.rpdos

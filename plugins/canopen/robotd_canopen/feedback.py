@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -21,7 +22,7 @@ _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they a
 _REPORT_BEFORE = 0.8  # of the age at which values are stale: the error names a node, not an age
 _HORIZON = 2  # times the age at which a TPDO is stale
 _NEVER = -1
-_EVENT_DRIVEN = 240
+_NO_TURN = 1 << 40  # SYNCs: an event-driven TPDO has no turn, and is never late
 
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -34,10 +35,14 @@ class Feedback:
     SYNC, so that all belong to the SYNC before. Age is counted in SYNCs: without a SYNC a drive
     has nothing to answer.
 
+    Frames of an axis count from ``accept`` on: those of a drive that starts by itself may have
+    another layout, and those of an earlier connection are old.
+
     Attributes:
         values: for each axis those of the objects in ``INPUTS``, as the control loop has taken
             them; 0 without a TPDO.
-        pdos: the synchronous TPDOs of all axes, as (axis, PDO).
+        pdos: TPDOs that an axis must have sent before it is known: the synchronous ones, and the
+            event-driven ones that hold an object of ``INPUTS``; as (axis, PDO).
         seen: number of the SYNC after which each of ``pdos`` came last, -1: never; likewise.
         limits: SYNCs without it after which each of ``pdos`` is stale.
         syncs: SYNCs sent; counted by the control loop.
@@ -52,12 +57,15 @@ class Feedback:
             (number, pdo)
             for number, axis in enumerate(axes)
             for pdo in axis.tpdos
-            if pdo.transmission <= _EVENT_DRIVEN
+            if not pdo.is_event_driven or pdo.inputs
         ]
+        self._accepts = [False] * count
+        self._seeding = threading.Lock()  # between an event-driven TPDO and values read by SDO
         self._owners = np.array([number for number, _ in self.pdos], np.int64)
         self._seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
         self.seen = self._seen.copy()
-        self._turns = np.array([pdo.transmission for _, pdo in self.pdos], np.int64)
+        turns = [_NO_TURN if pdo.is_event_driven else pdo.transmission for _, pdo in self.pdos]
+        self._turns = np.array(turns, np.int64)
         least = math.floor(_REPORT_BEFORE * stale_s / sync_period_s)
         self.limits: IntArray = np.maximum(self._turns * _ALLOWED_MISSES, least)
         self.syncs = 0
@@ -74,8 +82,8 @@ class Feedback:
         columns = [arrived.get(entry.base, self._arrived[-1]) for entry in pdo.entries]
         known = (axis, pdo) in self.pdos
         slot, seen = (self.pdos.index((axis, pdo)), self._seen) if known else (0, np.zeros(1))
-        plausibility, position = None, 0
-        if known and pdo.holds(POSITION):
+        accepts, plausibility, position = self._accepts, None, 0
+        if not pdo.is_event_driven and pdo.holds(POSITION):
             horizon_s = _HORIZON * float(self.limits[slot]) * self._sync_period_s
             plausibility = PositionPlausibility(
                 scaling, horizon_s, partial(self._is_new_position, axis, slot)
@@ -83,6 +91,8 @@ class Feedback:
             position = [entry.base for entry in pdo.entries].index(POSITION)
 
         def receive(data: bytearray) -> None:
+            if not accepts[axis]:
+                return
             if len(data) < size:
                 raise ValueError(f"{pdo.name} has {len(data)} bytes, {size} are mapped")
             values = unpack(data)
@@ -94,7 +104,11 @@ class Feedback:
                 number += 1  # noqa: SIM113 - for each frame of the bus: enumerate costs more
             seen[slot] = self.syncs
 
-        return receive
+        def receive_event(data: bytearray) -> None:
+            with self._seeding:
+                receive(data)
+
+        return receive_event if pdo.is_event_driven else receive
 
     def _is_new_position(self, axis: int, slot: int) -> bool:
         """Return True if the position need not be near the one before."""
@@ -107,15 +121,45 @@ class Feedback:
         self.seen[:] = self._seen
 
     def forget(self, axis: int) -> None:
-        """Discard the values of a drive that is configured again."""
+        """Discard the values of a drive that is configured again, and frames until ``accept``."""
+        self._accepts[axis] = False
         self._seen[self._owners == axis] = self.seen[self._owners == axis] = _NEVER
         self._complete[axis] = False
 
+    def accept(self, axis: int) -> None:
+        """Worker: the drive is configured and starts; its frames count from now on."""
+        self._accepts[axis] = True
+
+    def event_driven(self, axis: int) -> list[Pdo]:
+        """Return the event-driven TPDOs that ``axis`` needs to be known. Any thread."""
+        return [pdo for number, pdo in self.pdos if number == axis and pdo.is_event_driven]
+
+    def has_come(self, axis: int, pdo: Pdo) -> bool:
+        """Return True if ``pdo`` has come since ``accept``. Any thread."""
+        return bool(self._seen[self.pdos.index((axis, pdo))] != _NEVER)
+
+    def seed(self, axis: int, pdo: Pdo, values: Mapping[int, int]) -> None:
+        """Worker: take values of an event-driven TPDO, unless it has come meanwhile.
+
+        Args:
+            values: by object of ``INPUTS``, as read by SDO after ``accept``.
+        """
+        with self._seeding:
+            if not self.has_come(axis, pdo):
+                for base, value in values.items():
+                    self._arrived[INPUTS.index(base)][axis] = value
+                self._seen[self.pdos.index((axis, pdo))] = self.syncs
+
     def complete(self, axis: int) -> bool:
-        """Return True once every synchronous TPDO of ``axis`` has come. Control loop."""
+        """Return True once every one of ``pdos`` of ``axis`` has come. Control loop."""
         if not self._complete[axis]:
-            self._complete[axis] = bool((self.seen[self._owners == axis] != _NEVER).all())
+            self._complete[axis] = not any(self.missing(axis))
         return self._complete[axis]
+
+    def missing(self, axis: int) -> Iterator[Pdo]:
+        """Yield the TPDOs of ``axis`` that have not come. Control loop."""
+        for slot in ((self._owners == axis) & (self.seen == _NEVER)).nonzero()[0]:
+            yield self.pdos[slot][1]
 
     def stale(self) -> list[tuple[int, Pdo, int]]:
         """Return axis, PDO and missed SYNCs of every stale TPDO. Control loop."""

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from canopen.objectdictionary import ObjectDictionary
@@ -28,7 +29,7 @@ from robotd_canopen.options import (
     NodeOptions,
     PdoOptions,
 )
-from robotd_canopen.pdo import Direction, Pdo, axis_pdos, io_pdos, resolve
+from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, axis_pdos, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis
 from robotd_cia402.options import StreamMode, missing_and_unknown, parse_object, with_robot_ramps
@@ -149,7 +150,27 @@ def _axis(
         for base, name in needed.items():
             if base not in mapped:
                 problems.append(_error(robot, key, f"no PDO holds 0x{base:04X} ({name})"))
+    problems += [_error(robot, f"{key}.tpdos", what) for what in _unknowable(tpdos, dictionary)]
     return AxisLayout(drive, dictionary, rpdos, tpdos)
+
+
+def _unknowable(tpdos: Sequence[Pdo], dictionary: ObjectDictionary) -> Iterator[str]:
+    """Yield reasons why values of an axis, or their age, stay unknown."""
+    if tpdos and all(pdo.is_event_driven for pdo in tpdos):
+        yield (
+            "all TPDOs are event-driven, so that nothing shows the age of their values;"
+            f" give one of them a transmission of 1 to {MAX_SYNCHRONOUS}"
+        )
+    for pdo in tpdos:
+        for entry in pdo.inputs if pdo.is_event_driven else ():
+            found = variable(dictionary, entry.index, entry.sub)
+            if found is not None and not found.readable:
+                name = describe(dictionary, entry.index, entry.sub)
+                yield (
+                    f"{pdo.name} is event-driven, and {name} cannot be read by SDO: its value is"
+                    " unknown until the node sends it;"
+                    f" give the PDO a transmission of 1 to {MAX_SYNCHRONOUS}"
+                )
 
 
 def _io(
@@ -231,7 +252,7 @@ def _load(
         (pdo.layout.size, 1 / pdo.transmission)
         for axis in axes
         for pdo in (*_most_rpdos(axis), *axis.tpdos)
-        if pdo.transmission <= 240
+        if not pdo.is_event_driven
     ]
     nodes = {axis.options.node for axis in axes} | {module.options.node for module in modules}
     return bus_load(cyclic, period_s, len(nodes) + 1, options.heartbeat_s, options.bus.bitrate)

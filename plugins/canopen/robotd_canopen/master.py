@@ -197,6 +197,8 @@ class Master:
     def _leave_all(self) -> None:
         for node in self.nodes.values():
             node.online, node.fault = False, ""
+        for axis in self.axes:
+            self.feedback.forget(axis.number)  # of this connection; the next one has new values
         self.supervision.begin()
 
     def _make_axes(self, robot: RobotDescriptor) -> list[CanopenAxis]:

@@ -24,6 +24,8 @@ _DUPLICATE_ID = "duplicate node id: received more SDO responses than requests"
 _UNKNOWN_OBJECT = 0x06020000
 RESET = "it was reset and has lost its configuration; start communication again"
 """Cause of the loss of a node that has booted by itself."""
+MISSED = "it may have sent event-driven PDOs while it was lost; start communication again"
+"""Reason for a node that answers again and whose values may be old."""
 
 
 class Node:
@@ -62,7 +64,7 @@ class Node:
         self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
         self._has_booted = False
         self._boot_ns = 0  # of the latest boot-up message
-        self._bus, self._clock, self._common = bus, clock, common
+        self.clock, self._bus, self._common = clock, bus, common
         self._expected = options.identity
         self._profile = profile
         self._emergencies = emergencies
@@ -118,11 +120,14 @@ class Node:
         self.state, self._has_booted, self._silence_ns = NmtState.UNKNOWN, False, 0
         self._emergencies.forget_before(self.id, self._boot_ns)
         self.command(NmtCommand.START)
-        if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self._clock):
+        if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self.clock):
             raise OperationError(
                 f"NMT start: the node is {self.state.name.lower()}, not operational,"
                 f" after {_START_S:g} s"
             )
+
+    def enter(self) -> None:
+        """Take the node, which has started, into operation."""
         self.fault, self.online, self.configured = "", True, True
 
     def command(self, command: NmtCommand) -> None:
@@ -173,7 +178,7 @@ class Node:
         try:
             yield
         except OperationError as error:
-            if not wait_until(is_duplicate, self._common.sdo_timeout_s, self._clock):
+            if not wait_until(is_duplicate, self._common.sdo_timeout_s, self.clock):
                 raise
             raise OperationError(_DUPLICATE_ID) from error
         if is_duplicate():
@@ -189,12 +194,12 @@ class Node:
         self.state = heartbeat_state(data)
         self._heartbeats += 1
         if self.state is NmtState.BOOT_UP:
-            self._has_booted, self._boot_ns = True, self._clock.now_ns()
+            self._has_booted, self._boot_ns = True, self.clock.now_ns()
         if self.state is not NmtState.OPERATIONAL:
             self.configured = False
 
     def _on_emergency(self, data: bytearray) -> None:
-        self._emergencies.add(Emergency.decode(self.id, data, self._clock.now_ns()))
+        self._emergencies.add(Emergency.decode(self.id, data, self.clock.now_ns()))
 
 
 @contextmanager

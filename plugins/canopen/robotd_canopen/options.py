@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from robotd.api import BackendOptions
 from robotd_cia402.options import (
@@ -24,6 +24,7 @@ from robotd_cia402.options import (
 )
 
 NodeId = Annotated[int, Field(ge=1, le=127)]
+_UNUSED_TYPES = range(241, 254)  # transmission types: reserved, or on remote request (CiA 301)
 CobId = Annotated[int, Field(ge=0x001, le=0x7FF)]
 
 
@@ -51,6 +52,16 @@ class PdoOptions(Section):
     objects: tuple[ObjectName, ...] = Field(
         min_length=1, max_length=8, description="Objects in order, `0x6041` or `0x60C1:1`."
     )
+
+    @field_validator("transmission")
+    @classmethod
+    def _is_used(cls, value: int) -> int:
+        if value in _UNUSED_TYPES:
+            raise ValueError(
+                f"{value} is reserved, or waits for a remote request that robotd does not send;"
+                " 1 to 240 go with SYNC, 254 and 255 on an event"
+            )
+        return value
 
 
 class NodeOptions(Section):

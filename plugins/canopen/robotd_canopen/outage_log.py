@@ -18,7 +18,7 @@ class Return(Enum):
     """Kind of return of a lost node; the value is the log line."""
 
     RESUMED = "nodes are back with their configuration"
-    RESET = "nodes were reset and answer again; start communication to configure them"
+    RESET = "nodes answer again and need configuration; start communication again"
 
 
 def causes(nodes: Iterable[Node]) -> str:

@@ -16,6 +16,7 @@ from robotd_canopen.sdo import Sdo
 from robotd_cia402.modes import VELOCITY as VELOCITY_MODES
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import (
+    INPUTS,
     INTERPOLATION,
     TARGET_POSITION,
     TARGET_TORQUE,
@@ -25,6 +26,7 @@ from robotd_cia402.object_numbers import (
 from robotd_cia402.options import StreamMode, parse_object
 
 MAX_BYTES = 8
+MAX_SYNCHRONOUS = 240  # highest transmission type of a PDO that goes with SYNC
 _EVENT = 255
 _DISABLED = 1 << 31
 _NO_RTR = 1 << 30
@@ -84,6 +86,16 @@ class Pdo:
     def name(self) -> str:
         kind = "RPDO" if self.direction is Direction.RECEIVE else "TPDO"
         return f"{kind} {self.number}"
+
+    @property
+    def is_event_driven(self) -> bool:
+        """The node sends it on an event of its own, not with SYNC."""
+        return self.transmission > MAX_SYNCHRONOUS
+
+    @property
+    def inputs(self) -> list[Entry]:
+        """Entries whose values an axis takes."""
+        return [entry for entry in self.entries if entry.base in INPUTS]
 
     def holds(self, base: int) -> bool:
         """One of the entries is the object ``base``."""

@@ -19,7 +19,8 @@ from robotd_cia402.simulated_axis import drive_model
 def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> SimulatedNetwork:
     """Make the nodes of the section on a bus of their own, not started."""
     folder = robot.path.parent if robot.path is not None else None
-    machine = Motors([0.0] * len(options.axes), time.monotonic_ns())
+    initial = [axis.simulated_position_rad for axis in options.axes]
+    machine = Motors(initial, time.monotonic_ns())
     rated = {joint.axis: joint.rated_effort for joint in robot.joints}
     by_node: dict[int, list[tuple[int, AxisOptions]]] = defaultdict(list)
     for motor, axis in enumerate(options.axes):

@@ -8,7 +8,7 @@ from robotd.api import NANOSECONDS, get_logger
 from robotd_canopen.bus import Bus
 from robotd_canopen.canopen_axis import CanopenAxis
 from robotd_canopen.feedback import Feedback
-from robotd_canopen.node import RESET, Node
+from robotd_canopen.node import MISSED, RESET, Node
 from robotd_canopen.outage_log import OutageLog, Return, causes
 
 log = get_logger("canopen")
@@ -91,7 +91,7 @@ class Supervision:
             if cause and self._lose(node, cause):
                 lost.append(node)
             elif cause == RESET and node.id in self.lost and node.id not in self._reset:
-                self._wait_for_configuration(node)
+                self._wait_for_configuration(node, RESET)
             elif not cause and node.id in self.lost and node.configured:
                 self._take_back(node)
         for number, pdo, missed in self._feedback.stale():
@@ -110,19 +110,34 @@ class Supervision:
         self._reset.discard(node.id)
         if cause == RESET:
             self._reset.add(node.id)
+            self._forget(node)
         self.stop(f"{node.name}: {node.fault}")
         return True
 
-    def _wait_for_configuration(self, node: Node) -> None:
-        """Mark a lost node that has booted since: a worker must configure it."""
+    def _wait_for_configuration(self, node: Node, cause: str) -> None:
+        """Mark a lost node that answers again: a worker must configure it."""
         self._reset.add(node.id)
-        node.fault = RESET
+        node.fault, node.configured = cause, False
+        self._forget(node)
         self._outage.came_back(node, Return.RESET)
 
+    def _forget(self, node: Node) -> None:
+        """Discard the values of a node that needs configuration; it may map other objects."""
+        for axis in self._axes:
+            if axis.node is node:
+                self._feedback.forget(axis.number)
+
     def _take_back(self, node: Node) -> None:
-        """Take back a node that has kept its configuration; its axes stay at rest."""
+        """Take back a node that has kept its configuration; its axes stay at rest.
+
+        Event-driven TPDOs, as those of I/O modules are, may have been missed: a worker reads
+        their values when it configures the node again.
+        """
         axes = [axis for axis in self._axes if axis.node is node]
         if any(self._feedback.overdue(axis.number) for axis in axes):
+            return
+        if not axes or any(self._feedback.event_driven(axis.number) for axis in axes):
+            self._wait_for_configuration(node, MISSED)
             return
         for axis in axes:
             axis.resume()

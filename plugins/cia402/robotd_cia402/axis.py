@@ -269,7 +269,7 @@ class Axis:
         """
         name, report = self.drive.name, self.report
         if not report.known:
-            return f"{name}: {self.drive.fault or 'its PDOs have not come yet'}"
+            return f"{name}: {self.drive.fault or self.drive.awaited}"
         if report.in_alarm:
             return f"{name}: {report.alarm_text}"
         return f"{name}: {lost}" if lost else ""

@@ -50,6 +50,9 @@ class Commands:
                 self._recover()
                 return
             deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
+            if not self._wait(lambda: axis.report.known, timeout_s):
+                reason = axis.drive.fault or axis.drive.awaited
+                raise self._error(NotReady, f"its position is not known: {reason}")
             if not self._wait(lambda: not axis.report.powered, timeout_s):
                 text = f"the last servo-off has not ended within {timeout_s:g} s, {self._status()}"
                 raise self._error(DeviceTimeout, text)

@@ -45,6 +45,13 @@ class CyclicObjects(Protocol):
         """
 
     @property
+    def awaited(self) -> str:
+        """Cyclic inputs that a node which is online but not ``known`` has not sent yet.
+
+        Control loop.
+        """
+
+    @property
     def frames(self) -> int:
         """Cyclic frames sent so far; a value may be one frame old. Any thread."""
 

@@ -81,7 +81,7 @@ def simulated_line(section: SimulatedSection, *, redundant: bool = False) -> Lin
     """Make the slaves of a section, in bus order; places without options are generic slaves."""
     now_ns = time.monotonic_ns()
     options = section.options
-    machine = Motors([0.0] * len(options.axes), now_ns)
+    machine = Motors([axis.simulated_position_rad for axis in options.axes], now_ns)
     axes: dict[int, list[tuple[int, AxisOptions]]] = {}
     for motor, axis in enumerate(options.axes):
         axes.setdefault(axis.slave, []).append((motor, axis))

@@ -46,6 +46,10 @@ class SlaveObjects:
         return self._slave.online and self._exchange.good_frames > self._forgotten_at
 
     @property
+    def awaited(self) -> str:
+        return "no complete frame received from it yet"
+
+    @property
     def frames(self) -> int:
         return self._exchange.frames
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.unit.canopen.network import options, plan
+from tests.unit.canopen.network import drive, options, plan
 
 from robotd_canopen.feedback import Feedback
 from robotd_cia402.object_numbers import INPUTS, POSITION
@@ -20,9 +22,11 @@ CYCLIC = slice(0, 2)  # TPDOs that come with each SYNC; the third comes with eac
 class Drives:
     """Two drives that answer when they are told to."""
 
-    def __init__(self) -> None:
-        self.axes = plan(options()).axes
+    def __init__(self, **keys: Any) -> None:
+        self.axes = plan(options(**keys)).axes
         self.feedback = Feedback(self.axes, 0.004, 0.1)
+        for number in range(len(self.axes)):
+            self.feedback.accept(number)
         self.handlers = {
             (number, pdo.cob_id): self.feedback.handler(number, pdo, Scaling(axis.options, None))
             for number, axis in enumerate(self.axes)
@@ -102,6 +106,7 @@ def test_a_leap_is_believed_when_the_next_position_is_near_it(drives: Drives) ->
 
 def test_the_first_position_after_the_start_is_believed(drives: Drives) -> None:
     drives.feedback.forget(0)
+    drives.feedback.accept(0)
     drives.answer(0, 2_000_000)
     drives.sync()
     assert drives.position(0) == 2_000_000
@@ -109,8 +114,72 @@ def test_the_first_position_after_the_start_is_believed(drives: Drives) -> None:
 
 def test_an_endless_axis_runs_over_without_a_leap(drives: Drives) -> None:
     drives.feedback.forget(0)
+    drives.feedback.accept(0)
     drives.answer(0, 2**31 - 5)
     drives.answer(0, -(2**31) + 5)
+
+
+def test_frames_before_the_start_of_a_drive_do_not_count(drives: Drives) -> None:
+    drives.feedback.forget(0)
+    pdo = drives.axes[0].tpdos[0]
+    drives.handlers[0, pdo.cob_id](bytearray(2))  # of a drive that starts by itself
+    drives.answer(0, 500)
+    drives.sync()
+    assert not drives.feedback.complete(0)
+    assert drives.position(0) == 0
+
+
+EVENT_DRIVEN = [
+    {"number": 1, "transmission": 1, "objects": ["0x6041", "0x6061"]},
+    {"number": 2, "transmission": 255, "objects": ["0x6064", "0x60F4"]},
+    {"number": 3, "transmission": 254, "objects": ["0x60F4"]},  # nothing that an axis takes
+]
+
+
+@pytest.fixture
+def event_driven() -> Drives:
+    """Axis 0 sends its position on an event, and has answered the first SYNC."""
+    drives = Drives(axes=[drive(0, tpdos=EVENT_DRIVEN), drive(1)])
+    drives.sync()
+    drives.answer(0, which=slice(0, 1))
+    drives.answer(1)
+    drives.sync()
+    return drives
+
+
+def test_an_axis_is_known_when_its_event_driven_position_has_come(event_driven: Drives) -> None:
+    feedback = event_driven.feedback
+    assert feedback.complete(1)
+    assert not feedback.complete(0)
+    assert [pdo.name for pdo in feedback.missing(0)] == ["TPDO 2"]
+    event_driven.answer(0, 700, which=slice(1, 2))
+    event_driven.sync()
+    assert feedback.complete(0)
+    assert event_driven.position(0) == 700
+
+
+def test_an_event_driven_position_is_never_late(event_driven: Drives) -> None:
+    feedback = event_driven.feedback
+    event_driven.answer(0, 700, which=slice(1, 2))
+    for _ in range(100):
+        event_driven.answer(0, which=slice(0, 1))
+        event_driven.answer(1)
+        event_driven.sync()
+    assert not feedback.stale()
+    assert feedback.behind(ONLINE) == 1
+
+
+@pytest.mark.parametrize(("comes", "expected"), [(False, 600), (True, 700)])
+def test_values_read_by_sdo_are_older_than_a_tpdo(
+    event_driven: Drives, comes: bool, expected: int
+) -> None:
+    feedback, pdo = event_driven.feedback, event_driven.axes[0].tpdos[1]
+    if comes:
+        event_driven.answer(0, 700, which=slice(1, 2))
+    feedback.seed(0, pdo, {POSITION: 600})
+    event_driven.sync()
+    assert feedback.complete(0)
+    assert event_driven.position(0) == expected
 
 
 @given(st.lists(st.integers(-(2**31), 2**31 - 1).filter(lambda count: abs(count) > REACH)))

@@ -8,6 +8,7 @@ from tests.unit.canopen.network import drive, options, plan
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd_canopen.layout import plan_network
+from robotd_canopen.object_dictionary import GENERIC_DRIVE, eds_path
 
 
 def test_the_default_fits_and_has_predefined_cob_ids() -> None:
@@ -61,6 +62,35 @@ def test_a_mapping_without_what_the_backend_lives_by() -> None:
     pdo = {"number": 1, "objects": ["0x6041", "0x6064"]}
     with pytest.raises(DescriptorError, match="no PDO holds 0x6061"):
         plan(options(axes=[drive(0, tpdos=[pdo]), drive(1)]))
+
+
+def test_event_driven_tpdos_alone_have_no_age() -> None:
+    pdos = [
+        {"number": 1, "transmission": 254, "objects": ["0x6041", "0x6061"]},
+        {"number": 2, "transmission": 255, "objects": ["0x6064"]},
+    ]
+    with pytest.raises(DescriptorError, match=r"axes\.0\.tpdos: all TPDOs are event-driven"):
+        plan(options(axes=[drive(0, tpdos=pdos), drive(1)]))
+
+
+def test_an_event_driven_position_that_cannot_be_read(tmp_path: Path) -> None:
+    text = Path(eds_path(None, None, GENERIC_DRIVE)).read_text(encoding="utf-8")
+    section = text[text.index("[6064]") :].split("[", 2)[1]
+    eds = tmp_path / "unreadable.eds"
+    eds.write_text(text.replace(section, section.replace("AccessType=ro", "AccessType=wo")))
+    pdos = [
+        {"number": 1, "transmission": 1, "objects": ["0x6041", "0x6061"]},
+        {"number": 2, "transmission": 255, "objects": ["0x6064"]},
+    ]
+    with pytest.raises(DescriptorError, match=r"TPDO 2 is event-driven, and 0x6064:00 .*by SDO"):
+        plan(options(axes=[drive(0, eds=str(eds), tpdos=pdos), drive(1)]))
+
+
+@pytest.mark.parametrize("transmission", [0, 241, 252, 253])
+def test_transmission_types_that_no_frame_answers(transmission: int) -> None:
+    pdo = {"number": 1, "transmission": transmission, "objects": ["0x6041", "0x6061", "0x6064"]}
+    with pytest.raises(ValidationError, match="transmission"):
+        options(axes=[drive(0, tpdos=[pdo]), drive(1)])
 
 
 def test_a_sync_that_the_bitrate_cannot_carry() -> None:

@@ -63,6 +63,10 @@ class LoopedObjects:
         self.written.append((index, sub, value))
         self.dictionary[on_axis(index, self._offset), sub] = value
 
+    @property
+    def awaited(self) -> str:
+        return "nothing received yet"
+
     def forget(self) -> None:
         self._complete = False
 

@@ -11,6 +11,7 @@ from tests.unit.control.harness import Harness, arm
 
 from robotd.control.recovery import NOTHING_WRONG
 from robotd.control.trajectory_execution import Outcome
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, NotReady, RobotdError
 
@@ -127,6 +128,74 @@ def test_a_device_that_cannot_be_opened_ends_it(harness: Harness) -> None:
         harness.robot.recover(lines.append)
     assert lines[-1] == "reconnecting"
     recover(harness)
+
+
+def goes_off(harness: Harness, axis: int, times: int, code: int = 0) -> None:
+    """Let ``axis`` go off half a second after it was switched on, ``times`` times."""
+    off_ns: list[int] = []
+    servo = harness.robot.axes._driver.servo
+    left = times
+
+    def switched(number: int, on: bool, timeout_s: float) -> None:
+        nonlocal left
+        servo(number, on, timeout_s)
+        if number == axis and on and left:
+            left -= 1
+            off_ns.append(harness.clock.now_ns() + 500_000_000)
+
+    def fall(image: ProcessImage) -> None:
+        if off_ns and image.stamp_ns >= off_ns[0]:
+            off_ns.clear()
+            if code:
+                harness.faults.trip(axis, code)
+            else:
+                servo(axis, False, 1.0)
+
+    harness.robot.axes._driver.servo = switched  # type: ignore[method-assign]
+    harness.robot.control_loop.every(1000, "fall", fall)
+
+
+def test_a_servo_that_goes_off_again_is_switched_on_once_more(harness: Harness) -> None:
+    harness.robot.axes.servo(2, False)
+    goes_off(harness, 2, times=1)
+    lines = recover(harness)
+    assert lines[1:4] == [
+        "servos on: joint3",
+        "not stable yet: servo off: joint3",
+        "servos on: joint3",
+    ]
+    assert lines[-1].startswith("verified: 3 axes on")
+
+
+def test_a_servo_that_does_not_stay_on_is_not_verified(harness: Harness) -> None:
+    harness.robot.axes.servo(2, False)
+    goes_off(harness, 2, times=2)
+    lines: list[str] = []
+    with pytest.raises(NotReady, match="not recovered: servo off: joint3"):
+        harness.robot.recover(lines.append)
+    assert not any("verified" in line for line in lines)
+
+
+def test_a_drive_that_trips_again_is_not_switched_on_twice(harness: Harness) -> None:
+    harness.robot.axes.servo(2, False)
+    goes_off(harness, 2, times=1, code=17)
+    lines: list[str] = []
+    with pytest.raises(NotReady, match="not recovered: joint3: amplifier alarm 17"):
+        harness.robot.recover(lines.append)
+    assert lines[1:] == ["servos on: joint3"]
+
+
+def test_values_from_before_the_last_command_verify_nothing(harness: Harness) -> None:
+    harness.robot.axes.servo(2, False)
+    fresh_ns, read = harness.image.fresh_ns, harness.robot.axes._driver.read
+
+    def old(image: ProcessImage) -> None:
+        read(image)
+        image.fresh_ns = fresh_ns + int(harness.image.servo_on[2])  # of the command, no newer one
+
+    harness.robot.axes._driver.read = old  # type: ignore[method-assign]
+    with pytest.raises(RobotdError):
+        harness.robot.recover()
 
 
 def test_one_recovery_at_a_time(harness: Harness) -> None:

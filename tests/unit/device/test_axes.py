@@ -82,6 +82,13 @@ def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(harness: Harness)
     harness.axes.servo(0, True)
 
 
+def test_a_servo_at_an_unknown_position_stays_off(harness: Harness) -> None:
+    harness.driver.image.position[0] = math.nan
+    servo_off(harness)
+    text = "^joint1: position is not known: the device has not reported it$"
+    rejected(harness, NotReady, text, lambda: harness.axes.servo(0, True))
+
+
 @pytest.mark.parametrize("mode", [-1, 3])
 def test_an_unknown_mode_is_rejected(harness: Harness, mode: int) -> None:
     text = f"^joint1: mode {mode} is not 0, 1 or 2$"

@@ -125,7 +125,7 @@ class SimulatedNode(canopen.LocalNode):
     def after_sync(self) -> None:
         """Sample, and send the TPDOs whose turn it is."""
         if self.state == OPERATIONAL:
-            for cob_id, data in self.pdos.synchronous():
+            for cob_id, data in (*self.pdos.synchronous(), *self.pdos.changed()):
                 self.send(cob_id, data)
 
     def on_rpdo(self, cob_id: int, data: bytes) -> None:

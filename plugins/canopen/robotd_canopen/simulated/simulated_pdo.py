@@ -47,6 +47,9 @@ class PdoSet:
         """Read the communication and mapping parameters again."""
         self._receive = {pdo.cob_id: pdo for pdo in self._read(0x1400)}
         self._transmit = list(self._read(0x1800))
+        for pdo in self._transmit:
+            if not pdo.synchronous:
+                pdo.sent = self._pack(pdo)  # the NMT start alone is no event
 
     def receive(self, cob_id: int, data: bytes) -> bool | None:
         """Take a frame; return its effect.
@@ -84,7 +87,7 @@ class PdoSet:
                     yield pdo.cob_id, data
 
     def changed(self, *, always: bool = False) -> Iterator[tuple[int, bytes]]:
-        """Event-driven TPDOs whose content has changed since they were sent."""
+        """Event-driven TPDOs that have changed since they were sent, or since ``configure``."""
         for pdo in self._transmit:
             if not pdo.synchronous:
                 data = self._pack(pdo)
