@@ -19,7 +19,7 @@ from robotd.control.joint_group import JointGroups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import MotionStop
-from robotd.control.problem import Problem, stop_problems
+from robotd.control.problem import Problem, limit_problems, stop_problems
 from robotd.control.recovery import Recovery, Report
 from robotd.control.servos import Servos
 from robotd.control.setpoint_mixer import SetpointMixer
@@ -240,16 +240,26 @@ class Robot:
 
     @property
     def problems(self) -> list[str]:
-        """Reasons why axes cannot move, root cause first; empty without one. Any thread."""
+        """Reasons why axes cannot move, root cause first, then joints outside their limits.
+
+        Any thread; empty without one.
+        """
         return [problem.text for problem in self.find_problems()]
 
     def find_problems(self) -> list[Problem]:
         """Return ``problems`` with their kinds. Any thread."""
-        return [*self._recovery.problems(), *stop_problems(self.axes.stop_latch.rejection)]
+        return [*self._recovery.problems(), *self._lasting_problems()]
 
     def find_motion_problems(self) -> list[Problem]:
         """Return ``find_problems`` without those of the device itself. Control loop."""
-        return [*self._recovery.axis_problems(), *stop_problems(self.axes.stop_latch.rejection)]
+        return [*self._recovery.axis_problems(), *self._lasting_problems()]
+
+    def _lasting_problems(self) -> list[Problem]:
+        """Return the problems that no recovery removes: a stop, joints outside their limits."""
+        axes = self.axes
+        outside = limit_problems(self.image, axes.names, axes.limits)
+        known = outside if self.connection.commandable else ()
+        return [*stop_problems(axes.stop_latch.rejection), *known]
 
     def stop(self, reason: str = "by the operator") -> None:
         """Stop all motion on its path; no motion starts until ``reset``. Any worker.

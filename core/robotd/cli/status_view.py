@@ -35,7 +35,9 @@ def view(report: LiveReport) -> Group:
 
 def _head(report: LiveReport) -> Table:
     words = {True: ("ready", "bold green"), False: ("not ready", "bold red"), None: ("?", "dim")}
-    text, style = ("cannot move", "bold red") if report.hindrances else words[report.ready]
+    text, style = words[report.ready]
+    if any(each.prevents for each in report.hindrances):
+        text, style = "cannot move", "bold red"
     grid = Table.grid(padding=(0, 1))
     grid.add_row(Text(text, style=style), Text("stop with Ctrl-C", style="dim"))
     return grid

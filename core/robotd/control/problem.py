@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
+from robotd.motion.limits import AxisLimits
 
 
 class ProblemKind(StrEnum):
@@ -21,6 +22,7 @@ class ProblemKind(StrEnum):
     OFFLINE = "offline"  # a drive does not answer
     SERVO_OFF = "servo off"
     STOPPED = "stopped"  # all motion, until a reset
+    OUTSIDE_LIMITS = "outside limits"  # a joint; motion is allowed
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,18 @@ def _device_problem(connection: Connection) -> Problem:
 def stop_problems(rejection: str) -> list[Problem]:
     """Return the problem of a stop that forbids motion; none where ``rejection`` is ""."""
     return [Problem(ProblemKind.STOPPED, rejection)] if rejection else []
+
+
+def limit_problems(
+    image: ProcessImage, names: Sequence[str], limits: Sequence[AxisLimits]
+) -> Iterator[Problem]:
+    """Yield each axis whose measured position is outside its limits.
+
+    Its position is wrong, or it was moved there by hand: paths may come back, and go no further.
+    """
+    for name, position, limit in zip(names, image.position.tolist(), limits, strict=True):
+        if outside := limit.excess(position):
+            yield Problem(ProblemKind.OUTSIDE_LIMITS, f"{name}: {outside}")
 
 
 def axis_problems(

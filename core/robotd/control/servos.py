@@ -7,6 +7,7 @@ from contextlib import suppress
 from robotd.control.joint_group import JointGroups
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import QUICK_STOP_S
+from robotd.control.problem import limit_problems
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.connection import Connection
@@ -66,6 +67,8 @@ class Servos:
             raise ConnectError("joints could not be enabled", failures)
         if results:
             log.info("servos on", axes=len(results))
+        for problem in limit_problems(self._axes.image, self._axes.names, self._axes.limits):
+            log.warning("a joint is outside its limits", problem=problem.text)
 
     def enable_axis(self, axis: int) -> None:
         """Clear the alarm of ``axis`` and switch its servo on; a wheel in velocity mode."""

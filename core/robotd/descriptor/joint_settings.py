@@ -11,6 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from robotd.descriptor.section import Axis, Name, Positive, Problem, Section
 
+INITIAL_MARGIN = 0.1  # part of the range between a limit and the initial position
 FULL_ACCELERATION_S = 0.05  # from standstill, of a joint without a jerk limit
 
 
@@ -144,6 +145,14 @@ class JointSettings(Section):
     def effort_limit(self) -> float | None:
         """Highest N·m or N of a torque stream; None: the joint takes none."""
         return self.force_limit_n if self.type is JointType.PRISMATIC else self.torque_limit_nm
+
+    @property
+    def initial_position(self) -> float:
+        """Position at which a simulation begins: 0, or the nearest one well inside the limits."""
+        if self.lower <= 0.0 <= self.upper:
+            return 0.0
+        margin = INITIAL_MARGIN * (self.upper - self.lower)
+        return self.lower + margin if self.lower > 0.0 else self.upper - margin
 
     def key(self, turning: str) -> str:
         """Return the key of this joint for ``turning``, the key of a revolute one."""

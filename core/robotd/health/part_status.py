@@ -59,13 +59,30 @@ def engine_status(
 
 
 def axis_status(
-    part: str, axis: int, image: ProcessImage, state: ConnectionState, *, used: bool
+    part: str,
+    axis: int,
+    image: ProcessImage,
+    state: ConnectionState,
+    outside: str = "",
+    *,
+    used: bool,
 ) -> Status:
-    """Status of one axis; a servo that should be on warns when off."""
+    """Status of one axis; a servo that should be on warns when off.
+
+    Args:
+        part: name of the axis.
+        axis: its number.
+        image: consistent copy.
+        state: of the connection.
+        outside: its position where that is outside its limits, or "".
+        used: it should be on.
+    """
     if state is not ConnectionState.COMMUNICATING:
         return unknown_status(part, state)
     servo = "on" if image.servo_on[axis] else "off"
-    level, message = next(_complaints(axis, image, used=used), (Level.OK, f"servo {servo}"))
+    level, message = next(
+        _complaints(axis, image, outside, used=used), (Level.OK, f"servo {servo}")
+    )
     error = image.position_command[axis] - image.position[axis]
     values = {
         "axis": str(axis),
@@ -176,10 +193,14 @@ def _node_fault(node: BusNode) -> str:
     return f"{what or 'has a fault'}: {node.fault}" if node.fault else what
 
 
-def _complaints(axis: int, image: ProcessImage, *, used: bool) -> Iterator[tuple[Level, str]]:
+def _complaints(
+    axis: int, image: ProcessImage, outside: str, *, used: bool
+) -> Iterator[tuple[Level, str]]:
     """Yield the problems of an axis, the worst first."""
     if fault := image.fault(axis):
         yield Level.ERROR, fault
+    if outside:
+        yield Level.WARN, outside
     if image.negative_limit[axis]:
         yield Level.WARN, "on the negative limit switch"
     if image.positive_limit[axis]:

@@ -53,8 +53,11 @@ class Health:
         step, ready = "" if connection.established else connection.step.text, connection.ready
         found = [engine_status(state, robot.backend.name, fault, step, ready=ready)]
         used = {*robot.joint_axes, *robot.wheel_axes}
-        for axis, name in enumerate(robot.axes.names):
-            found.append(axis_status(name, axis, image, state, used=axis in used))
+        for axis, (name, limits) in enumerate(
+            zip(robot.axes.names, robot.axes.limits, strict=True)
+        ):
+            outside = limits.excess(float(image.position[axis]))
+            found.append(axis_status(name, axis, image, state, outside, used=axis in used))
         found += [self._fieldbus(master, state, now_ns) for master in range(len(self._lost))]
         found += [self._control_loop(now_ns), self._motion()]
         if robot.gripper is not None:

@@ -12,6 +12,7 @@ from robotd.errors import InvalidArgument
 from robotd.motion.digits import distinct
 from robotd.motion.profile import Profile
 
+MEASURED_MARGIN = {"rad": 0.01, "m": 0.001}  # the default goal tolerances
 MIN_RATE = 1e-9  # lower bound of speeds and ramps; smaller values overflow drive integers
 
 
@@ -50,6 +51,15 @@ class AxisLimits:
             min(self.velocity, other.velocity),
             min(self.acceleration, other.acceleration),
             self.unit,
+        )
+
+    def excess(self, position: float) -> str:
+        """Return how a measured position is outside the limits; "" where it is not."""
+        unit, beyond = self.unit, max(self.lower - position, position - self.upper)
+        if not beyond > MEASURED_MARGIN[unit]:  # NaN: not known
+            return ""
+        return (
+            f"at {position:.4g} {unit}, outside its limits {self.lower:g} to {self.upper:g} {unit}"
         )
 
     @classmethod

@@ -15,6 +15,7 @@ GENERAL = {
     ProblemKind.OFFLINE: "Check the power and the cable of the drive, then: robotd recover",
     ProblemKind.SERVO_OFF: "To switch it on: robotd servo on",
     ProblemKind.STOPPED: "When it is safe to move: robotd reset",
+    ProblemKind.OUTSIDE_LIMITS: "Jog it back inside, or correct its position or its limits",
 }
 
 

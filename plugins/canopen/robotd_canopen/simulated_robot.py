@@ -13,14 +13,13 @@ from robotd_canopen.options import AxisOptions, CanopenOptions
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, SimulatedNode
 from robotd_cia402.options import Identity
 from robotd_cia402.simulated import Motors
-from robotd_cia402.simulated_axis import drive_model
+from robotd_cia402.simulated_axis import drive_model, initial_positions
 
 
 def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> SimulatedNetwork:
     """Make the nodes of the section on a bus of their own, not started."""
     folder = robot.path.parent if robot.path is not None else None
-    initial = [axis.simulated_position_rad for axis in options.axes]
-    machine = Motors(initial, time.monotonic_ns())
+    machine = Motors(initial_positions(options.axes, robot), time.monotonic_ns())
     rated = {joint.axis: joint.rated_effort for joint in robot.joints}
     by_node: dict[int, list[tuple[int, AxisOptions]]] = defaultdict(list)
     for motor, axis in enumerate(options.axes):

@@ -89,8 +89,11 @@ class DriveOptions(Section):
         " joint, the wheel or the steering in the robot's file.",
     )
     quick_stop_deceleration_rad_s2: Positive = Field(40.0, description="Ramp of a quick stop.")
-    simulated_position_rad: float = Field(
-        0.0, allow_inf_nan=False, description="Position of the simulated axis at power-on."
+    simulated_position_rad: float | None = Field(
+        None,
+        allow_inf_nan=False,
+        description="Position of the simulated axis at power-on, in m if prismatic; null: 0, or the"
+        " nearest one inside the limits of the joint.",
     )
     simulated_switches: SimulatedSwitches = Field(
         SimulatedSwitches(), description="Switches of the simulated axis."

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from robotd.api import RobotDescriptor
 from robotd_cia402.options import DriveOptions
 from robotd_cia402.simulated import DriveModel, Scale, Switches
 
@@ -24,6 +27,13 @@ def drive_model(motor: int, axis: DriveOptions, rated_torque_nm: float | None) -
     )
     rated_nm = rated_torque_nm or _RATED_NM
     return DriveModel(motor, scale, axis.axis_offset, rated_nm, _switches(axis))
+
+
+def initial_positions(axes: Sequence[DriveOptions], robot: RobotDescriptor) -> list[float]:
+    """Return the positions at power-on: as given, or inside the limits of the joints."""
+    initial = {joint.axis: joint.initial_position for joint in robot.joints}
+    given = [(axis.simulated_position_rad, initial.get(axis.axis, 0.0)) for axis in axes]
+    return [position if known is None else known for known, position in given]
 
 
 def _switches(axis: DriveOptions) -> Switches:

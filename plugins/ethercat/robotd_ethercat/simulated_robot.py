@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -12,7 +12,7 @@ from typing import Any, Self
 from robotd.api import RobotDescriptor, load_robot_descriptor, validate_section
 from robotd_cia402.options import Identity as IdentityOptions
 from robotd_cia402.simulated import Motors
-from robotd_cia402.simulated_axis import drive_model
+from robotd_cia402.simulated_axis import drive_model, initial_positions
 from robotd_ethercat.options import AxisOptions, EthercatOptions, IoOptions, SlaveOptions
 from robotd_ethercat.simulated import (
     VENDOR,
@@ -36,6 +36,7 @@ class SimulatedSection:
         name: of the robot.
         options: the section.
         rated_torque_nm: by axis, N·m (or N).
+        initial: positions of the motors of ``options.axes`` at power-on, rad (or m).
         priority: real-time priority of the simulation, where it is granted: slaves do not wait
             for the processor.
     """
@@ -43,6 +44,7 @@ class SimulatedSection:
     name: str
     options: EthercatOptions
     rated_torque_nm: Mapping[int, float | None]
+    initial: Sequence[float]
     priority: int = 1
 
     @classmethod
@@ -50,7 +52,8 @@ class SimulatedSection:
         """Return the section of a descriptor. Raises DescriptorError."""
         options = validate_section(robot, "backends.ethercat", EthercatOptions)
         rated = {joint.axis: joint.rated_effort for joint in robot.joints}
-        return cls(robot.name, options, rated, max(1, robot.cycle.realtime_priority - 2))
+        initial = initial_positions(options.axes, robot)
+        return cls(robot.name, options, rated, initial, max(1, robot.cycle.realtime_priority - 2))
 
     @classmethod
     def load(cls, robot: str, variant: str | None) -> Self:
@@ -63,7 +66,7 @@ class SimulatedSection:
         data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         rated = {int(axis): value for axis, value in data["rated_torque_nm"].items()}
         options = EthercatOptions.model_validate(data["options"])
-        return cls(data["name"], options, rated, data.get("priority", 1))
+        return cls(data["name"], options, rated, data["initial"], data.get("priority", 1))
 
     def to_json(self) -> str:
         """Return the section as text, for a process."""
@@ -72,6 +75,7 @@ class SimulatedSection:
                 "name": self.name,
                 "options": self.options.model_dump(mode="json"),
                 "rated_torque_nm": dict(self.rated_torque_nm),
+                "initial": list(self.initial),
                 "priority": self.priority,
             }
         )
@@ -81,7 +85,7 @@ def simulated_line(section: SimulatedSection, *, redundant: bool = False) -> Lin
     """Make the slaves of a section, in bus order; places without options are generic slaves."""
     now_ns = time.monotonic_ns()
     options = section.options
-    machine = Motors([axis.simulated_position_rad for axis in options.axes], now_ns)
+    machine = Motors(section.initial, now_ns)
     axes: dict[int, list[tuple[int, AxisOptions]]] = {}
     for motor, axis in enumerate(options.axes):
         axes.setdefault(axis.slave, []).append((motor, axis))

@@ -60,8 +60,10 @@ class SimOptions(BackendOptions):
     )
     torque_noise_nm: NotNegative = Field(0.0, description="Standard deviation of the torque.")
     velocity_noise_rad_s: NotNegative = Field(0.0, description="The same of the velocity.")
-    initial_position_rad: Finite | tuple[Finite, ...] = Field(
-        0.0, description="Initial position of the joints, as absolute encoders read it."
+    initial_position_rad: Finite | tuple[Finite, ...] | None = Field(
+        None,
+        description="Position of the axes at power-on, in m if prismatic; null: 0, or the nearest"
+        " one inside the limits of the joint.",
     )
     encoder_counts_per_turn: int = Field(
         2**20, ge=256, le=2**31 - 1, description="Encoder, unless a parameter file defines it."

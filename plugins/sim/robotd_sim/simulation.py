@@ -16,6 +16,7 @@ from robotd.api import (
     Clock,
     ConnectionState,
     DescriptorError,
+    FloatArray,
     NotReady,
     Operation,
     RobotDescriptor,
@@ -76,6 +77,7 @@ class Simulation:
         self.guards = Guards(self.world, self.states, self.motion, self.power, self.switches)
         self.io = IoImage(self.world, loopback=options.io_loopback)
         self.network = Network(robot, options)
+        self._initial = _initial_positions(robot, options)
         self._configure()
         self._put_joints()
 
@@ -210,10 +212,14 @@ class Simulation:
         self.servo.relabel(*self.scaling.change(gain, origin, home))
 
     def _wake_encoders(self) -> None:
-        """Read encoders at power-on: 32 bits of an absolute one, 0 of an incremental one."""
+        """Read encoders at power-on: 32 bits of an absolute one.
+
+        An incremental one knows nothing and begins at the initial position, wherever the axis is.
+        """
         absolute = self._absolute(self.parameters)
         counts = self.scaling.counts(self.servo.position)
-        origin = np.where(absolute, counts - wrap32(counts), counts)
+        initial = np.rint(self._initial * self.scaling.gain)
+        origin = np.where(absolute, counts - wrap32(counts), counts - initial)
         self._rescale(origin, np.where(absolute, self.scaling.home, 0.0))
 
     def _absolute(self, parameters: WmxParameters) -> np.ndarray:
@@ -229,18 +235,25 @@ class Simulation:
         })  # fmt: skip
 
     def _put_joints(self) -> None:
-        """Put the joints where absolute encoders will read ``initial_position_rad``."""
-        initial = self.options.per_axis("initial_position_rad", self.axes)
-        if not initial.any():
-            return
+        """Put the joints where absolute encoders will read the initial position."""
         parameters, robot = self.parameters, self.robot
         if robot.parameters_file is not None and robot.path is not None:
             parameters = read_wmx_parameters(robot.path.parent / robot.parameters_file)
         offset = parameters["AbsoluteEncoderHomeOffset"][: self.axes]
-        counts = initial * gains(parameters, self.axes) + offset
+        counts = self._initial * gains(parameters, self.axes) + offset
         for axis, position in enumerate(counts / self.scaling.gain):
             self.servo.place(axis, float(position), float(position), 0.0)
             self.motion.hold(axis, float(position))
+
+
+def _initial_positions(robot: RobotDescriptor, options: SimOptions) -> FloatArray:
+    """Return the option, or the descriptor's position of each joint and 0 of other axes."""
+    if options.initial_position_rad is not None:
+        return options.per_axis("initial_position_rad", robot.axes)
+    initial = np.zeros(robot.axes)
+    for joint in robot.joints:
+        initial[joint.axis] = joint.initial_position
+    return initial
 
 
 def _check_axes(options: SimOptions, axes: int) -> None:

@@ -99,7 +99,13 @@ def test_homing_makes_the_present_position_the_home_position_without_moving() ->
     assert not made.look().home_done[0]
 
 
-def test_the_joints_start_where_the_options_say() -> None:
+@pytest.mark.parametrize("absolute", [0, 1])
+def test_the_joints_start_where_the_options_say(absolute: int) -> None:
     made = harness(on=False, initial_position_rad=(0.5, -1.0))
-    made.set(AbsoluteEncoderMode=1)
+    made.set(AbsoluteEncoderMode=absolute)
+    assert made.look().position == pytest.approx([0.5, -1.0], abs=1e-5)
+
+
+def test_incremental_encoders_start_where_the_options_say() -> None:
+    made = harness(initial_position_rad=(0.5, -1.0))
     assert made.look().position == pytest.approx([0.5, -1.0], abs=1e-5)

@@ -69,7 +69,9 @@ def _readiness(report: RobotReport) -> str:
     """Return the state in words; a robot that cannot move is never "ready"."""
     if not report.ready:
         return warning("not ready")
-    return warning("cannot move") if report.hindrances else "ready"
+    if any(each.prevents for each in report.hindrances):
+        return warning("cannot move")
+    return warning("ready, a joint is outside its limits") if report.hindrances else "ready"
 
 
 def _level(on: bool | None) -> str:

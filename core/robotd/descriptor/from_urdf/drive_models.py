@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
 
 COULOMB_SHARE = 0.02  # of the effort limit
 VISCOUS_SHARE = 0.03  # of the effort limit, at full speed
 DEFAULT_FRICTION = (2.0, 1.0)  # of the simulation
-REST_MARGIN = 0.1  # part of the range between a limit and the initial position
 DIGITS = 3
 
 
@@ -45,20 +42,11 @@ def friction(joint: UrdfJoint) -> tuple[float, float]:
     return COULOMB_SHARE * joint.effort, VISCOUS_SHARE * joint.effort / joint.velocity
 
 
-def rest_position(joint: UrdfJoint) -> float:
-    """Return 0, or a position well inside of the limits where 0 is not."""
-    if joint.lower <= 0.0 <= joint.upper:
-        return 0.0
-    margin = REST_MARGIN * (joint.upper - joint.lower)
-    return float(np.clip(0.0, joint.lower + margin, joint.upper - margin))
-
-
 def per_axis(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> dict[str, list[float]]:
     """Return lists for ``backends.sim``, one figure per axis, without lists of zeros."""
     frictions = [friction(joint) for joint in joints]
     lists = {
         "inertia_kg_m2": [inertia(urdf, joint) for joint in joints],
-        "initial_position_rad": [rest_position(joint) for joint in joints],
     }
     if set(frictions) != {DEFAULT_FRICTION}:
         lists["coulomb_friction_nm"] = [pair[0] for pair in frictions]

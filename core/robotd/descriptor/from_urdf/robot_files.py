@@ -282,7 +282,6 @@ def _backends(
     yield "  sim:                                  # a figure per axis; kg and N if prismatic"
     reasons: Mapping[str, str] = {
         "inertia_kg_m2": "# From the masses beyond each joint, at position 0.",
-        "initial_position_rad": "# Inside of the limits, where 0 is not.",
         "coulomb_friction_nm": f"# Assumed: {COULOMB_SHARE:.0%} of the URDF's effort, at full"
         f" speed {VISCOUS_SHARE:.0%} more; without an effort the simulation's defaults.",
     }

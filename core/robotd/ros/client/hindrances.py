@@ -22,6 +22,7 @@ REMEDIES: dict[str, str] = {
     ProblemKind.ALARM: "robotd recover",
     ProblemKind.OFFLINE: "robotd recover",
     ProblemKind.SERVO_OFF: "robotd servo on",
+    ProblemKind.OUTSIDE_LIMITS: "jog it back inside, or correct its position or its limits",
 }
 
 
@@ -40,9 +41,14 @@ class Hindrance:
     remedy: str = ""
 
     @property
+    def prevents(self) -> bool:
+        """False for a joint outside its limits, which may come back."""
+        return self.kind != ProblemKind.OUTSIDE_LIMITS
+
+    @property
     def forbids(self) -> bool:
-        """False for settings of a client: servos off, the speed."""
-        return self.kind not in SETTINGS
+        """False, too, for settings of a client: servos off, the speed."""
+        return self.prevents and self.kind not in SETTINGS
 
 
 class Hindrances:
