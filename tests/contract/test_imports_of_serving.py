@@ -1,4 +1,4 @@
-"""Modules that a robot which is being served has no use for: they cost start-up and memory."""
+"""Modules that a served robot, or a command, has no use for: they cost start-up and memory."""
 
 from __future__ import annotations
 
@@ -39,6 +39,15 @@ def test_a_served_robot_imports_nothing_that_it_does_not_need(tmp_path: Path) ->
         if any(name == each or name.startswith(f"{each}.") for each in NOT_NEEDED)
     ]
     assert not found
+
+
+def test_the_commands_of_an_operator_import_no_descriptor() -> None:
+    """Models of pydantic take longer to import than the rest of ``robotd status``."""
+    client = "robotd.ros.client.status_client"
+    command = "robotd.cli.commands.status_command, robotd.cli.commands.operator_commands"
+    code = f"import sys, {command}, {client}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"pydantic", "robotd.descriptor.model", "robotd.device"}.isdisjoint(done.stdout.split())
 
 
 def _imported_until_ready(folder: Path) -> set[str]:

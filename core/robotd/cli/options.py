@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial, wraps
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from robotd import log
-from robotd.descriptor import Override, parse_override
 from robotd.number_argument import IntegerRange
+
+if TYPE_CHECKING:  # it needs NumPy and pydantic
+    from robotd.descriptor import Override
 
 Command = Callable[..., Any]
 
@@ -34,6 +36,10 @@ def overrides(
     ctx: click.Context, option: click.Parameter, values: Sequence[str]
 ) -> tuple[Override, ...]:
     """Parse ``KEY=VALUE`` texts as values of a descriptor. Raises DescriptorError."""
+    if not values:  # the commands of an operator need no descriptor
+        return ()
+    from robotd.descriptor import parse_override
+
     return tuple(parse_override(value) for value in values)
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from robotd.device.connection import Connection
-from robotd.device.process_image import ProcessImage
-from robotd.motion.limits import AxisLimits
+if TYPE_CHECKING:  # commands of the operator need the kinds alone, without NumPy and pydantic
+    from robotd.device.connection import Connection
+    from robotd.device.process_image import ProcessImage
+    from robotd.motion.limits import AxisLimits
 
 
 class ProblemKind(StrEnum):
