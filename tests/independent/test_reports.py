@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
+
 import pytest
+from click.testing import CliRunner
 from tests.independent.conftest import NODE, START_RAD, OpenBench
 
+from robotd.cli import main
 from robotd.control.trajectory_execution import Outcome
 from robotd.errors import ConnectError
 
@@ -35,6 +40,14 @@ def test_position_in_a_tpdo_of_its_own(open_bench: OpenBench) -> None:
         assert bench.move(2.0).outcome is Outcome.SUCCEEDED
         assert bench.drive["counts"]["enabled_blind"] == 0
         assert not bench.has_jumped()
+
+
+def test_scan_takes_the_feed_constant_as_one_turn(open_bench: OpenBench) -> None:
+    with open_bench(feed=3600) as bench:
+        scanned = CliRunner().invoke(main, ["canopen", "scan", *bench.bus, "--json"])
+    (axis,) = json.loads(scanned.stdout)["axes"]
+    assert axis["counts_per_rad"] == pytest.approx(3600 / math.tau)
+    assert "3600 (0x6092), 65536 (0x608F x 0x6091)" in axis["remark"]
 
 
 # The node

@@ -92,6 +92,10 @@ class CommissionedAxis:
         nodes = self._robot.fieldbus.status(0).nodes
         return next((node for node in nodes if node.id == number), None)
 
+    def read_object(self, node: int, index: int, subindex: int) -> int:
+        """Return an unsigned object of a fieldbus node. Raises OperationError, DeviceTimeout."""
+        return int.from_bytes(self._robot.fieldbus.read_object(0, node, index, subindex), "little")
+
     @property
     def can_home(self) -> bool:
         """The backend supports homing."""

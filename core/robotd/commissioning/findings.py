@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Any
 
 from robotd.descriptor.joint_settings import JointSettings
@@ -113,17 +114,26 @@ def judge_direction(
     )
 
 
-def judge_scale(reported: float, true: float, scale: float, key: str, unit: str) -> Finding:
+def judge_scale(
+    reported: float,
+    true: float,
+    scale: float,
+    key: str,
+    unit: str,
+    stated: Mapping[str, float] = MappingProxyType({}),
+) -> Finding:
     """Compare the reported motion with a known one.
 
     Counts are reported · scale, so the right scale is that divided by ``true``. A scale that is
-    wrong by a whole factor, as a forgotten gear ratio, is corrected by exactly that factor.
+    wrong by a whole factor, as a forgotten gear ratio, is corrected by exactly that factor. A
+    scale that the drive states is taken if the measured one is near it.
 
     Args:
         reported, true: change of the position, rad or m.
         scale: counts per rad (or m) of the descriptor.
         key: of the scale.
         unit: ``rad`` or ``m``.
+        stated: counts per turn by the drive's own objects.
     """
     if abs(true) < MIN_SCALE_MOVE[unit]:
         least = in_words(MIN_SCALE_MOVE[unit], unit)
@@ -139,6 +149,13 @@ def judge_scale(reported: float, true: float, scale: float, key: str, unit: str)
     what = f"{in_words(true, unit)} is reported as {in_words(reported, unit)}"
     if abs(ratio - 1.0) < SAME_SCALE:
         return Finding(f"{what}: {key} {scale:.10g} is right, within {SAME_SCALE:.0%}")
+    for name, turn in stated.items():
+        new = float(f"{turn / math.tau:.10g}")
+        if abs(scale * ratio / new - 1.0) < SAME_SCALE:
+            return Finding(
+                f"{what}: {key} {scale:.10g} becomes {new:.10g} (the drive's {name})",
+                (Change(Place.DRIVE, key, new),),
+            )
     factor = _whole_factor(ratio)
     is_whole = factor is not None
     new = float(f"{scale * (factor or ratio):.10g}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 from robotd.commissioning.commissioned_axis import CommissionedAxis
@@ -80,6 +81,14 @@ class Bench:
         """``rad`` or ``m``."""
         return self.axis.joint.unit
 
+    def stated_scales(self) -> Mapping[str, float]:
+        """Return counts per turn that the drive states, by their objects; empty if linear."""
+        stated = self.keys.stated_scales
+        if stated is None or self.unit != "rad":
+            return {}
+        read = partial(self.axis.read_object, int(self.drive[self.keys.node]))
+        return stated(read, self.drive)
+
     def moved(self, question: str) -> float:
         """Return the change of the position while the operator does what ``question`` says."""
         start = self.axis.position()
@@ -123,6 +132,13 @@ def direction(bench: Bench) -> Finding:
 def scaling(bench: Bench) -> Finding:
     """Find the counts per rad (or m) by a known motion."""
     operator, joint, unit = bench.operator, bench.axis.joint, bench.unit
+    stated = bench.stated_scales()
+    if len(set(stated.values())) > 1:
+        texts = [f"{scale:.10g} ({name})" for name, scale in stated.items()]
+        operator.say(
+            f"The drive states several counts for a turn: {', '.join(texts)}. Manufacturers differ"
+            " in which objects count; the motion will tell."
+        )
     start = bench.axis.position()
     if operator.agrees(f"Can {joint.name} be moved by hand?"):
         operator.proceed(f"Move {joint.name} by a known amount, the more the better")
@@ -133,7 +149,7 @@ def scaling(bench: Bench) -> Finding:
     true = operator.number(f"How far did it move, with its sign ({SPEED_UNIT[unit]})?")
     true = math.radians(true) if unit == "rad" else true / 1e3
     scale = float(bench.drive[bench.keys.scale])
-    return judge_scale(reported, true, scale, bench.keys.scale, unit)
+    return judge_scale(reported, true, scale, bench.keys.scale, unit, stated)
 
 
 def homing(bench: Bench) -> Finding:

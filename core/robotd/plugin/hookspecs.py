@@ -14,6 +14,7 @@ that is asked for is imported), ``robotd.plugins`` (always imported: robots and 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -49,6 +50,9 @@ class BackendOptions(BaseModel):
         return self
 
 
+StatedScales = Callable[[Callable[[int, int], int], Mapping[str, Any]], Mapping[str, float]]
+
+
 @dataclass(frozen=True)
 class AxisKeys:
     """Keys of an axis in a backend's section, which ``robotd commission`` writes.
@@ -63,6 +67,9 @@ class AxisKeys:
         identity: mapping with ``vendor_id`` and ``product_code``.
         window_object: object whose value is the following-error window in counts, written by an
             item ``{object, value}`` of ``startup``; "": none.
+        stated_scales: returns the counts per turn that a drive states, by the objects that state
+            them; its arguments are a reader of object and subindex, and the axis' item. None: a
+            drive states none.
     """
 
     items: str
@@ -71,6 +78,7 @@ class AxisKeys:
     node: str
     identity: str
     window_object: str = ""
+    stated_scales: StatedScales | None = None
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from robotd.api import (
     hookimpl,
 )
 from robotd_canopen.section import CanopenSection
+from robotd_cia402.drive_scan import stated_scales
 
 if TYPE_CHECKING:
     from robotd_canopen.device import CanopenDevice
@@ -53,6 +54,7 @@ def robotd_backend() -> BackendInfo:
             node="node",
             identity="identity",
             window_object="0x6065",
+            stated_scales=lambda read, item: stated_scales(read, item["axis_offset"]),
         ),
     )
 

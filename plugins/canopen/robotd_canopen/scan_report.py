@@ -40,9 +40,7 @@ def axis_section(node: int, identity: tuple[int, ...], axis: FoundAxis) -> dict[
     if not modes.isdisjoint(VELOCITY_MODES.values()):
         velocity = next(key for key, mode in VELOCITY_MODES.items() if mode in modes)
         section["velocity_mode"] = velocity.value
-    if axis.counts_per_turn is not None:
-        section["counts_per_rad"] = axis.counts_per_turn / (2.0 * math.pi)
-    return section
+    return section | axis.scale_keys
 
 
 def module_section(node: int, identity: tuple[int, ...], module: FoundModule) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from robotd.api import (
     IoDriver,
     hookimpl,
 )
+from robotd_cia402.drive_scan import stated_scales
 from robotd_ethercat.section import EthercatSection
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def robotd_backend() -> BackendInfo:
             node="slave",
             identity="identity",
             window_object="0x6065",
+            stated_scales=lambda read, item: stated_scales(read, item["axis_offset"]),
         ),
     )
 

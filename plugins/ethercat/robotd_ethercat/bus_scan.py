@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -186,9 +185,7 @@ def _axis_section(slave: FoundSlave, axis: FoundAxis) -> dict[str, Any]:
     modes = axis.modes
     if OperationMode.CYCLIC_VELOCITY not in modes and OperationMode.PROFILE_VELOCITY in modes:
         section["velocity_mode"] = "pv"
-    if axis.counts_per_turn is not None:
-        section["counts_per_rad"] = axis.counts_per_turn / (2.0 * math.pi)
-    return section
+    return section | axis.scale_keys
 
 
 def _identity(slave: FoundSlave) -> dict[str, int]:

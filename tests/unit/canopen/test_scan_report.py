@@ -44,6 +44,28 @@ def test_a_drive_states_its_modes_and_its_scale() -> None:
     }
 
 
+FEED_OF_3600 = {(0x608F, 1): 1 << 22, (0x608F, 2): 1, (0x6092, 1): 3600, (0x6092, 2): 1}
+
+
+def test_the_feed_constant_is_one_turn_and_a_disagreement_is_told() -> None:
+    """CiA 402-2: position = internal · 0x6092 / (0x608F · 0x6091); some drives ignore 0x6092."""
+    (axis,) = read_axes(reader({(0x6502, 0): CYCLIC, **FEED_OF_3600}))
+    section = axis_section(3, IDENTITY, axis)
+    assert section["counts_per_rad"] == pytest.approx(3600 / (2 * math.pi))
+    assert section["remark"] == (
+        "scale in doubt, the drive states for a turn 3600 (0x6092), 4194304 (0x608F x 0x6091):"
+        " measure it"
+    )
+
+
+@pytest.mark.parametrize("feed", [0, 1, 1 << 22])
+def test_a_feed_constant_that_says_nothing_else_is_no_disagreement(feed: int) -> None:
+    """1 is the default of drives that count increments."""
+    (axis,) = read_axes(reader({(0x6502, 0): CYCLIC, **FEED_OF_3600, (0x6092, 1): feed}))
+    assert axis.counts_per_turn == 1 << 22
+    assert "remark" not in axis_section(3, IDENTITY, axis)
+
+
 def test_a_drive_without_scale_or_csp() -> None:
     (axis,) = read_axes(reader({(0x6502, 0): 0b1_0110_0001 & ~0x80}))  # pp, hm, ip, csv
     section = axis_section(3, IDENTITY, axis)

@@ -400,6 +400,17 @@ def test_axes_of_one_drive_and_drives_without_a_number_have_names_too(
     assert load_robot_descriptor(tmp_path / "axes").joint_names == ("slave0", "slave0_2", "joint3")
 
 
+def test_a_scale_in_doubt_is_a_comment_of_its_line(robotd: Robotd, tmp_path: Path) -> None:
+    scan = json.loads(Path(bus(tmp_path, 1)).read_text(encoding="utf-8"))
+    scan["axes"][0]["remark"] = "scale in doubt: measure it"
+    path = tmp_path / "doubt.json"
+    path.write_text(json.dumps(scan), encoding="utf-8")
+    robotd("new-robot", "axes", "--bus", str(path), "--into", str(tmp_path))
+    text = (tmp_path / "axes" / "robot.yaml").read_text(encoding="utf-8")
+    assert "# node10; scale in doubt: measure it\n" in text
+    assert load_backend("canopen").context(load_robot_descriptor(tmp_path / "axes")) is not None
+
+
 def test_an_empty_bus_is_no_robot(robotd: Robotd, tmp_path: Path) -> None:
     result = robotd("new-robot", "axes", "--bus", bus(tmp_path, 0), "--into", str(tmp_path))
     assert result.exit_code == ExitCode.CONFIGURATION

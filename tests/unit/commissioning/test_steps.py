@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -17,7 +18,8 @@ from robotd.errors import OperationError
 from robotd_canopen import robotd_backend
 
 JOINT = load_robot_descriptor("cr3a").joints[0]
-DRIVE = {"axis": 0, "node": 1, "counts_per_rad": 1000.0, "polarity": 1, "identity": None}
+DRIVE = {"axis": 0, "node": 1, "counts_per_rad": 1000.0, "polarity": 1, "identity": None,
+         "axis_offset": 0}  # fmt: skip
 
 
 class PlayedAxis:
@@ -26,12 +28,18 @@ class PlayedAxis:
     def __init__(self, factor: float = 1.0) -> None:
         self.true, self.factor = 0.0, factor
         self.joint, self.can_home = JOINT, True
+        self.objects: dict[tuple[int, int], int] = {}
 
     def position(self) -> float:
         return self.true * self.factor
 
     def node(self, number: int) -> BusNode | None:
         return None
+
+    def read_object(self, node: int, index: int, subindex: int) -> int:
+        if (index, subindex) not in self.objects:
+            raise OperationError("no such object")
+        return self.objects[index, subindex]
 
     def powered(self) -> AbstractContextManager[None]:
         return nullcontext()
@@ -99,6 +107,25 @@ def test_the_scale_is_found(by_hand: bool) -> None:
     finding = steps.scaling(bench([by_hand, math.degrees(0.5)], factor=2.0, move=0.5)[0])
     (change,) = finding.changes
     assert (change.key, change.value) == ("counts_per_rad", pytest.approx(2000.0))
+
+
+@pytest.mark.parametrize(
+    ("factor", "name", "turn"),
+    [(1.01, "0x6092", 3600.0), (1165.0, "0x608F x 0x6091", float(1 << 22))],
+)
+def test_the_motion_tells_which_of_the_stated_scales_counts(
+    factor: float, name: str, turn: float
+) -> None:
+    """The descriptor has another gear; the measured value is off by a part of a percent."""
+    at, operator = bench([True, math.degrees(0.5)], factor=factor * 0.5, move=0.5)
+    objects = {(0x608F, 1): 1 << 22, (0x608F, 2): 1, (0x6092, 1): 3600, (0x6092, 2): 1}
+    at.axis.objects = objects
+    drive = {**DRIVE, "counts_per_rad": 2 * 3600.0 / math.tau, "axis_offset": 0}
+    finding = steps.scaling(replace(at, drive=drive))
+    (change,) = finding.changes
+    assert change.value == pytest.approx(turn / math.tau)
+    assert f"(the drive's {name})" in finding.text
+    assert "several counts for a turn: 3600 (0x6092), 4194304 (0x608F x 0x6091)" in operator.said[0]
 
 
 def test_homing_is_for_the_operator_to_decide() -> None:

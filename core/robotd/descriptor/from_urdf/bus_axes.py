@@ -30,7 +30,7 @@ class BusScan(BaseModel):
         scale: key of the encoder scale in each item of ``axes``; None: the backend keeps neither
             drives nor scale in the descriptor, and finds its drives in the order of the bus.
         options: keys of its section besides axes and I/O.
-        axes: keys of each drive, in the order of the bus.
+        axes: keys of each drive, in the order of the bus; ``remark`` becomes a comment.
         io: I/O modules.
     """
 
@@ -101,7 +101,8 @@ def bus_section(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Itera
     yield "    axes:"
     for number, (joint, axis) in enumerate(zip(joints, scan.axes, strict=False)):
         keys = {"axis": number, **axis}
-        note = joint.name
+        remark = keys.pop("remark", "")
+        note = f"{joint.name}; {remark}" if remark else joint.name
         if joint.type == "prismatic":
             keys.pop(scan.scale, None)
             note += f", add {scan.scale}: counts per m"
