@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected
-from robotd.cli.interrupt import Interrupt
 from robotd.cli.preflight import import_ros
+from robotd.stop_signals import Interrupt
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.client.motion_client import Arm, OnProgress

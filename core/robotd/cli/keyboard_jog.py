@@ -14,11 +14,11 @@ from rich.table import Table
 from rich.text import Text
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.interrupt import Interrupt
 from robotd.cli.jog_keys import JogKeys
 from robotd.cli.key_input import KeyInput
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import robot_client
+from robotd.stop_signals import Interrupt
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.client.jog_client import JogClient, JogState

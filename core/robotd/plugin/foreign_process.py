@@ -14,11 +14,13 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from robotd.errors import PluginError
 from robotd.plugin.manager import PluginOrigin, find_backend, load_backend
+from robotd.stop_signals import Interrupt, stop_signals
 
 STEPS = "ROBOTD_STEP_FILE"
 STEP_LIMIT_S = 150.0  # longest time between two notes; each step has shorter limits of its own
@@ -47,12 +49,19 @@ def note_step(step: str) -> None:
 
 
 def run_noted(
-    command: Sequence[str], environment: dict[str, str] | None = None, *, capture: bool
+    command: Sequence[str],
+    environment: dict[str, str] | None = None,
+    *,
+    capture: bool,
+    grace_s: float = 0.0,
 ) -> tuple[int, str, str]:
     """Run ``command``; return its exit status, its output where captured, and its last step.
 
     The status is negative after a signal. A child that notes no step for ``STEP_LIMIT_S`` is
-    killed. "done" is the last step of a child that ran to its end.
+    killed. "done" is the last step of a child that ran to its end. Main thread only.
+
+    A stop signal is passed on to the child as SIGINT, and raises KeyboardInterrupt when that has
+    ended. It is killed after ``grace_s``, or at a further Ctrl-C.
     """
     with tempfile.TemporaryDirectory(prefix="robotd-") as folder:
         steps, output = Path(folder) / "step", Path(folder) / "output"
@@ -70,7 +79,7 @@ def run_noted(
                 stderr=subprocess.STDOUT if capture else None,
             )
             try:
-                status = _wait(child, steps)
+                status = _wait(child, steps, grace_s)
             finally:
                 if child.poll() is None:
                     child.kill()
@@ -101,14 +110,20 @@ def probe_backend(name: str) -> BackendSummary:
     return BackendSummary(**answer)
 
 
-def _wait(child: subprocess.Popen[bytes], steps: Path) -> int:
-    while True:
-        try:
-            return child.wait(POLL_S)
-        except subprocess.TimeoutExpired:
+def _wait(child: subprocess.Popen[bytes], steps: Path, grace_s: float) -> int:
+    with Interrupt() as interrupt:
+        while not interrupt.happened:
+            with suppress(subprocess.TimeoutExpired):
+                return child.wait(POLL_S)
             if time.time() - steps.stat().st_mtime > STEP_LIMIT_S:
                 child.kill()
-                return child.wait()
+        for number in stop_signals():
+            signal.signal(number, signal.SIG_IGN)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        child.send_signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            child.wait(grace_s)
+    raise KeyboardInterrupt
 
 
 def _describe(name: str) -> dict[str, object]:

@@ -19,6 +19,7 @@ from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, r
 from robotd.plugin.manager import find_backend
 
 PACKAGE = "robotd.testing.conformance"
+GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ctrl-C
 
 
 @click.command("conform", epilog="What follows -- goes to pytest: robotd conform ... -- -x --pdb")
@@ -55,7 +56,10 @@ def conform(
     max_excursion: float | None,
     pytest_arguments: Sequence[str],
 ) -> ExitCode:
-    """Run the conformance checks on a backend. Axes move."""
+    """Run the conformance checks on a backend. Axes move.
+
+    Ctrl-C, or the loss of the terminal, stops the axes and shuts down in order.
+    """
     if find_spec("pytest") is None:
         raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
     if is_foreign(find_backend(backend)[0]):
@@ -71,7 +75,9 @@ def conform(
         *(["-k", expression] if expression else []),
         *pytest_arguments,
     ]
-    status, _, step = run_noted([*pytest_command(), *arguments], _environment(), capture=False)
+    status, _, step = run_noted(
+        [*pytest_command(), *arguments], _environment(), capture=False, grace_s=GRACE_S
+    )
     if step != "done":
         raise death_of(backend, status, step)
     return ExitCode.OK if status == 0 else ExitCode.PLUGIN

@@ -6,11 +6,11 @@ import os
 
 import click
 
-from robotd.cli.interrupt import Interrupt
 from robotd.cli.options import PORT, log_options
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import robot_client
 from robotd.errors import OperationError
+from robotd.stop_signals import Interrupt
 
 DEFAULT_PORT = 8080
 TIMEOUT_S = 5.0

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.interrupt import Interrupt
 from robotd.cli.options import FILE
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
 from robotd.number_argument import NumberRange
+from robotd.stop_signals import Interrupt
 
 SAVE_TIMEOUT_S = 30.0
 TICK_S = 0.1

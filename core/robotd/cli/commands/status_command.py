@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import click
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.interrupt import Interrupt
 from robotd.cli.layout import columns, field, warning
 from robotd.cli.options import as_json
 from robotd.cli.preflight import import_ros
 from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd.stop_signals import Interrupt
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd.ros.client.status_client import AxisReport, RobotReport

@@ -13,6 +13,7 @@ from robotd.errors import RobotdError
 from robotd.plugin.foreign_process import note_step
 from robotd.testing.busy_computer import BusyComputer
 from robotd.testing.conformance.harness import Harness, MakeHarness
+from robotd.testing.conformance.interruption import INTERRUPTION
 from robotd.testing.conformance.kit_report import Report
 from robotd.testing.conformance.kit_target import KitTarget
 from robotd.testing.conformance.start_pose import StartPose
@@ -25,6 +26,7 @@ def pytest_configure(config: pytest.Config) -> None:
     name = config.getoption("--robotd-backend")
     if not name:
         raise pytest.UsageError("which backend? add --robotd-backend NAME")
+    config.add_cleanup(INTERRUPTION.install())
     config.stash[AT_START] = surroundings()
     try:
         note_step(f"loading the backend {name}")

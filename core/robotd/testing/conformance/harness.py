@@ -24,6 +24,7 @@ from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import Backend
 from robotd.robot import Robot
+from robotd.testing.conformance.interruption import INTERRUPTION
 from robotd.testing.conformance.recording import Recorder, Recording
 from robotd.testing.conformance.start_pose import StartPose
 
@@ -160,9 +161,10 @@ class Harness:
 
     def stop(self) -> None:
         """Undo faults and shut everything down; the harness is done with."""
-        self.undo_faults()
-        self.pose.left = self.image.position.copy() if self.robot.connection.ready else None
-        self.robot.shutdown()
+        with INTERRUPTION.during_shutdown():
+            self.undo_faults()
+            self.pose.left = self.image.position.copy() if self.robot.connection.ready else None
+            self.robot.shutdown()
 
     def return_to_start(self) -> None:
         """Move every axis back to the start pose of the run, from rest and enabled.

@@ -24,6 +24,11 @@ class Report:
         self._counts: dict[str, Counter[str]] = {}
         self._reasons: Counter[str] = Counter()
         self._failed: list[str] = []
+        self._interrupted = False
+
+    def pytest_keyboard_interrupt(self) -> None:
+        """Note that checks are missing."""
+        self._interrupted = True
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """A check counts once: when it was called, or when its set-up ended it."""
@@ -59,4 +64,6 @@ class Report:
             yield f"  {count} skipped: {reason}"
         yield from (f"FAILED {check}" for check in self._failed)
         verdict = "passed" if run else "nothing was tested"
+        if self._interrupted:
+            verdict = "none, the run was interrupted"
         yield f"verdict: {f'FAILED, {len(self._failed)} of {run}' if self._failed else verdict}"

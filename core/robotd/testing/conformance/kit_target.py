@@ -18,6 +18,7 @@ from robotd.device.capabilities import Capability
 from robotd.errors import RobotdError
 from robotd.plugin.manager import Backend, load_backend, load_plugins, register_all
 from robotd.testing.conformance.harness import Harness
+from robotd.testing.conformance.interruption import INTERRUPTION
 from robotd.testing.conformance.start_pose import StartPose
 
 PLAIN_ROBOT = Path(__file__).parent / "plain.yaml"
@@ -116,9 +117,10 @@ class KitTarget:
 
     def clear(self, item: pytest.Item | None = None) -> None:
         """Shut the shared harness down."""
-        harness, self._shared = self._shared, None
-        if harness is not None:
-            harness.stop()
+        with INTERRUPTION.during_shutdown():
+            harness, self._shared = self._shared, None
+            if harness is not None:
+                harness.stop()
 
 
 def _uses_context_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:

@@ -17,6 +17,7 @@ SIGNALS = (
     signal.SIGINT,
     signal.SIGTERM,
     signal.SIGHUP,
+    signal.SIGQUIT,
     signal.SIGUSR1,
     signal.SIGCHLD,
     signal.SIGPIPE,

@@ -10,6 +10,7 @@ from types import FrameType
 import pytest
 
 from robotd.plugin.foreign_process import note_step
+from robotd.testing.conformance.interruption import INTERRUPTION
 
 CHECK_LIMIT_S = 60.0
 
@@ -30,7 +31,7 @@ class TimeLimits:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_teardown(self, item: pytest.Item) -> Iterator[None]:
-        with _limited(f"the end of {item.name}"):
+        with INTERRUPTION.during_shutdown(), _limited(f"the end of {item.name}"):
             return (yield)
 
     def pytest_unconfigure(self) -> None:

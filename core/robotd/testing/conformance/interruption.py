@@ -1,0 +1,52 @@
+"""Stop signals during the checks: the first one interrupts a check, but no shutdown."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from robotd.stop_signals import stop_signals
+
+
+class Interruption:
+    """Raises KeyboardInterrupt at the first stop signal, and ignores further ones. Main thread."""
+
+    def __init__(self) -> None:
+        self._shutdowns = 0
+        self._pending = False
+
+    def install(self) -> Callable[[], None]:
+        """Handle the signals; return the function that undoes it."""
+
+        def on_signal(number: int, frame: FrameType | None) -> None:
+            for each in before:
+                signal.signal(each, signal.SIG_IGN)
+            self._pending = True
+            self._raise_pending()
+
+        def restore() -> None:
+            for each, handler in before.items():
+                signal.signal(each, handler)
+
+        before = {each: signal.signal(each, on_signal) for each in stop_signals()}
+        return restore
+
+    @contextmanager
+    def during_shutdown(self) -> Iterator[None]:
+        """Context that is not interrupted; a signal that came in it counts at its end."""
+        self._shutdowns += 1
+        try:
+            yield
+        finally:
+            self._shutdowns -= 1
+            self._raise_pending()
+
+    def _raise_pending(self) -> None:
+        if self._pending and not self._shutdowns:
+            self._pending = False
+            raise KeyboardInterrupt
+
+
+INTERRUPTION = Interruption()
