@@ -164,8 +164,12 @@ class EventLog(BoundedLog[Event]):
         """Note an event; its text is cut at ``MAX_TEXT``."""
         if len(event.text) > MAX_TEXT:
             event = replace(event, text=event.text[:MAX_TEXT])
-        self.counts[event.kind, str(event.data.get("outcome", ""))] += 1
+        self.count(event.kind, str(event.data.get("outcome", "")))
         self.append(event, OVERHEAD_BYTES + len(event.text) + _size(event.data))
+
+    def count(self, kind: EventKind, outcome: str) -> None:
+        """Count an event; alone for those that come too often to be noted."""
+        self.counts[kind, outcome] += 1
 
 
 class HasEvents(Protocol):

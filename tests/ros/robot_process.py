@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Self
@@ -77,6 +77,7 @@ class RobotProcess:
 
     Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False. With ``terminal``, the
     slave of a pseudo-terminal, it is the leader of a session there, and its output goes there.
+    ``prefix`` are words before its command.
     """
 
     def __init__(
@@ -88,26 +89,29 @@ class RobotProcess:
         python: str | Path = sys.executable,
         patient: bool = True,
         terminal: int | None = None,
+        prefix: Sequence[str] = (),
+        environment: Mapping[str, str] | None = None,
     ) -> None:
         self._exit = ExitStack()
         self.domain = self._exit.enter_context(own_domain()) if domain is None else domain
         self._log = self._exit.enter_context(tempfile.TemporaryFile("w+"))  # noqa: SIM115
-        environment = os.environ | {
+        variables = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "XDG_STATE_HOME": self._exit.enter_context(tempfile.TemporaryDirectory()),
             "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{next(ENGINES)}",  # of its own
+            **(environment or {}),
         }
         if patient:
             arguments = (*patience(backend), *arguments)
         session = [] if terminal is None else ["setsid", "--ctty"]
         command = [python, "-m", "robotd", "--robot", robot, "--backend", backend, *arguments]
         self.process = subprocess.Popen(
-            [*session, *command],
+            [*prefix, *session, *command],
             stdin=terminal,
             stdout=self._log if terminal is None else terminal,
             stderr=subprocess.STDOUT,
-            env=environment,
+            env=variables,
         )
 
     @property

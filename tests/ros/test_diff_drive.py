@@ -216,15 +216,18 @@ def test_without_a_servo_it_stands_and_says_so_once(
     base.rest()
 
 
-def check_old_commands_are_ignored(client: Client, publisher: Any, odometry: list[Any]) -> None:
-    now = client.node.get_clock().now()
+def check_commands_of_another_time_are_ignored(
+    client: Client, publisher: Any, odometry: list[Any]
+) -> None:
     message = TwistStamped()
     message.twist.linear.x = 0.3
-    message.header.stamp = (now - Duration(seconds=5.0)).to_msg()
     began = len(odometry)
-    for _ in range(10):
-        publisher.publish(message)
-        client.next(odometry)
+    for seconds in (-5.0, 5.0):
+        for _ in range(10):
+            now = client.node.get_clock().now()
+            message.header.stamp = (now + Duration(seconds=seconds)).to_msg()
+            publisher.publish(message)
+            client.next(odometry)
     assert max(abs(each.twist.twist.linear.x) for each in odometry[began:]) < 1e-3
     message.header.stamp = client.node.get_clock().now().to_msg()
     publisher.publish(message)
@@ -263,7 +266,7 @@ def test_stamped_commands_and_a_client_of_the_other_type() -> None:
                 time.sleep(PERIOD_S)
             assert odometry[-1].twist.twist.linear.x > 0.1
             client.next(odometry, lambda each: abs(each.twist.twist.linear.x) < 1e-3)
-            check_old_commands_are_ignored(client, publisher, odometry)
+            check_commands_of_another_time_are_ignored(client, publisher, odometry)
             check_pose_is_set(client, odometry)
             process.wait_output("commands of another type are not received")
         finally:

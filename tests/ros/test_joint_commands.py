@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from builtin_interfaces.msg import Duration
+from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointJog, JointTrajectoryControllerState
 from control_msgs.srv import QueryTrajectoryState
+from rclpy.duration import Duration as RosDuration
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, String
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
@@ -189,6 +192,42 @@ def test_wrong_commands_are_logged_with_the_reason(arm: Arm, cr3a: RobotProcess)
             lambda publisher=publisher, message=message: publisher.publish(message),
             lambda reason=reason: reason in cr3a.output,
         )
+
+
+@pytest.mark.parametrize("topic", ["points", "jog"])
+def test_commands_of_another_time_are_dropped_and_named(
+    arm: Arm, cr3a: RobotProcess, topic: str
+) -> None:
+    """Neither one that is stamped 10 s ago nor one that is stamped 10 s ahead moves anything."""
+    if topic == "jog":
+        publisher, message = arm.jog, JointJog(joint_names=["joint1"], velocities=[0.2])
+    else:
+        publisher, message = arm.trajectory, trajectory((0.03, [0.3, *[0.0] * 5]))
+    began, printed = len(arm.states), len(cr3a.output)
+    for seconds, text in ((-10.0, "older than this"), (10.0, "ahead of this")):
+
+        def publish(seconds: float = seconds) -> None:
+            now = arm.client.node.get_clock().now()
+            message.header.stamp = (now + RosDuration(seconds=seconds)).to_msg()
+            publisher.publish(message)
+
+        arm.publish_until(publish, lambda text=text: text in cr3a.output[printed:])
+    arm.publish_until(publish, lambda: len(arm.states) > began + 100)
+    assert max(abs(each.position[0]) for each in arm.states[began:]) < 1e-3
+    message.header.stamp = Time()  # zero: now
+    arm.publish_until(lambda: publisher.publish(message), lambda: arm.position[0] > 0.1)
+    arm.wait_at_rest()
+    line = re.search(r"commands are in time again.*dropped=(\d+)", cr3a.output[printed:])
+    assert line
+    assert int(line[1]) > 2
+
+
+def test_a_best_effort_publisher_streams_as_well_as_a_reliable_one(arm: Arm) -> None:
+    quality = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    publisher = arm.client.node.create_publisher(Float64MultiArray, POSITION, quality)
+    target = Float64MultiArray(data=[0.2, 0.0, 0.0, 0.0, 0.0, 0.0])
+    arm.publish_until(lambda: publisher.publish(target), lambda: arm.position[0] > 0.1)
+    arm.client.node.destroy_publisher(publisher)
 
 
 def test_a_goal_is_rejected_with_the_owner_while_a_topic_moves_the_arm(arm: Arm) -> None:

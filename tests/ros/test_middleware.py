@@ -10,22 +10,25 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 from control_msgs.action import FollowJointTrajectory
 from rclpy.action import ActionServer, get_action_names_and_types
 from rclpy.node import Node
+from std_msgs.msg import Empty
 from tests.ros.robot_process import names_of, wait_until
 
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import (
+    EventsExecutor,
     destroy_node,
     overrides_of,
     remapped_action,
     shared_memory,
     use_profiles,
+    with_message_info,
 )
 from robotd.testing.domain import own_domain
 
@@ -50,6 +53,36 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Node]:
         node = Node("any", context=host.context)
         yield node
         destroy_node(node)
+
+
+def received(callback: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> bool:
+    """Serve a subscription with ``callback`` until ``arguments`` has an item or a call raised."""
+    with own_domain() as domain, RosHost(domain_id=domain) as host:
+        node = Node("any", context=host.context)
+        node.create_subscription(Empty, "topic", callback, 10)
+        publisher = node.create_publisher(Empty, "topic", 10)
+        executor = EventsExecutor(context=host.context)
+        executor.add_node(node)
+        publisher.publish(Empty())
+        deadline = time.monotonic() + 10.0
+        try:
+            while not arguments and time.monotonic() < deadline:
+                executor.spin_once(timeout_sec=0.1)
+        except SystemError:
+            return False
+        finally:
+            executor.shutdown()
+            destroy_node(node)
+        return bool(arguments)
+
+
+def test_the_events_executor_calls_with_a_tuple_of_message_and_information() -> None:
+    arguments: list[tuple[Any, ...]] = []
+    assert not received(lambda message, info: arguments.append((message, info)), arguments)
+    callback = with_message_info(lambda message, info: arguments.append((message, info)))
+    assert received(callback, arguments)
+    age_ns = time.time_ns() - arguments[0][1]["source_timestamp"]
+    assert 0 < age_ns < 60e9
 
 
 def serve_action(node: Node, name: str) -> ActionServer:

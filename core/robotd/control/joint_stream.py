@@ -70,13 +70,20 @@ class JointStream(OpenStream[StreamMotion]):
         """Counts so far."""
         return StreamStatistics(self._commands, self._clipped, self._motion.timeouts)
 
-    def send(self, position: Sequence[float], velocity: Sequence[float] | None = None) -> None:
+    def send(
+        self,
+        position: Sequence[float],
+        velocity: Sequence[float] | None = None,
+        *,
+        sent_ns: int | None = None,
+    ) -> None:
         """Move towards ``position``; positions beyond a limit are clipped and counted.
 
         Args:
             position: one for each of ``joints``, in rad or m.
             velocity: at ``position``, in rad/s or m/s: the joints go on with it until the next
                 command, without a lag. None: the target stands still. Not in the mode ``smooth``.
+            sent_ns: time of the command on the robot's clock, from which its age counts; None: now.
 
         Raises:
             InvalidArgument: a wrong number of values, or one that is not finite.
@@ -86,25 +93,28 @@ class JointStream(OpenStream[StreamMotion]):
         speed = None if velocity is None else self._values("velocity", velocity)
         if speed is not None and self._motion.mode is StreamMode.SMOOTH:
             raise InvalidArgument("velocity: a smooth stream takes positions only")
-        self._put(self._clip("position", target, *self._position_limits, self._units), speed)
+        self._put(
+            self._clip("position", target, *self._position_limits, self._units), speed, sent_ns
+        )
 
-    def send_velocity(self, velocity: Sequence[float]) -> None:
+    def send_velocity(self, velocity: Sequence[float], *, sent_ns: int | None = None) -> None:
         """Move with ``velocity``, one for each of ``joints``, in rad/s or m/s.
 
         Velocities beyond a limit are clipped and counted. A joint comes to rest at its position
-        limit. Raises as ``send``.
+        limit. ``sent_ns`` and errors: as of ``send``.
         """
         speed = self._values("velocity", velocity)
-        self._put(None, self._clip("velocity", speed, *self._velocity_limits, self._units))
+        self._put(None, self._clip("velocity", speed, *self._velocity_limits, self._units), sent_ns)
 
     def _counts(self) -> dict[str, int]:
         return {**super()._counts(), "timeouts": self._motion.timeouts}
 
-    def _put(self, position: FloatArray | None, velocity: FloatArray | None) -> None:
+    def _put(
+        self, position: FloatArray | None, velocity: FloatArray | None, sent_ns: int | None
+    ) -> None:
         self._count_command()
-        self._motion.put(
-            StreamCommand(self._all(position), self._all(velocity), self._clock.now_ns())
-        )
+        time_ns = self._clock.now_ns() if sent_ns is None else sent_ns
+        self._motion.put(StreamCommand(self._all(position), self._all(velocity), time_ns))
 
     def _all(self, values: FloatArray | None) -> FloatArray | None:
         """Return (m,) values of all joints, NaN for those of others."""

@@ -113,6 +113,8 @@ class MobileBase:
         angular_rad_s: float,
         lateral_m_s: float = 0.0,
         timeout_s: float | None = None,
+        *,
+        sent_ns: int | None = None,
     ) -> None:
         """Set the twist until the next command, for ``timeout_s`` at most.
 
@@ -122,6 +124,7 @@ class MobileBase:
         Args:
             linear_m_s, angular_rad_s, lateral_m_s: ahead, turning to the left, to the left.
             timeout_s: None: ``command_timeout_s`` of the settings.
+            sent_ns: time of the command on the robot's clock, from which its age counts; None: now.
 
         Raises:
             InvalidArgument: a number is not finite, the time-out is not positive, or the base
@@ -152,7 +155,7 @@ class MobileBase:
             raise NotReady(
                 f"motion was stopped: send a zero twist, or none for {pause_s:g} s, first"
             )
-        self._command.set(twist, now_ns, seconds)
+        self._command.set(twist, now_ns if sent_ns is None else sent_ns, seconds)
         if not self.moving:
             self._worker.wake()
 

@@ -28,7 +28,7 @@ class StreamCommand:
     Attributes:
         position: target in rad or m; None: the command is ``velocity`` alone.
         velocity: at ``position`` and after it, or to move with; None: the target stands still.
-        time_ns: of its arrival.
+        time_ns: at which it was sent.
     """
 
     position: FloatArray | None

@@ -49,13 +49,14 @@ class TorqueStream(OpenStream[TorqueMotion]):
         super().__init__(joints, motion, release)
         self._units, self._limit, self._clock = tuple(units), limit, clock
 
-    def send(self, torque: Sequence[float]) -> None:
+    def send(self, torque: Sequence[float], *, sent_ns: int | None = None) -> None:
         """Apply ``torque`` until the next command; beyond a limit it is clipped and counted.
 
         Never blocks. Any thread.
 
         Args:
             torque: one for each of ``joints``, in N·m or N.
+            sent_ns: time of the command on the robot's clock, from which its age counts; None: now.
 
         Raises:
             InvalidArgument: a wrong number of values, or one that is not finite.
@@ -64,7 +65,7 @@ class TorqueStream(OpenStream[TorqueMotion]):
         values = self._values("torque", torque)
         self._count_command()
         clipped = self._clip("torque", values, -self._limit, self._limit, self._units)
-        self._motion.put(clipped, self._clock.now_ns())
+        self._motion.put(clipped, self._clock.now_ns() if sent_ns is None else sent_ns)
 
 
 class TorqueStreams:

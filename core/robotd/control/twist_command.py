@@ -24,7 +24,7 @@ class TwistCommand:
     def __init__(self, timeout_s: float) -> None:
         self.stopped = False
         self._timeout_ns = round(timeout_s * NANOSECONDS)
-        self._command = (ZERO_TWIST, 0, 0)  # with its time of arrival and its time-out, ns
+        self._command = (ZERO_TWIST, 0, 0)  # with the time of its sending and its time-out, ns
         self._late = False
         self._neutral, self._seen_ns = True, 0  # time of the last command, accepted or not
 
@@ -34,7 +34,7 @@ class TwistCommand:
         return self._late or self.stopped
 
     def set(self, twist: PlanarTwist, time_ns: int, timeout_s: float) -> None:
-        """Replace the command by ``twist``, which arrived at ``time_ns``."""
+        """Replace the command by ``twist``, which was sent at ``time_ns``."""
         self._command = (twist, time_ns, round(timeout_s * NANOSECONDS))
 
     def require_neutral(self) -> None:
@@ -54,16 +54,16 @@ class TwistCommand:
 
     def moves(self, time_ns: int) -> bool:
         """Return True when a command other than standstill holds at ``time_ns``."""
-        twist, arrival_ns, timeout_ns = self._command
-        in_time = time_ns - arrival_ns <= timeout_ns
+        twist, sent_ns, timeout_ns = self._command
+        in_time = time_ns - sent_ns <= timeout_ns
         return twist != ZERO_TWIST and in_time and not self.stopped
 
     def target(self, time_ns: int) -> PlanarTwist:
         """Return the twist to reach at ``time_ns``; a time-out in motion is logged."""
-        twist, arrival_ns, timeout_ns = self._command
+        twist, sent_ns, timeout_ns = self._command
         if self.stopped:
             return ZERO_TWIST
-        late = time_ns - arrival_ns > timeout_ns
+        late = time_ns - sent_ns > timeout_ns
         if late and not self._late and twist != ZERO_TWIST:
             timeout_s = timeout_ns / NANOSECONDS
             log.warning("no command in time: the base slows to rest", timeout_s=timeout_s)

@@ -8,7 +8,7 @@ given to rclpy only hands the request on, and a worker sends the response when i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.node import Node
@@ -21,7 +21,7 @@ from rclpy.subscription import Subscription
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import RateLimit, ServiceResponses
+from robotd.ros.middleware import RateLimit, ServiceResponses, with_message_info
 from robotd.ros.qos import SERVICE
 
 log = get_logger("ros")
@@ -103,6 +103,26 @@ def add_subscription(
 ) -> Subscription:
     """Create a subscription whose handler may raise; it runs in the executor thread.
 
+    For topics that move nothing; see ``add_command_subscription`` for the others.
+    """
+    return add_timed_subscription(
+        node, host, message_type, topic, lambda message, _: handler(message), qos
+    )
+
+
+def add_timed_subscription(
+    node: Node,
+    host: RosHost,
+    message_type: Any,
+    topic: str,
+    handler: Callable[[Any, int], None],
+    qos: QoSProfile | int,
+) -> Subscription:
+    """As ``add_subscription``, with ``handler(message, source_ns)``.
+
+    ``source_ns`` is the time at which the message was published, by the clock of that computer
+    and since the epoch; 0 where the middleware does not know it.
+
     An exception that reaches the EventsExecutor also costs it the messages that arrived together
     with the offending one. Here it is logged and the next message is handled. That executor keeps
     an event for each message, so one that it cannot follow would answer services later and later:
@@ -110,24 +130,26 @@ def add_subscription(
     """
     rate_limit = RateLimit(HANDLER_SHARE)
 
-    def on_message(data: bytes) -> None:
+    def on_message(data: bytes, info: Mapping[str, Any]) -> None:
         with host.callback_guard():
             if rate_limit.is_left():
                 with rate_limit.spent():
-                    handle(data)
+                    handle(data, info["source_timestamp"])
             elif rate_limit.is_news:
                 log.warning("messages exceed the rate limit, some are dropped", topic=topic)
 
-    def handle(data: bytes) -> None:
+    def handle(data: bytes, source_ns: int) -> None:
         try:
             with host.sent_by_topic(subscription.topic_name):
-                handler(deserialize_message(data, message_type))
+                handler(deserialize_message(data, message_type), source_ns)
         except RobotdError as error:
             log.warning("message rejected", topic=topic, reason=str(error))
         except Exception:
             log.exception("message handler raised", topic=topic)
 
-    subscription = node.create_subscription(message_type, topic, on_message, qos, raw=True)
+    subscription = node.create_subscription(
+        message_type, topic, with_message_info(on_message), qos, raw=True
+    )
     return subscription
 
 

@@ -11,6 +11,7 @@ from robotd.ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd.ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
 from robotd.ros.middleware.exit_timer import exit_after
 from robotd.ros.middleware.fastdds_profiles import use_profiles
+from robotd.ros.middleware.message_info import with_message_info
 from robotd.ros.middleware.participants import Participant
 from robotd.ros.middleware.rate_limit import RateLimit
 from robotd.ros.middleware.release_gil import request_id_of
@@ -41,4 +42,5 @@ __all__ = [
     "spin_once",
     "use_profiles",
     "wake",
+    "with_message_info",
 ]

@@ -47,8 +47,8 @@ class AxisJog:
         rate_hz = min(CHECK_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "axis jog", self.check)
 
-    def take(self, message: Any) -> None:
-        """Move as an AxisVelocity says. Raises RobotdError where it is rejected."""
+    def take(self, message: Any, sent_ns: int) -> None:
+        """Move as an AxisVelocity says that was sent at ``sent_ns``. Raises RobotdError."""
         jogs = axis_conversions.jogs(message)
         axes, image = self._robot.axes, self._robot.image
         axes.check_axes([jog.axis for jog in jogs])
@@ -56,12 +56,13 @@ class AxisJog:
         others = [jog for jog in jogs if jog not in streamed]
         if others:
             axes.jog(others)
-            deadline_ns = self._robot.clock.now_ns() + self._timeout_ns
+            deadline_ns = sent_ns + self._timeout_ns
             self._deadlines |= dict.fromkeys((jog.axis for jog in others), deadline_ns)
         for group, stream in self._streams:
             if any(jog.axis in group.joint_axes for jog in streamed):
                 velocity = [_velocity(axis, streamed) for axis in group.joint_axes]
-                stream.apply(partial(JointStream.send_velocity, velocity=velocity))
+                command = partial(JointStream.send_velocity, velocity=velocity, sent_ns=sent_ns)
+                stream.apply(command)
 
     def check(self, image: ProcessImage) -> None:
         """Stop the axes whose messages have stopped."""

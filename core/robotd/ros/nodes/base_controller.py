@@ -9,9 +9,9 @@ from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from robotd.clock import NANOSECONDS
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError, InvalidArgument
 from robotd.motion.planar import Pose
@@ -25,14 +25,15 @@ from robotd.node_settings.parameter_reader import ParameterReader
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import TypeMismatchCheck
+from robotd.ros.nodes.command_subscription import add_command_subscription
 from robotd.ros.nodes.latched_topics import publish_description
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import OdometryTopics
 from robotd.ros.nodes.rejection_log import RejectionLog
-from robotd.ros.nodes.trajectory_conversions import stamp_ns
 from robotd.ros.services import add_service, add_subscription
 
-COMMAND_DEPTH = 1  # only the newest twist means anything
+# As ``STREAM``, but only the newest twist means anything.
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 ECHO_DEPTH = 10
 MAX_TILT = 1e-3  # of a quaternion about z
 
@@ -65,22 +66,29 @@ class BaseController(Node):
         self._base.configure(settings.drive)
         if settings.parameters_file:
             robot.connection.parameters.path = settings.parameters_file
-        self._take_commands(host, settings)
+        self._take_commands(host, settings, robot)
         self._publish_state(settings, robot)
         publish_description(self, settings.description)
         add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
         self._odom_frame = settings.odom_frame
         add_subscription(self, host, PoseWithCovarianceStamped, "~/set_pose", self._set_pose, 1)
 
-    def _take_commands(self, host: RosHost, settings: BaseSettings) -> None:
+    def _take_commands(self, host: RosHost, settings: BaseSettings, robot: Robot) -> None:
         self._topic = settings.commands
         self._echo = None
         if settings.echo:
             self._echo = self.create_publisher(Twist, settings.echo, ECHO_DEPTH)
         taken = TwistStamped if settings.stamped else Twist
         self._is_stamped = settings.stamped
-        subscription = add_subscription(
-            self, host, taken, self._topic, self._command, COMMAND_DEPTH
+        subscription = add_command_subscription(
+            self,
+            host,
+            robot,
+            taken,
+            self._topic,
+            self._command,
+            NEWEST,
+            self._base.settings.command_timeout_s,
         )
         self._offered = TypeMismatchCheck(
             self,
@@ -95,25 +103,13 @@ class BaseController(Node):
         robot.control_loop.every(settings.rate_hz, "odometry", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
 
-    def _command(self, message: Any) -> None:
+    def _command(self, message: Any, sent_ns: int) -> None:
         with self._rejections.noting(self._topic):
-            if self._is_stamped:
-                self._check_age(message.header)
             twist = message.twist if self._is_stamped else message
             lateral = twist.linear.y if self._base.wheels.moves_sideways else 0.0
-            self._base.command(twist.linear.x, twist.angular.z, lateral)
+            self._base.command(twist.linear.x, twist.angular.z, lateral, sent_ns=sent_ns)
             if self._echo:
                 self._echo.publish(twist)
-
-    def _check_age(self, header: Any) -> None:
-        """Reject a command that is older than the time-out; a zero stamp has no age."""
-        sent_ns = stamp_ns(header.stamp)
-        age_s = (self.get_clock().now().nanoseconds - sent_ns) / NANOSECONDS
-        limit_s = self._base.settings.command_timeout_s
-        if sent_ns and age_s > limit_s:
-            raise InvalidArgument(
-                f"the command is {age_s:.2f} s old, its time-out is {limit_s:g} s"
-            )
 
     def _set_pose(self, message: Any) -> None:
         """Raise InvalidArgument for another frame, a tilted pose or one that is not finite."""

@@ -19,14 +19,15 @@ from robotd.errors import DescriptorError, InvalidArgument, unknown_name
 from robotd.node_settings.command_settings import JointTopics, read_joint_command
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
+from robotd.ros.nodes.command_subscription import add_command_subscription
 from robotd.ros.nodes.controller_state_topic import ControllerStateTopic, TrajectoryQuery
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.topic_stream import TopicStream
 from robotd.ros.nodes.trajectory_topic import TrajectoryTopic
-from robotd.ros.services import add_service, add_subscription
+from robotd.ros.qos import STREAM
+from robotd.ros.services import add_service
 
 NAME = "joint_command_node"
-DEPTH = 10
 
 
 class JointCommandNode(Node):
@@ -54,7 +55,7 @@ class JointCommandNode(Node):
         robot, host = self._robot, self._host
         if topics.trajectory:
             stream = self._stream(group, topics.trajectory, OWNER)
-            TrajectoryTopic(self, group, robot.clock, host, topics.trajectory, stream)
+            TrajectoryTopic(self, robot, group, host, topics.trajectory, stream, self._timeout_s)
         for topic, message_type, command in (
             (topics.position, Float64MultiArray, _positions_or_efforts),
             (topics.velocity, Float64MultiArray, _velocities),
@@ -81,10 +82,19 @@ class JointCommandNode(Node):
     ) -> None:
         """Let every message of ``topic`` command ``stream``."""
 
-        def on_message(message: Any) -> None:
-            stream.apply(lambda open_stream: command(message, open_stream))
+        def on_message(message: Any, sent_ns: int) -> None:
+            stream.apply(lambda open_stream: command(message, open_stream, sent_ns))
 
-        add_subscription(self, self._host, message_type, topic, on_message, DEPTH)
+        add_command_subscription(
+            self,
+            self._host,
+            self._robot,
+            message_type,
+            topic,
+            on_message,
+            STREAM,
+            self._timeout_s,
+        )
 
     def _stream(self, group: JointGroup, topic: str, owner: str) -> TopicStream[JointStream]:
         return TopicStream(group.stream.ends_when_silent(owner, self._timeout_s), self._host, topic)
@@ -108,15 +118,16 @@ def named_values(
     return [given.get(name, 0.0) for name in known]
 
 
-def _positions_or_efforts(message: Any, stream: JointStream | TorqueStream) -> None:
-    stream.send(message.data)
+def _positions_or_efforts(message: Any, stream: JointStream | TorqueStream, sent_ns: int) -> None:
+    stream.send(message.data, sent_ns=sent_ns)
 
 
-def _velocities(message: Any, stream: JointStream) -> None:
-    stream.send_velocity(message.data)
+def _velocities(message: Any, stream: JointStream, sent_ns: int) -> None:
+    stream.send_velocity(message.data, sent_ns=sent_ns)
 
 
-def _jog(message: Any, stream: JointStream) -> None:
+def _jog(message: Any, stream: JointStream, sent_ns: int) -> None:
     if len(message.displacements):
         raise InvalidArgument("displacements are not supported; send velocities")
-    stream.send_velocity(named_values(stream.joints, message.joint_names, message.velocities))
+    velocity = named_values(stream.joints, message.joint_names, message.velocities)
+    stream.send_velocity(velocity, sent_ns=sent_ns)

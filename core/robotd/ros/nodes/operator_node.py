@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from typing import Any
 
@@ -18,6 +19,7 @@ from robotd.observation.recorder import Recorder
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.nodes.command_subscription import add_command_subscription
 from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.nodes.named_io import NamedIo
 from robotd.ros.nodes.node_parameters import Parameters
@@ -26,6 +28,7 @@ from robotd.ros.qos import LATCHED
 from robotd.ros.services import add_service, add_subscription, named_values
 
 STATE_RATE_HZ = 10.0
+SPEED_TIMEOUT_S = 1.0  # age at which a message that raises the speed is dropped
 
 
 class OperatorNode(Node):
@@ -63,7 +66,16 @@ class OperatorNode(Node):
         ):
             add_service(self, host, service_type, f"~/{name}", handler, urgent=urgent)
         add_subscription(self, host, Empty, "~/stop", self._engage_stop, 1)
-        add_subscription(self, host, Float64, "~/set_speed", self._set_speed_by_message, 1)
+        add_command_subscription(
+            self,
+            host,
+            robot,
+            Float64,
+            "~/set_speed",
+            self._set_speed_by_message,
+            1,
+            self._speed_timeout_s,
+        )
         robot.axes.stop_latch.on_change(self._publish_stopped)
         robot.axes.speed.on_change(self._publish_speed)
         rate_hz = min(STATE_RATE_HZ, robot.descriptor.cycle.rate_hz)
@@ -103,8 +115,13 @@ class OperatorNode(Node):
         self._robot.set_speed(float(speed))
         return self._robot.axes.speed.text
 
-    def _set_speed_by_message(self, message: Any) -> None:
+    def _set_speed_by_message(self, message: Any, _: int) -> None:
         self._robot.set_speed(message.data)
+
+    def _speed_timeout_s(self, message: Any) -> float:
+        """Return the age at which a speed is dropped: never where it slows down."""
+        slows = message.data <= self._robot.axes.speed.speed
+        return math.inf if slows else SPEED_TIMEOUT_S
 
     def _pause(self, request: Any, response: Any) -> str:
         self._robot.pause()

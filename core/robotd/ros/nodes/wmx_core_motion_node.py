@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,12 +22,14 @@ from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.axis_jog import AxisJog
+from robotd.ros.nodes.command_subscription import add_command_subscription
 from robotd.ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.rejection_log import RejectionLog
-from robotd.ros.services import ServiceHandler, add_service, add_subscription
+from robotd.ros.qos import STREAM
+from robotd.ros.services import ServiceHandler, add_service
 
-DEPTH = 10  # of all topics
+DEPTH = 10  # of topics that are no streams
 RATE_HZ = 100.0  # of the state
 FRAME = "base_link"
 MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log
@@ -34,6 +37,7 @@ READY = "wmx/core_motion/ready"
 STATE = "wmx/axis/state"
 JOG = "wmx/axis/jog"
 JOG_TIMEOUT_S = 0.2  # jog_timeout_ms of the reference
+COMMAND_TIMEOUT_S = 0.5  # age at which a command that has no dead-man is dropped
 
 # Field of the message → array of the process image.
 FIELDS = {
@@ -69,14 +73,14 @@ class WmxCoreMotionNode(Node):
         add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)
         jog = AxisJog(robot, host, JOG, JOG_TIMEOUT_S)
-        for message_type, topic, command in (
-            (AxisVelocity, "wmx/axis/velocity", self._jog),
-            (AxisPose, "wmx/axis/position", self._move),
-            (AxisPose, "wmx/axis/position/relative", self._move_relative),
-            (AxisVelocity, JOG, jog.take),
+        for message_type, topic, command, qos, limit_s in (
+            (AxisVelocity, "wmx/axis/velocity", self._jog, DEPTH, _velocity_timeout_s),
+            (AxisPose, "wmx/axis/position", self._move, DEPTH, COMMAND_TIMEOUT_S),
+            (AxisPose, "wmx/axis/position/relative", self._move_relative, DEPTH, COMMAND_TIMEOUT_S),
+            (AxisVelocity, JOG, jog.take, STREAM, JOG_TIMEOUT_S),
         ):
             handler = self._execute_or_log(topic, command)
-            add_subscription(self, host, message_type, topic, handler, DEPTH)
+            add_command_subscription(self, host, robot, message_type, topic, handler, qos, limit_s)
         add_service(self, host, SetAxis, "wmx/axis/stop", self._stop, urgent=True)
         state = AxisStateTopic(self, robot, prefix)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
@@ -159,10 +163,12 @@ class WmxCoreMotionNode(Node):
         ]
         return "ok"
 
-    def _execute_or_log(self, topic: str, command: Callable[[Any], None]) -> Callable[[Any], None]:
-        def on_message(message: Any) -> None:
+    def _execute_or_log(
+        self, topic: str, command: Callable[[Any, int], None]
+    ) -> Callable[[Any, int], None]:
+        def on_message(message: Any, sent_ns: int) -> None:
             with self._rejections.noting(topic, message.index):
-                command(message)
+                command(message, sent_ns)
 
         return on_message
 
@@ -172,14 +178,19 @@ class WmxCoreMotionNode(Node):
         self._axes.stop(axes)
         axis_conversions.fill_outcome(response, self._axes.names, dict.fromkeys(axes))
 
-    def _jog(self, message: Any) -> None:
+    def _jog(self, message: Any, _: int) -> None:
         self._axes.jog(axis_conversions.jogs(message))
 
-    def _move(self, message: Any) -> None:
+    def _move(self, message: Any, _: int) -> None:
         self._axes.move(axis_conversions.moves(message))
 
-    def _move_relative(self, message: Any) -> None:
+    def _move_relative(self, message: Any, _: int) -> None:
         self._axes.move(axis_conversions.moves(message), relative=True)
+
+
+def _velocity_timeout_s(message: Any) -> float:
+    """Return the age at which a velocity is dropped: never where it stops its axes."""
+    return COMMAND_TIMEOUT_S if any(message.velocity) else math.inf
 
 
 class AxisStateTopic:
