@@ -149,6 +149,8 @@ class Robot:
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
+        if self.gripper is not None:
+            self.control_loop.every(rate_hz, "gripper", self.gripper.advance)
         guard = SoftLimitGuard(self.axes, 1.0 / rate_hz)
         self.control_loop.every(rate_hz, "travel", guard.look)
         self._motion_stop = MotionStop(

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.descriptor import GripperSettings
 from robotd.device.io import Io
+from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
 
 TOLERANCE = 0.05  # share of the stroke within which a position counts as reached
@@ -21,7 +25,7 @@ class GripperState:
     """State of the fingers at the end of a move.
 
     Attributes:
-        position_m: of each finger, as far as it is known.
+        position_m: of the gripper, as far as it is known.
         reached: they are at the commanded position.
         stalled: they were stopped by a part before the commanded position.
         at_rest: they have stopped; False: the move was canceled or replaced on the way.
@@ -37,7 +41,8 @@ class Gripper:
     """Opens and closes by an output bit; where the fingers are follows from that bit.
 
     The valve has no sensor of position: the position is what the command leads to, not what was
-    felt. An input may show that a part is held.
+    felt. An input may show that a part is held. The fingers travel at constant speed from one end
+    to the other, advanced by the control loop.
 
     Args:
         io: of the robot.
@@ -46,23 +51,32 @@ class Gripper:
 
     Attributes:
         joints: names of the fingers.
+        multipliers: position of each finger per position of the gripper; shape (fingers,).
+        open_m, closed_m: position of the gripper at the two ends; set by ``configure``.
     """
 
     def __init__(self, io: Io, settings: GripperSettings, clock: Clock) -> None:
         self.joints = tuple(settings.joints)
+        self.multipliers: FloatArray = np.array(settings.multipliers or [1.0] * len(self.joints))
+        self.open_m, self.closed_m = settings.open_m, settings.closed_m
         self._io, self._settings, self._clock = io, settings, clock
         self._byte = settings.output_byte
         self._bit = settings.output_bit
         self._commanded = io.output_watcher(self._byte, self._bit)
+        self._has_sensor = settings.part_sensor is not None
         sensor = settings.part_sensor
         self._holds_part = (
             io.input_watcher(sensor.input_byte, sensor.input_bit) if sensor else lambda: False
         )
         self._travel_ns = settings.travel_time_s * NANOSECONDS
-        self._closed = 0.0
+        self._closed = 0.0  # 0 to 1
         self._last_ns = 0
         self._moves = 0  # counts them: the newest one replaces the others
         self._lock = threading.Lock()
+
+    def configure(self, open_m: float, closed_m: float) -> None:
+        """Set the positions of the two ends, which differ. Before the start only."""
+        self.open_m, self.closed_m = open_m, closed_m
 
     def command(self, closed: bool) -> int:
         """Close (True) or open the gripper; any worker. Raises NotReady without the engine.
@@ -75,16 +89,43 @@ class Gripper:
             return self._moves
 
     def checked(self, position_m: float) -> float:
-        """Return a commanded finger position.
+        """Return a commanded position of the gripper.
 
         Raises InvalidArgument where it is not between open and closed, with the margin of
         ``TOLERANCE``.
         """
-        low, high = sorted((self._settings.open_m, self._settings.closed_m))
+        low, high = sorted((self.open_m, self.closed_m))
         margin = TOLERANCE * (high - low)
         if not (math.isfinite(position_m) and low - margin <= position_m <= high + margin):
             raise InvalidArgument(f"gripper: position {position_m} m is outside {low} to {high} m")
         return position_m
+
+    def checked_fingers(self, positions: Mapping[str, float]) -> float:
+        """Return the position of the gripper that leads to the ``positions`` of fingers, by name.
+
+        Raises InvalidArgument for an unknown finger, or positions that the fingers cannot have at
+        the same time, with the margin of ``TOLERANCE``.
+        """
+        if unknown := [name for name in positions if name not in self.joints]:
+            known = ", ".join(self.joints)
+            raise InvalidArgument(f"joint {unknown[0]} is unknown (available: {known})")
+        wanted = {
+            name: position / factor
+            for name, factor in zip(self.joints, self.multipliers.tolist(), strict=True)
+            if factor and (position := positions.get(name)) is not None
+        }
+        if not wanted:
+            raise InvalidArgument("the command has no position of a finger that moves")
+        if max(wanted.values()) - min(wanted.values()) > TOLERANCE * abs(
+            self.closed_m - self.open_m
+        ):
+            named = ", ".join(f"{name} {positions[name]:g}" for name in wanted)
+            factors = ", ".join(f"{factor:g}" for factor in self.multipliers)
+            raise InvalidArgument(
+                f"the fingers move together, by the multipliers {factors}: they cannot be at"
+                f" {named} at the same time"
+            )
+        return self.checked(next(iter(wanted.values())))
 
     def move(self, position_m: float, is_canceled: Callable[[], bool]) -> GripperState:
         """Open or close, whichever end is nearer, and wait until the fingers are at rest.
@@ -93,28 +134,24 @@ class Gripper:
         no position between its ends. Raises NotReady without the engine.
 
         Args:
-            position_m: of each finger, from ``checked``.
+            position_m: of the gripper, from ``checked`` or ``checked_fingers``.
             is_canceled: ends the wait.
         """
-        open_m, closed_m = self._settings.open_m, self._settings.closed_m
-        closes = abs(position_m - closed_m) < abs(position_m - open_m)
-        begin_m = open_m + (closed_m - open_m) * self._closed
-        move, began_ns = self.command(closes), self._clock.now_ns()
+        closes = abs(position_m - self.closed_m) < abs(position_m - self.open_m)
+        move, end = self.command(closes), float(closes)
 
         def interrupted() -> bool:
             return is_canceled() or self._moves != move
 
-        held = closes and self._settings.part_sensor is not None
+        held = closes and self._has_sensor
         travel_s = self._settings.travel_time_s + (SETTLE_S if held else 0.0)
         wait_until(lambda: interrupted() or (held and self._holds_part()), travel_s, self._clock)
-        end_m = closed_m if closes else open_m
         if held and self._holds_part():
-            share = self._share(began_ns)
-            return GripperState(begin_m + (end_m - begin_m) * share, False, True, True)
-        if interrupted() and self._share(began_ns) < 1.0:
-            position = begin_m + (end_m - begin_m) * self._share(began_ns)
-            return GripperState(position, False, False, False)
-        near = abs(end_m - position_m) <= TOLERANCE * abs(closed_m - open_m)
+            return GripperState(self.position_m, False, True, True)
+        if interrupted() and self._closed != end:
+            return GripperState(self.position_m, False, False, False)
+        end_m = self.closed_m if closes else self.open_m
+        near = abs(end_m - position_m) <= TOLERANCE * abs(self.closed_m - self.open_m)
         return GripperState(end_m, near, not near, True)
 
     @property
@@ -122,23 +159,21 @@ class Gripper:
         """Commanded state of the output bit. Any thread."""
         return self._commanded()
 
-    def closed(self, time_ns: int) -> float:
-        """Cycle: how far the fingers are closed at the monotonic ``time_ns``, 0 … 1.
-
-        They travel at constant speed, ``travel_time_s`` from one end to the other.
-        """
-        self._closed = self.travelled(self._closed, time_ns - self._last_ns)
-        self._last_ns = time_ns
+    @property
+    def closed(self) -> float:
+        """Part of the stroke that the fingers are closed by, 0 to 1. Any thread."""
         return self._closed
 
-    def travelled(self, closed: float, time_ns: int) -> float:
-        """Return how far fingers at ``closed`` are closed after ``time_ns``. Any thread."""
-        target = 1.0 if self._commanded() else 0.0
-        step = time_ns / self._travel_ns if self._travel_ns else 1.0
-        return closed + min(max(target - closed, -step), step)
+    @property
+    def position_m(self) -> float:
+        """Position of the gripper. Any thread."""
+        return self.open_m + (self.closed_m - self.open_m) * self._closed
 
-    def _share(self, began_ns: int) -> float:
-        """Return the part of the way that has passed since ``began_ns``."""
-        if not self._travel_ns:
-            return 1.0
-        return min((self._clock.now_ns() - began_ns) / self._travel_ns, 1.0)
+    def advance(self, image: ProcessImage) -> None:
+        """Let the fingers travel, once a period, until a part stops them. Control-loop thread."""
+        closes = self._commanded()
+        elapsed_ns, self._last_ns = image.stamp_ns - self._last_ns, image.stamp_ns
+        if closes and self._has_sensor and self._holds_part():
+            return
+        step = elapsed_ns / self._travel_ns if self._travel_ns else 1.0
+        self._closed += min(max(float(closes) - self._closed, -step), step)

@@ -26,7 +26,7 @@ class ManipulatorStateSettings(NamedTuple):
     Attributes:
         rate_hz: of the joint topics.
         names: of the joints, then of the gripper's fingers.
-        open_m, closed_m: positions of the fingers.
+        open_m, closed_m: positions of the gripper at its two ends.
         joint_states, unstamped, positions: topics.
         parameters_file: None: the robot's own.
         description: URDF to publish; "" for none.
@@ -67,17 +67,24 @@ def read_manipulator_state(
     names = (*joints, *(gripper.joints if gripper else ()))
     parameters.same_as("joints", "joint_name", names, "names of the joints, then the fingers")
     highest = int(descriptor.cycle.rate_hz)
+    open_m, closed_m = (
+        parameters.number(
+            f"gripper_{name}_value", value, f"position of the gripper {meaning}, in m"
+        )
+        for name, value, meaning in (
+            ("open", gripper.open_m if gripper else 0.0, "when open"),
+            ("close", gripper.closed_m if gripper else 0.0, "when closed"),
+        )
+    )
+    if gripper and open_m == closed_m:
+        parameters.reject("gripper_close_value", f"{closed_m} must differ from gripper_open_value")
     return ManipulatorStateSettings(
         parameters.integer(
             "joint_feedback_rate", highest, (1, highest), "rate of the joint topics in Hz"
         ),
         names,
-        parameters.number(
-            "gripper_open_value", gripper.open_m if gripper else 0.0, "open fingers, in m"
-        ),
-        parameters.number(
-            "gripper_close_value", gripper.closed_m if gripper else 0.0, "closed fingers, in m"
-        ),
+        open_m,
+        closed_m,
         parameters.topic("encoder_joint_topic", "topic of the joint states", required=True),
         parameters.topic("isaacsim_joint_topic", "copy without time stamp"),
         parameters.topic("gazebo_joint_topic", "positions as a bare array"),

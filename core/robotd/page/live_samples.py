@@ -34,7 +34,6 @@ class LiveSamples:
     def __init__(self, tap: Tap) -> None:
         self._tap, self._robot = tap, tap.robot
         self._cursor = 0
-        self._closed, self._closed_ns = 0.0, 0
         self._values = len(HEADER) + len(tap.robot.groups)  # column of the first value
         self.width = self._values + len(VALUES) * tap.frames.axes
         self._head = struct.Struct(f"<{self._values}d")
@@ -68,12 +67,8 @@ class LiveSamples:
 
     def _finger_position(self) -> float:
         """Return how far the fingers are closed, 0 to 1; NaN without a gripper."""
-        if (gripper := self._robot.gripper) is None:
-            return math.nan
-        now_ns = self._robot.clock.now_ns()
-        self._closed = gripper.travelled(self._closed, now_ns - self._closed_ns)
-        self._closed_ns = now_ns
-        return self._closed
+        gripper = self._robot.gripper
+        return math.nan if gripper is None else gripper.closed
 
     def _pose(self) -> tuple[float, float, float]:
         base = self._robot.base

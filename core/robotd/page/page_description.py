@@ -8,8 +8,9 @@ from importlib.metadata import version
 from typing import Any
 
 from robotd.clock.simulated import PacedClock
-from robotd.descriptor import GripperSettings, RobotDescriptor
+from robotd.descriptor import RobotDescriptor
 from robotd.device.capabilities import Capability
+from robotd.device.gripper import Gripper
 from robotd.observation.io_sampler import MAX_IO_BYTES
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
@@ -40,7 +41,7 @@ def describe(
         "axes": _axes(robot),
         "groups": [*robot.groups],
         "tools": [{"link": each.link, "base": each.base} for each in robot.tools],
-        "fingers": _fingers(descriptor.gripper),
+        "fingers": _fingers(robot.gripper),
         "inputs": min(robot.io.sizes[0], MAX_IO_BYTES),
         "outputs": min(robot.io.sizes[1], MAX_IO_BYTES),
         "io_names": _io_names(descriptor),
@@ -85,14 +86,13 @@ def _axes(robot: Robot) -> list[dict[str, Any]]:
     return described
 
 
-def _fingers(gripper: GripperSettings | None) -> list[dict[str, Any]]:
+def _fingers(gripper: Gripper | None) -> list[dict[str, Any]]:
     """Return name and positions of each finger joint."""
     if gripper is None:
         return []
-    multipliers = gripper.multipliers or (1.0,) * len(gripper.joints)
     return [
         {"name": name, "open": gripper.open_m * factor, "closed": gripper.closed_m * factor}
-        for name, factor in zip(gripper.joints, multipliers, strict=True)
+        for name, factor in zip(gripper.joints, gripper.multipliers.tolist(), strict=True)
     ]
 
 

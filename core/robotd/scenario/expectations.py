@@ -62,6 +62,6 @@ def _gripper(robot: Robot, wanted: Fingers) -> Iterator[str]:
     if robot.gripper is None:
         yield f"{robot.descriptor.name} has no gripper"
         return
-    closed = robot.gripper.closed(robot.clock.now_ns())
+    closed = robot.gripper.closed
     if closed != (1.0 if wanted is Fingers.CLOSED else 0.0):
         yield f"gripper is {closed:.0%} closed"

@@ -208,7 +208,7 @@ class ScenarioRun:
         for values in (image.position, image.position_command, image.velocity, image.torque):
             self._hash.update(values.tobytes())
         if self._robot.gripper is not None:
-            self._hash.update(struct.pack("d", self._robot.gripper.closed(image.stamp_ns)))
+            self._hash.update(struct.pack("d", self._robot.gripper.closed))
 
 
 def _request(trajectory: Trajectory) -> TrajectoryRequest:

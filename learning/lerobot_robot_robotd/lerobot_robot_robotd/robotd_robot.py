@@ -110,8 +110,8 @@ class RobotdRobot(LeRobotRobot):
                 opened.callback(camera.disconnect)
             self._open = opened.pop_all()
         self._robot, self._streams = robot, streams
-        if robot.gripper is not None and self._gripper_settings is not None:
-            self._gripper = GripperValue(robot.gripper, self._gripper_settings, robot.clock)
+        if robot.gripper is not None:
+            self._gripper = GripperValue(robot.gripper)
 
     def get_observation(self) -> dict[str, Any]:
         """Return measured positions of one control period, the gripper and the newest images.

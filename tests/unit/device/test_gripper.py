@@ -63,3 +63,52 @@ def test_a_position_outside_the_stroke_is_rejected(robot: Harness, position: flo
     assert gripper is not None
     with pytest.raises(InvalidArgument, match=r"is outside 0\.0 to 0\.04 m"):
         gripper.checked(position)
+
+
+def test_the_fingers_travel_whoever_reads_them(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    gripper.move(0.04, lambda: False)
+    begun_s = robot.now_s
+    state = gripper.move(0.0, lambda: robot.now_s > begun_s + 0.06)
+    assert not state.at_rest
+    assert state.position_m == pytest.approx(0.028, abs=2e-3)
+    assert gripper.position_m == pytest.approx(state.position_m, abs=1e-3)
+
+
+def test_a_part_stops_the_fingers_where_they_are(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    gripper.command(True)
+    robot.run(0.1)
+    robot.faults.set_input_bit(1, 3, True)
+    robot.run(0.5)
+    assert gripper.position_m == pytest.approx(0.02, abs=2e-3)
+    assert gripper.move(0.04, lambda: False).position_m == gripper.position_m
+    robot.faults.set_input_bit(1, 3, False)
+    robot.run(0.5)
+    assert gripper.closed == 1.0
+
+
+def test_the_ends_can_be_set(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    gripper.configure(0.01, 0.03)
+    assert gripper.move(0.03, lambda: False).position_m == 0.03
+    with pytest.raises(InvalidArgument, match=r"is outside 0\.01 to 0\.03 m"):
+        gripper.checked(0.04)
+
+
+def test_positions_of_fingers_follow_their_multipliers() -> None:
+    harness = Harness(arm(gripper={**GRIPPER, "multipliers": [1.0, -2.0]})).up()
+    gripper = harness.robot.gripper
+    assert gripper is not None
+    assert gripper.checked_fingers({"left": 0.02, "right": -0.04}) == pytest.approx(0.02)
+    assert gripper.checked_fingers({"right": -0.06}) == pytest.approx(0.03)
+    with pytest.raises(InvalidArgument, match=r"by the multipliers 1, -2: they cannot be at left"):
+        gripper.checked_fingers({"left": 0.02, "right": 0.02})
+    with pytest.raises(InvalidArgument, match="joint thumb is unknown"):
+        gripper.checked_fingers({"thumb": 0.0})
+    with pytest.raises(InvalidArgument, match="has no position of a finger"):
+        gripper.checked_fingers({})
+    harness.robot.shutdown()

@@ -11,6 +11,7 @@ from robotd.clock import NANOSECONDS
 from robotd.descriptor import GripperSettings, IoAddress
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io
+from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 
 
@@ -112,27 +113,35 @@ GRIPPER = GripperSettings(
 )
 
 
+def closed_at(gripper: Gripper, time_ns: int) -> float:
+    """Advance the fingers to ``time_ns``; return how far they are closed."""
+    image = ProcessImage(1)
+    image.stamp_ns = time_ns
+    gripper.advance(image)
+    return gripper.closed
+
+
 def test_a_gripper_closes_and_opens_by_its_bit(harness: Harness) -> None:
     gripper = Gripper(harness.io, GRIPPER, harness.clock)
-    assert gripper.closed(0) == 0.0
+    assert closed_at(gripper, 0) == 0.0
     gripper.command(True)
     assert harness.io_driver.outputs[1] == 0b1000
-    assert gripper.closed(1) == 1.0
+    assert closed_at(gripper, 1) == 1.0
     gripper.command(False)
-    assert gripper.closed(2) == 0.0
+    assert closed_at(gripper, 2) == 0.0
 
 
 def test_fingers_travel_at_constant_speed_from_wherever_they_are(harness: Harness) -> None:
     gripper = Gripper(harness.io, GRIPPER.model_copy(update={"travel_time_s": 0.5}), harness.clock)
     start_ns = 10 * NANOSECONDS
-    gripper.closed(start_ns)
+    closed_at(gripper, start_ns)
     gripper.command(True)
-    assert gripper.closed(start_ns + NANOSECONDS // 10) == pytest.approx(0.2)
+    assert closed_at(gripper, start_ns + NANOSECONDS // 10) == pytest.approx(0.2)
     gripper.command(False)
-    assert gripper.closed(start_ns + 3 * NANOSECONDS // 20) == pytest.approx(0.1)
-    assert gripper.closed(start_ns + NANOSECONDS) == 0.0
+    assert closed_at(gripper, start_ns + 3 * NANOSECONDS // 20) == pytest.approx(0.1)
+    assert closed_at(gripper, start_ns + NANOSECONDS) == 0.0
     gripper.command(True)
-    assert gripper.closed(start_ns + 2 * NANOSECONDS) == 1.0
+    assert closed_at(gripper, start_ns + 2 * NANOSECONDS) == 1.0
 
 
 def test_a_gripper_outside_the_output_image_is_rejected_when_it_is_made(harness: Harness) -> None:
@@ -146,4 +155,4 @@ def test_a_gripper_does_not_move_before_the_engine_is_ready() -> None:
     gripper = Gripper(harness.io, GRIPPER, harness.clock)
     with pytest.raises(NotReady):
         gripper.command(True)
-    assert gripper.closed(0) == 0.0
+    assert closed_at(gripper, 0) == 0.0

@@ -55,7 +55,7 @@ class GripperAction:
         gripper: to be moved.
         action_type: class of the action.
         name: of the action.
-        wanted: returns the finger position of a goal; raises InvalidArgument.
+        wanted: returns the position of the gripper in a goal; raises InvalidArgument.
         fill: fills a result or a feedback from finger names and a state.
     """
 
@@ -137,16 +137,14 @@ def _wanted(request: Any, gripper: Gripper) -> float:
 
 
 def _wanted_in_parallel(request: Any, gripper: Gripper) -> float:
-    command = request.command
-    unknown = [name for name in command.name if name not in gripper.joints]
-    if unknown:
-        known = ", ".join(gripper.joints)
-        raise InvalidArgument(f"joint {unknown[0]} is unknown (available: {known})")
-    if not command.position:
-        raise InvalidArgument("the command has no position")
-    if len(set(command.position)) > 1:
-        raise InvalidArgument("all fingers have one position")
-    return gripper.checked(float(command.position[0]))
+    """Return the position of the gripper; without names one position is that of the gripper."""
+    names, positions = list(request.command.name), list(request.command.position)
+    if not names and len(positions) == 1:
+        return gripper.checked(float(positions[0]))
+    names = names or list(gripper.joints)
+    if len(positions) != len(names):
+        raise InvalidArgument(f"{len(positions)} positions for {len(names)} joints")
+    return gripper.checked_fingers(dict(zip(names, positions, strict=True)))
 
 
 def _fill(message: Any, gripper: Gripper, state: GripperState) -> None:
@@ -156,6 +154,6 @@ def _fill(message: Any, gripper: Gripper, state: GripperState) -> None:
 
 def _fill_in_parallel(message: Any, gripper: Gripper, state: GripperState) -> None:
     message.state.name = list(gripper.joints)
-    message.state.position = [state.position_m] * len(gripper.joints)
+    message.state.position = (gripper.multipliers * state.position_m).tolist()
     message.state.velocity = [0.0] * len(gripper.joints)
     message.stalled, message.reached_goal = state.stalled, state.reached

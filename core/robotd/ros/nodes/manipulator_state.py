@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -11,7 +11,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from robotd.arrays import FloatArray
-from robotd.device.gripper import Gripper
 from robotd.device.process_image import ProcessImage, columns
 from robotd.node_settings.arm_settings import ManipulatorStateSettings, read_manipulator_state
 from robotd.robot import Robot
@@ -36,6 +35,8 @@ class ManipulatorState(Node):
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
         settings = read_settings(self, robot.descriptor, read_manipulator_state)
+        if robot.gripper is not None:
+            robot.gripper.configure(settings.open_m, settings.closed_m)
         topics = JointStateTopics(self, robot, settings)
         if settings.parameters_file:
             robot.connection.parameters.path = settings.parameters_file
@@ -62,7 +63,7 @@ class JointStateTopics:
         self._clock = StampClock(node.get_clock())
         self._joints = len(robot.joint_axes)
         self._names = list(settings.names)
-        self._fingers = Fingers.of(robot, settings.open_m, settings.closed_m)
+        self._gripper = robot.gripper
         self._finger_m = 0.0
         self._all: list[tuple[HotPublisher, bool]] = []  # and whether it is stamped
         self._positions: list[FloatArray] = []  # of each message
@@ -88,7 +89,7 @@ class JointStateTopics:
             return
         if self._is_gathered:
             self._measured[:] = image.measured[:, self._index]
-        self._move_fingers(image.stamp_ns)
+        self._move_fingers()
         stamp_ns = self._clock.at_ns(self._control_loop.started_ns)
         if self._slow:
             stamp_ns -= max(0, image.stamp_ns - image.fresh_ns)
@@ -97,13 +98,13 @@ class JointStateTopics:
                 message.stamp(stamp_ns)
             message.publish()
 
-    def _move_fingers(self, time_ns: int) -> None:
-        fingers = self._fingers
-        if fingers is None or (position_m := fingers.position_m(time_ns)) == self._finger_m:
+    def _move_fingers(self) -> None:
+        gripper = self._gripper
+        if gripper is None or (position_m := gripper.position_m) == self._finger_m:
             return
         self._finger_m = position_m
         for positions in self._positions:
-            np.multiply(fingers.multipliers, position_m, positions[self._joints :])
+            np.multiply(gripper.multipliers, position_m, positions[self._joints :])
 
     def _add_joint_state(self, topic: str, fields: tuple[str, ...], stamped: bool) -> None:
         rest = [0.0] * len(self._names)
@@ -119,33 +120,3 @@ class JointStateTopics:
         self.topics.append(message.topic)
         self._positions.append(message.view(fields[0]))
         self._all.append((message, stamped))
-
-
-class Fingers:
-    """Position of the gripper's fingers, from its output bit. Control loop thread.
-
-    Args:
-        open_m, closed_m: position of the gripper at the two ends.
-        multipliers: position of each finger per position of the gripper; shape (fingers,).
-    """
-
-    def __init__(
-        self, gripper: Gripper, open_m: float, closed_m: float, multipliers: FloatArray
-    ) -> None:
-        self.multipliers = multipliers
-        self._gripper = gripper
-        self._open_m = open_m
-        self._stroke_m = closed_m - open_m
-
-    @classmethod
-    def of(cls, robot: Robot, open_m: float, closed_m: float) -> Self | None:
-        """Return the fingers of ``robot``; None where there is no gripper."""
-        known = robot.descriptor.gripper
-        if robot.gripper is None or known is None:
-            return None
-        multipliers = np.array(known.multipliers or [1.0] * len(known.joints))
-        return cls(robot.gripper, open_m, closed_m, multipliers)
-
-    def position_m(self, time_ns: int) -> float:
-        """Position of the gripper at monotonic ``time_ns``."""
-        return self._open_m + self._stroke_m * self._gripper.closed(time_ns)

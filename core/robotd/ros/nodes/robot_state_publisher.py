@@ -20,7 +20,6 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes.latched_topics import publish_description
-from robotd.ros.nodes.manipulator_state import Fingers
 from robotd.ros.nodes.node_parameters import read_settings
 from robotd.ros.nodes.odometry_topics import TF_DEPTH
 from robotd.ros.nodes.tool_pose_topic import fill_transform
@@ -76,23 +75,23 @@ class _KnownJoints:
     """
 
     def __init__(self, robot: Robot) -> None:
-        drive, known = robot.descriptor.drive, robot.descriptor.gripper
+        drive = robot.descriptor.drive
         self._axes = list(robot.joint_axes)
         self.names = list(robot.joint_names)
         if drive is not None and drive.wheel_joints:
             self._axes += drive.axes
             self.names += drive.wheel_joints
-        self._fingers = Fingers.of(robot, known.open_m, known.closed_m) if known else None
-        if known and self._fingers:
-            self.names += known.joints
+        self._gripper = robot.gripper
+        if self._gripper is not None:
+            self.names += self._gripper.joints
 
     def positions(self, image: ProcessImage) -> FloatArray:
         """Return rad or m, shape (names,); NaN where the device does not know a position."""
         measured = image.position[self._axes]
-        if self._fingers is None:
+        if self._gripper is None:
             return measured
-        opening = self._fingers.position_m(image.stamp_ns)
-        return np.concatenate([measured, self._fingers.multipliers * opening])
+        fingers = self._gripper.multipliers * self._gripper.position_m
+        return np.concatenate([measured, fingers])
 
 
 class _MovingTopic:
