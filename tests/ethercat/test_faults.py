@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from structlog.testing import capture_logs
 from tests.ethercat.robot import EthercatRobot, started
 
 from robotd.control.trajectory_execution import Outcome
@@ -153,3 +154,18 @@ def test_frames_keep_their_phase_while_the_reference_clock_drifts(robot: Etherca
     robot.until(lambda: len(phases_ns) > 2000)
     assert in_the_middle()
     assert master.observer.drift_ppm == pytest.approx(200, abs=100)
+
+
+def test_a_slave_that_answers_complete_access_badly_is_mapped_by_plain_sdo(
+    robot: EthercatRobot,
+) -> None:
+    connection = robot.robot.connection
+    robot.inject("1 unpadded")
+    with capture_logs() as lines:
+        for _ in range(2):
+            connection.stop_communication()
+            connection.start_communication()
+    (warning,) = [line for line in lines if line["event"].startswith("no complete access")]
+    assert warning["slaves"] == ["axis 2 (slave 1)"]
+    assert "the object does not exist" in warning["reason"]
+    assert robot.device.state() is ConnectionState.COMMUNICATING

@@ -25,7 +25,7 @@ from robotd_ethercat.options import AxisOptions, Clocks
 from robotd_ethercat.plan import NEEDED_INPUTS, BusPlan, missing_text, needed_outputs
 from robotd_ethercat.slave import Slave
 from robotd_ethercat.slave_objects import SlaveObjects
-from robotd_ethercat.soem import Soem
+from robotd_ethercat.soem import MappingError, Soem
 
 log = get_logger("ethercat")
 
@@ -54,7 +54,11 @@ class BringUp:
 
     def identify(self) -> None:
         """Enumerate the slaves and compare them with the configured ones; all are in Init."""
-        found = self._bus.find_slaves()
+        bus = self._bus
+        for slave in self._slaves:
+            if not all(options.complete_access for options in slave.options):
+                bus.plain_sdo.add(slave.number)
+        found = bus.find_slaves()
         if not found:
             raise ConnectError(
                 "no EtherCAT slave answers",
@@ -67,9 +71,13 @@ class BringUp:
 
     def start(self) -> None:
         """Configure the slaves and bring them to Op. Nothing moves: all servos stay off."""
-        self._reach(AlState.PRE_OP)
-        self._each("the slaves cannot be configured", self._slaves, self._configure)
-        self._map()
+        self._prepare()
+        try:
+            self._bus.map()
+        except MappingError as error:
+            self._map_by_plain_sdo(error)
+        self._each("the mapping is wrong", self._slaves, self._check_sizes)
+        self._exchange.needed = self._bus.expected_counter
         self._exchange.begin()
         self._set_watchdogs()
         self._start_clocks()
@@ -142,15 +150,33 @@ class BringUp:
             value = 0 if index in controlwords else slave.read(index, sub)
             slave.image.outputs[slot] = value
 
-    def _map(self) -> None:
+    def _prepare(self) -> None:
+        self._reach(AlState.PRE_OP)
+        self._each("the slaves cannot be configured", self._slaves, self._configure)
+
+    def _map_by_plain_sdo(self, failure: MappingError) -> None:
+        """Map again, without complete access to the slaves that failed.
+
+        Devices announce it and answer it badly, for example without the byte that pads subindex 0.
+        """
+        bus = self._bus
         try:
-            self._bus.map()
-        except OperationError as error:
+            if not failure.slaves - bus.plain_sdo:
+                raise failure
+            bus.plain_sdo |= failure.slaves
+            names = {slave.number: slave.name for slave in self._slaves}
+            log.warning(
+                "no complete access from now on; complete_access: false avoids this second try",
+                slaves=[names.get(one, f"slave {one}") for one in sorted(failure.slaves)],
+                reason=failure.reason,
+            )
+            self.identify()
+            self._prepare()
+            bus.map()
+        except MappingError as error:
             raise ConnectError(
                 "the bus cannot be configured", {self._path(): str(error)}
             ) from error
-        self._each("the mapping is wrong", self._slaves, self._check_sizes)
-        self._exchange.needed = self._bus.expected_counter
 
     def _check_sizes(self, slave: Slave) -> None:
         raw, image, module = self._bus.slaves[slave.number], slave.image, slave.module

@@ -68,6 +68,11 @@ class SlaveOptions(Section):
     )
     identity: Identity = Field(Identity(), description="Identity that the slave must have.")
     startup: tuple[SdoWrite, ...] = Field((), description="Objects written at start, in order.")
+    complete_access: bool = Field(
+        True,
+        description="Read the mapping by complete access where the slave announces it; false: by"
+        " plain SDO, also done after a failure, which a warning names.",
+    )
     rx_pdos: tuple[PdoOptions, ...] = Field(
         (), description="Assignment 0x1C12, PDOs to the slave; empty: the slave's own."
     )

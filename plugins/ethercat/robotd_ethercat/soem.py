@@ -49,6 +49,14 @@ class SlaveState(NamedTuple):
 NO_ANSWER = SlaveState(AlState.NONE, error=False, code=0)
 
 
+class MappingError(OperationError):
+    """The mapping was not read without an error. ``slaves``: places of those that have one."""
+
+    def __init__(self, reason: str, slaves: frozenset[int]) -> None:
+        super().__init__(reason)
+        self.slaves = slaves
+
+
 class Soem:
     """One EtherCAT master on one interface, or on two with redundancy.
 
@@ -58,6 +66,11 @@ class Soem:
     Args:
         opener: calls the function that opens the sockets, in another network namespace for
             example; None: here.
+
+    Attributes:
+        slaves: those found by the last ``find_slaves``.
+        plain_sdo: places of slaves whose mapping is not read by complete access, from the next
+            ``find_slaves`` on.
     """
 
     def __init__(self, sdo_timeout_s: float, opener: Opener | None = None) -> None:
@@ -70,6 +83,7 @@ class Soem:
         self._master: Any = None
         self._sockets: list[socket.socket] = []
         self._several_frames = False
+        self.plain_sdo: set[int] = set()
 
     def open(self, interface: str, redundant_interface: str | None) -> None:
         """Open the sockets. Raises ConnectError with the reason and what to do."""
@@ -111,6 +125,9 @@ class Soem:
         """Enumerate the slaves, which go to Init; return their number."""
         found = self._master.config_init(release_gil=True)
         self.slaves = self._master.slaves if found > 0 else ()
+        for number, slave in enumerate(self.slaves):
+            if number in self.plain_sdo:
+                slave._disable_complete_access()  # noqa: SLF001 - the library has no public name
         return len(self.slaves)
 
     def states(self) -> list[SlaveState]:
@@ -153,12 +170,18 @@ class Soem:
         return bool(self._slave(slave).recover() > 0)
 
     def map(self) -> None:
-        """Configure sync managers and FMMUs of all slaves. Raises OperationError."""
+        """Configure sync managers and FMMUs of all slaves. Raises MappingError.
+
+        SOEM cannot repeat it before the next ``find_slaves``.
+        """
         try:
             self._master.config_map()
         except self._pysoem.ConfigMapError as error:
-            reasons = "; ".join(self._text(one) for one in error.error_list)
-            raise OperationError(f"the process data cannot be mapped: {reasons}") from error
+            reasons = "; ".join(dict.fromkeys(self._text(one) for one in error.error_list))
+            places = {getattr(one, "slave_pos", 0) - 1 for one in error.error_list}
+            raise MappingError(
+                f"the process data cannot be mapped: {reasons}", frozenset(places - {-1})
+            ) from error
         size = sum(len(slave.output) + len(slave.input) for slave in self.slaves)
         self._several_frames = size > _ONE_FRAME_BYTES
 

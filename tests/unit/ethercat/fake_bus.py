@@ -109,6 +109,7 @@ class FakeBus:
         answers_late: AL states are read as if no slave had answered.
         misread: slave → wrong AL state that is read next, once.
         interfaces: opened so far.
+        map_errors: raised by the next mappings.
     """
 
     def __init__(self, clock: Clock, drives: int, modules: int = 1) -> None:
@@ -125,7 +126,8 @@ class FakeBus:
         self.interfaces: list[str] = []
         self.sync0: dict[int, tuple[int, int, bool]] = {}
         self.watchdogs: dict[int, float] = {}
-        self.map_error: Exception | None = None
+        self.map_errors: list[Exception] = []
+        self.plain_sdo: set[int] = set()
         self._counter: int | None = None
 
     def _drive(self, number: int) -> FakeSlave:
@@ -194,8 +196,8 @@ class FakeBus:
         return self._answers(self.slaves[slave])
 
     def map(self) -> None:
-        if self.map_error is not None:
-            raise self.map_error
+        if self.map_errors:
+            raise self.map_errors.pop(0)
         for slave in self.slaves:
             if slave.drive is not None:
                 slave.outputs = self._mapped(slave, 0x1C12)

@@ -9,6 +9,7 @@ from tests.unit.ethercat.harness import Harness
 
 from robotd.errors import ConnectError, InvalidArgument, NotReady, OperationError
 from robotd_ethercat.al_status import AlState
+from robotd_ethercat.soem import MappingError
 
 
 def failure(harness: Harness) -> str:
@@ -193,3 +194,23 @@ def test_stopping_leaves_servos_off_and_the_slaves_in_pre_op(harness: Harness) -
     harness.device.stop_communication(1.0)
     assert all(slave.state is AlState.PRE_OP for slave in harness.bus.all)
     assert harness.slave(0).values[0x6041, 0] & 0x6F != 0x27
+
+
+def test_a_mapping_that_fails_is_repeated_by_plain_sdo_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    harness = Harness(monkeypatch)
+    harness.bus.map_errors = [MappingError("abort", frozenset([1]))]
+    harness.robot.start()
+    assert harness.bus.plain_sdo == {1}
+    harness.robot.connection.stop_communication()
+    harness.bus.map_errors = [MappingError("abort again", frozenset([1]))]
+    with pytest.raises(ConnectError, match="abort again"):
+        harness.robot.connection.start_communication()
+
+
+def test_complete_access_can_be_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = {"slave": 2, "input_length": 2, "output_length": 2, "complete_access": False}
+    harness = Harness(monkeypatch, io=[module])
+    harness.robot.start()
+    assert harness.bus.plain_sdo == {2}

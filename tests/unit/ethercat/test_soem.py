@@ -15,7 +15,7 @@ import pytest
 from robotd.errors import ConnectError, DeviceTimeout, OperationError, PluginError
 from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_ethercat.al_status import AlState
-from robotd_ethercat.soem import NO_ANSWER, SlaveState, Soem
+from robotd_ethercat.soem import NO_ANSWER, MappingError, SlaveState, Soem
 
 
 class Raising:
@@ -108,8 +108,10 @@ def test_errors_of_the_mapping_are_named_by_slave() -> None:
 
     bus = Soem(0.7)
     bus._master = SimpleNamespace(config_map=fail)
-    with pytest.raises(OperationError, match=r"slave 1: abort 0x06010000, .*; ValueError: odd"):
+    text = r"slave 1: abort 0x06010000, .*; ValueError: odd"
+    with pytest.raises(MappingError, match=text) as caught:
         bus.map()
+    assert caught.value.slaves == {1}
 
 
 def test_emergencies_arrive_as_eight_bytes() -> None:

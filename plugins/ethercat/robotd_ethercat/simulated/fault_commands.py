@@ -20,6 +20,7 @@ SLAVE al CODE                     falls to SafeOp with an AL status code, such a
 SLAVE mailbox silent | healthy    does not answer in the mailbox
 SLAVE timeout INDEX               does not answer SDO requests for an object
 SLAVE abort INDEX CODE            aborts each SDO access to an object
+SLAVE unpadded                    answers complete access with one byte for subindex 0
 SLAVE emcy CODE                   sends an emergency
 SLAVE drift PPM                   rate error of its clock
 SLAVE sync0 off | on              stops SYNC0
@@ -125,6 +126,10 @@ def _abort(target: Target, words: list[str]) -> None:
     target.slave.faults.aborts[int(words[0], 0), None] = int(words[1], 0)
 
 
+def _unpadded(target: Target, words: list[str]) -> None:
+    target.slave.faults.unpadded = True
+
+
 def _emcy(target: Target, words: list[str]) -> None:
     target.slave.emergency(int(words[0], 0))
 
@@ -167,6 +172,7 @@ _FAULTS: dict[str, Fault] = {
     "mailbox": _mailbox,
     "timeout": _timeout,
     "abort": _abort,
+    "unpadded": _unpadded,
     "emcy": _emcy,
     "drift": _drift,
     "sync0": _sync0,

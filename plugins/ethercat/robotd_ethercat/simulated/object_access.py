@@ -45,7 +45,7 @@ class ObjectAccess:
         """Return all entries from ``first`` (0 or 1) on; subindex 0 takes two bytes."""
         self._entry(index, first)
         parts = [self.read(index, sub) for sub in self._subs(index, first)]
-        if first == 0:
+        if first == 0 and not self._faults.unpadded:
             parts[0] = parts[0].ljust(2, b"\0")
         return b"".join(parts)
 

@@ -16,10 +16,12 @@ class SlaveFaults(DriveFaults):
     Attributes:
         aborts: object → abort code of every access; subindex None means all.
         unanswered: objects of which SDO requests get no response.
+        unpadded: an upload by complete access has one byte for subindex 0 instead of two.
     """
 
     aborts: dict[Key, int] = field(default_factory=dict)
     unanswered: set[Key] = field(default_factory=set)
+    unpadded: bool = False
 
     def heal(self) -> None:
         """End all faults."""
