@@ -178,11 +178,10 @@ class ServoDrive(CanopenDevice):
         for index in knobs.absent:
             self.remove(index)
             self.names.pop(index, None)
-        for (index, sub), entry in self.objects.items():
+        for (index, _), entry in self.objects.items():
             if index in knobs.rejected and knobs.rejection == "ro" and entry.access == "rw":
                 entry.access = "ro"
-            is_pdo = 0x1400 <= index < 0x1C00
-            if knobs.fixed_pdos and is_pdo and (index & 0x200 or sub == 2):
+            if knobs.fixed_mapping and 0x1400 <= index < 0x1C00 and index & 0x200:
                 entry.access = "const"
             if knobs.empty_strings and entry.kind == "s":
                 entry.default = ""

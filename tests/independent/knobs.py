@@ -24,7 +24,7 @@ class Knobs:
     rejection: str = "ro"  # read-only in the EDS too; "abort": only when they are written
     absent: tuple[int, ...] = ()  # indexes that do not exist
     event_position: bool = False  # its TPDO has no event timer and is not sent without a change
-    fixed_pdos: bool = False  # mappings and transmission types are constant
+    fixed_mapping: bool = False  # mapping objects are constant
     position_alone: bool = False  # the default mapping has the position in a TPDO of its own
     self_starting: bool = False  # operational without an NMT command, TPDOs active by default
     heartbeat_ms: int = 0  # default of 0x1017

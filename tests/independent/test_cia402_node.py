@@ -428,12 +428,13 @@ def test_silent_event_driven_position_is_sent_on_change_only() -> None:
     assert bench.sent(0x380 + NODE)
 
 
-def test_pdo_parameters_may_be_constant() -> None:
-    bench = Bench(fixed_pdos=True)
+def test_mapping_may_be_constant() -> None:
+    bench = Bench(fixed_mapping=True)
     bench.wait(0.1)
     bench.write(0x1800, 1, INVALID | 0x180 + NODE)
-    for index, sub, size in ((0x1800, 2, 1), (0x1A00, 0, 1), (0x1A00, 1, 4), (0x1600, 0, 1)):
+    for index, sub, size in ((0x1A00, 0, 1), (0x1A00, 1, 4), (0x1600, 0, 1)):
         assert rejected(bench, index, sub, 1, size) == 0x0601_0002
+    bench.write(0x1800, 2, 1, 1)
 
 
 def test_position_tpdo_of_its_own() -> None:
