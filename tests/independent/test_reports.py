@@ -11,7 +11,7 @@ from tests.independent.conftest import NODE, START_RAD, OpenBench
 
 from robotd.cli import main
 from robotd.control.trajectory_execution import Outcome
-from robotd.errors import ConnectError
+from robotd.errors import ConnectError, DeviceTimeout
 
 OPTION_CODES = (0x6007, 0x605A, 0x605D, 0x60C2, 0x1016)
 EVENT_DRIVEN = [
@@ -33,6 +33,34 @@ def test_plain_drive_follows_without_a_jump(open_bench: OpenBench) -> None:
 # The position
 
 
+def test_event_driven_position_is_known_before_the_axis_is_energised(
+    open_bench: OpenBench,
+) -> None:
+    with open_bench(
+        axis={"tpdos": EVENT_DRIVEN}, event_position=True, position_alone=True
+    ) as bench:
+        bench.robot.start()
+        assert bench.image.position[0] == pytest.approx(START_RAD, abs=1e-3)
+        assert bench.drive["counts"]["enabled_blind"] == 0
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+
+
+def test_event_driven_position_that_cannot_be_read_leaves_the_axis_off(
+    open_bench: OpenBench,
+) -> None:
+    with open_bench(
+        axis={"tpdos": EVENT_DRIVEN},
+        event_position=True,
+        position_alone=True,
+        sdo_mute=(0x6064,),
+    ) as bench:
+        with pytest.raises((ConnectError, DeviceTimeout)) as failed:
+            bench.robot.start()
+        assert "0x6064" in str(failed.value)
+        assert "enabled" not in bench.drive["counts"]
+
+
 def test_position_in_a_tpdo_of_its_own(open_bench: OpenBench) -> None:
     tpdos = [*EVENT_DRIVEN[:1], {"number": 3, "objects": ["0x6064"]}]
     with open_bench(axis={"tpdos": tpdos}, position_alone=True) as bench:
@@ -40,14 +68,6 @@ def test_position_in_a_tpdo_of_its_own(open_bench: OpenBench) -> None:
         assert bench.move(2.0).outcome is Outcome.SUCCEEDED
         assert bench.drive["counts"]["enabled_blind"] == 0
         assert not bench.has_jumped()
-
-
-def test_scan_takes_the_feed_constant_as_one_turn(open_bench: OpenBench) -> None:
-    with open_bench(feed=3600) as bench:
-        scanned = CliRunner().invoke(main, ["canopen", "scan", *bench.bus, "--json"])
-    (axis,) = json.loads(scanned.stdout)["axes"]
-    assert axis["counts_per_rad"] == pytest.approx(3600 / math.tau)
-    assert "3600 (0x6092), 65536 (0x608F x 0x6091)" in axis["remark"]
 
 
 # The node
@@ -59,6 +79,7 @@ def test_drive_that_starts_by_itself_is_configured(open_bench: OpenBench) -> Non
         assert bench.image.position[0] == pytest.approx(START_RAD, abs=1e-3)
         assert bench.move(2.0).outcome is Outcome.SUCCEEDED
         assert not bench.has_jumped()
+        assert bench.robot.fieldbus.status(0).lost_frames == 0
 
 
 def test_boot_up_in_motion_stops_and_recovers_without_a_jump(open_bench: OpenBench) -> None:
@@ -74,6 +95,22 @@ def test_boot_up_in_motion_stops_and_recovers_without_a_jump(open_bench: OpenBen
         assert not bench.drive["energised"]
         bench.drive.do("clear")
         bench.robot.recover()
+        assert bench.move(0.5).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+
+
+def test_drop_to_pre_operational_stops_and_recovers(open_bench: OpenBench) -> None:
+    with open_bench() as bench:
+        bench.robot.start()
+        with bench.moving(-1.0, 3.0) as execution:
+            bench.until(lambda: bench.image.position[0] < 1.0)
+            bench.drive.do("pre_operational")
+            assert execution.wait(10)
+        assert execution.outcome is Outcome.FAULT
+        assert "pre-operational" in execution.message
+        bench.drive.do("clear")
+        bench.robot.recover()
+        assert bench.drive["energised"]
         assert bench.move(0.5).outcome is Outcome.SUCCEEDED
         assert not bench.has_jumped()
 
@@ -140,3 +177,10 @@ def test_missing_responses_end_the_start_with_node_and_object(
         assert f"node {NODE}" in text
         assert f"{object_}:00" in text
         assert "no answer within 0.3 s" in text
+
+
+def test_one_turn_is_the_feed_constant(open_bench: OpenBench) -> None:
+    with open_bench(feed=3600) as bench:
+        result = CliRunner().invoke(main, ["canopen", "scan", *bench.bus, "--json"])
+        [axis] = json.loads(result.output)["axes"]
+        assert axis["counts_per_rad"] == pytest.approx(3600 / math.tau)
