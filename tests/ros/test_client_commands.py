@@ -11,12 +11,17 @@ from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
+from rclpy.task import Future
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
+from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
 
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf import read_urdf
+from robotd.errors import DeviceTimeout
+from robotd.ros.client import motion_client
+from robotd.ros.client.ros_client import RosClient
 from robotd.testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
@@ -171,4 +176,54 @@ def test_a_robot_that_dies_in_motion_is_noticed() -> None:
             robot.process.kill()
             _, error = moving.communicate(timeout=90)
     assert moving.returncode == 5
-    assert "it may be moving" in error
+    assert "no feedback from the robot within 8 s" in error
+    assert "the arm may be moving, robotd stop stops it" in error
+
+
+class DeafClient(GoalClient):
+    """Action client to which the answer to a goal never comes."""
+
+    def send_goal_async(self, *args: Any, **kwargs: Any) -> Future:
+        super().send_goal_async(*args, **kwargs)
+        return Future()
+
+
+class MuteClient(DeafClient):
+    """Action client whose goal never arrives."""
+
+    def send_goal_async(self, *args: Any, **kwargs: Any) -> Future:
+        return Future()
+
+
+@pytest.mark.parametrize(
+    ("action_client", "says", "moves"),
+    [
+        (DeafClient, "it was canceled: canceled by the client", True),
+        (MuteClient, "the robot has not received it, nothing moved", False),
+    ],
+)
+def test_a_goal_without_an_answer_is_canceled(
+    cr3a: RobotProcess,
+    client: Client,
+    monkeypatch: pytest.MonkeyPatch,
+    action_client: type[GoalClient],
+    says: str,
+    moves: bool,
+) -> None:
+    monkeypatch.setattr(motion_client, "ActionClient", action_client)
+    joints: list[Any] = client.listen(JointState, "/joint_states")
+    start = client.next(joints).position[0]
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(cr3a.domain))
+    asking = RosClient(timeout_s=3.0, searches=True)
+    asking.start()
+    with closing(asking):
+        arm = motion_client.find_arm(asking, ["joint1"])
+        with pytest.raises(DeviceTimeout, match="no answer to the goal within 3 s") as caught:
+            motion_client.move(
+                asking, arm, {"joint1": start + 1.0}, 20.0, lambda: False, lambda *_: None
+            )
+    assert says in str(caught.value)
+    end = client.next(joints)
+    assert abs(end.velocity[0]) < 1e-3
+    assert (abs(end.position[0] - start) > 0.01) == moves
+    assert robotd(cr3a.domain, "move", f"joint1={start}")[0] == 0

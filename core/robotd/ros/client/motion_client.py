@@ -7,15 +7,19 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, NoReturn
+from uuid import uuid4
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from rclpy.action import ActionClient, get_action_server_names_and_types_by_node
+from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
+from unique_identifier_msgs.msg import UUID
 
 from robotd.clock import NANOSECONDS
 from robotd.descriptor.group_parameters import ACTION, GROUPS, JOINTS
@@ -23,6 +27,7 @@ from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknow
 from robotd.ros.client.ros_client import RosClient
 
 JOINT_STATES = "joint_states"
+MAY_MOVE = "the arm may be moving, robotd stop stops it"
 ACTION_TYPE = "control_msgs/action/FollowJointTrajectory"
 
 _SETTLE_S = 0.6  # a second robotd is found within this time after the first one: discovery.py
@@ -40,6 +45,12 @@ class Ending(Enum):
     REACHED = "reached"
     CANCELED = "canceled"
     ABORTED = "aborted"  # or rejected, and nothing moved
+
+
+_ENDINGS = {
+    GoalStatus.STATUS_SUCCEEDED: Ending.REACHED,
+    GoalStatus.STATUS_CANCELED: Ending.CANCELED,
+}
 
 
 @dataclass(frozen=True)
@@ -110,7 +121,8 @@ def move(
 
     Raises:
         InvalidArgument: the arm has no such joint; nothing moved.
-        DeviceTimeout: no feedback for ``timeout_s`` of the client. The robot may be moving.
+        DeviceTimeout: no answer or no feedback for ``timeout_s`` of the client. The goal was
+            canceled; the text says what came of that.
     """
     arm.check(targets)
     actions = ActionClient(client.node, FollowJointTrajectory, arm.action)
@@ -134,8 +146,12 @@ class _Motion:
     def run(
         self, actions: ActionClient, goal: Any, is_canceled: Callable[[], bool]
     ) -> tuple[Ending, str]:
-        sending = actions.send_goal_async(goal, feedback_callback=self._on_feedback)
-        self._client.wait(sending.done, "answer to the goal")
+        goal_id = UUID(uuid=[*uuid4().bytes])
+        sending = actions.send_goal_async(goal, self._on_feedback, goal_id)
+        if not self._comes(sending):
+            # A handle without the answer: the goal may have been accepted all the same.
+            unanswered = FollowJointTrajectory.Impl.SendGoalService.Response()
+            self._give_up(ClientGoalHandle(actions, goal_id, unanswered), "no answer to the goal")
         handle = sending.result()
         if not handle.accepted:
             return Ending.ABORTED, "the robot did not accept the goal"
@@ -146,17 +162,31 @@ class _Motion:
             self._client.spin()
             if cancel is None and is_canceled():
                 cancel = handle.cancel_goal_async()
-            silence_s = time.monotonic() - self._feedback_s
-            if silence_s > self._client.timeout_s:
-                raise DeviceTimeout(
-                    f"no feedback from the robot for {silence_s:.0f} s; it may be moving"
-                )
+            if time.monotonic() - self._feedback_s > self._client.timeout_s:
+                self._give_up(handle, "no feedback from the robot")
         answer = result.result()
-        endings = {
-            GoalStatus.STATUS_SUCCEEDED: Ending.REACHED,
-            GoalStatus.STATUS_CANCELED: Ending.CANCELED,
-        }
-        return endings.get(answer.status, Ending.ABORTED), answer.result.error_string
+        return _ENDINGS.get(answer.status, Ending.ABORTED), answer.result.error_string
+
+    def _give_up(self, handle: ClientGoalHandle, why: str) -> NoReturn:
+        """Cancel the goal. Raises DeviceTimeout, with what came of it."""
+        cancel, result = handle.cancel_goal_async(), handle.get_result_async()
+        begin = f"{why} within {self._client.timeout_s:g} s"
+        if not self._comes(cancel):
+            raise DeviceTimeout(f"{begin}, and the cancel was not answered: {MAY_MOVE}")
+        if cancel.result().return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+            raise DeviceTimeout(f"{begin}: the robot has not received it, nothing moved")
+        if not self._comes(result):
+            raise DeviceTimeout(f"{begin}: canceled, but no result came: {MAY_MOVE}")
+        answer = result.result()
+        state = _ENDINGS.get(answer.status, Ending.ABORTED).value
+        raise DeviceTimeout(f"{begin}; it was {state}: {answer.result.error_string}")
+
+    def _comes(self, future: Any) -> bool:
+        """Wait for an answer, ``timeout_s`` of the client at most; return whether it came."""
+        end_s = time.monotonic() + self._client.timeout_s
+        while not future.done() and time.monotonic() < end_s:
+            self._client.spin()
+        return bool(future.done())
 
     def _on_feedback(self, message: Any) -> None:
         self._feedback_s = time.monotonic()

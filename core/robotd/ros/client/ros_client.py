@@ -23,6 +23,7 @@ from robotd.errors import DeviceTimeout, OperationError
 from robotd.ros.middleware import discovery_server, see_whole_graph, use_profiles
 from robotd.ros.node_registry import OPERATOR_NODE
 
+MAY_HAVE_ACTED = "the robot may have done it, and the answer was lost or is late; robotd status"
 _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
 
@@ -78,13 +79,21 @@ class RosClient:
         self.node.destroy_node()
         self._context.try_shutdown()
 
-    def wait(self, condition: Callable[[], Any], what: str, timeout_s: float | None = None) -> Any:
+    def wait(
+        self,
+        condition: Callable[[], Any],
+        what: str,
+        timeout_s: float | None = None,
+        *,
+        hint: str = "",
+    ) -> Any:
         """Return the first true result of ``condition``, called after every event.
 
         Args:
             condition: must not block.
             what: named in the error: "no {what} within ...".
             timeout_s: seconds; None takes the client's own.
+            hint: end of the error; "" for what to check where nothing was found.
 
         Raises:
             DeviceTimeout: there was none in time.
@@ -93,7 +102,7 @@ class RosClient:
         deadline = time.monotonic() + timeout_s
         while not (answer := condition()):
             if time.monotonic() > deadline:
-                raise DeviceTimeout(f"no {what} within {timeout_s:g} s: {self._hint()}")
+                raise DeviceTimeout(f"no {what} within {timeout_s:g} s: {hint or self._hint()}")
             self.spin()
         return answer
 
@@ -112,7 +121,7 @@ class RosClient:
         try:
             self.wait(client.service_is_ready, f"service {client.service_name}")
             future = client.call_async(service_type.Request(**request))
-            self.wait(future.done, f"answer from {client.service_name}")
+            self.wait(future.done, f"answer from {client.service_name}", hint=MAY_HAVE_ACTED)
         finally:
             self.node.destroy_client(client)
         response = future.result()
