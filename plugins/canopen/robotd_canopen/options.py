@@ -1,7 +1,7 @@
 """Model of the descriptor section ``backends.canopen``; every key ends in its unit.
 
-The descriptions below are the reference. Node ids, object numbers and COB-IDs may be written
-in hexadecimal.
+The descriptions below are the reference. Node ids, object numbers, their values, parts of an
+identity and COB-IDs may be written in hexadecimal.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from robotd.api import BackendOptions
 from robotd_cia402.options import (
     DriveOptions,
     Identity,
+    Integer,
     ObjectName,
     Positive,
     SdoWrite,
@@ -23,9 +24,9 @@ from robotd_cia402.options import (
     with_axis_defaults,
 )
 
-NodeId = Annotated[int, Field(ge=1, le=127)]
+NodeId = Annotated[Integer, Field(ge=1, le=127)]
 _UNUSED_TYPES = range(241, 254)  # transmission types: reserved, or on remote request (CiA 301)
-CobId = Annotated[int, Field(ge=0x001, le=0x7FF)]
+CobId = Annotated[Integer, Field(ge=0x001, le=0x7FF)]
 
 
 class BusOptions(Section):

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from enum import StrEnum
 from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    model_validator,
+)
 
 from robotd.api import RobotDescriptor
 
+
+def _from_hexadecimal(value: object) -> object:
+    """Read ``0x29C``, which a descriptor leaves a text."""
+    return int(value, 16) if isinstance(value, str) and _HEXADECIMAL.fullmatch(value) else value
+
+
+_HEXADECIMAL = re.compile(r"-?0[xX][0-9A-Fa-f]{1,8}")
+Integer = Annotated[int, BeforeValidator(_from_hexadecimal)]
+"""Whole number that may be written in hexadecimal."""
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{4}(:[0-9]{1,3})?$")]
 
@@ -39,16 +56,16 @@ class SdoWrite(Section):
     """One object that is written while the node starts."""
 
     object: ObjectName = Field(description="Object, `0x6085` or `0x607D:1`.")
-    value: int = Field(description="Value in the object's own unit.")
+    value: Integer = Field(description="Value in the object's own unit.")
 
 
 class Identity(Section):
     """Expected object 0x1018; null is not compared."""
 
-    vendor_id: int | None = None
-    product_code: int | None = None
-    revision: int | None = None
-    serial: int | None = None
+    vendor_id: Integer | None = None
+    product_code: Integer | None = None
+    revision: Integer | None = None
+    serial: Integer | None = None
 
 
 class SimulatedSwitches(Section):

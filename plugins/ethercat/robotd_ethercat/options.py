@@ -1,7 +1,7 @@
 """Model of the descriptor section ``backends.ethercat``; every key ends in its unit.
 
-The descriptions below are the reference. Object numbers and parts of an identity may be written
-in hexadecimal.
+The descriptions below are the reference. Object numbers, their values, parts of an identity and
+the alias may be written in hexadecimal.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from robotd.api import BackendOptions
 from robotd_cia402.options import (
     DriveOptions,
     Identity,
+    Integer,
     ObjectName,
     Positive,
     SdoWrite,
@@ -27,17 +28,7 @@ from robotd_cia402.options import (
 MAX_SLAVES = 199  # of SOEM
 
 
-def _number(value: object) -> object:
-    """Read `0x1600`, which YAML leaves a text."""
-    if isinstance(value, str) and value.lower().startswith("0x"):
-        try:
-            return int(value, 16)
-        except ValueError:
-            return value
-    return value
-
-
-PdoIndex = Annotated[int, BeforeValidator(_number), Field(ge=0x1600, le=0x1BFF)]
+PdoIndex = Annotated[Integer, Field(ge=0x1600, le=0x1BFF)]
 Milliseconds = Annotated[float, Field(gt=0, le=6000, allow_inf_nan=False)]
 
 
@@ -63,7 +54,7 @@ class SlaveOptions(Section):
     """Options common to drives and I/O modules."""
 
     slave: int = Field(ge=0, lt=MAX_SLAVES, description="Place on the cable, 0 is the first.")
-    alias: int | None = Field(
+    alias: Integer | None = Field(
         None, ge=1, le=0xFFFF, description="Station alias that it must have; null: not compared."
     )
     identity: Identity = Field(Identity(), description="Identity that the slave must have.")
