@@ -90,6 +90,10 @@ class Exchange:
         )
         self.needed = others + sum(slave.counter for slave in self._slaves if slave.online)
 
+    def expect(self, slave: Slave) -> None:
+        """Count frames as good only if ``slave`` has processed them; it is not online yet."""
+        self.needed += slave.counter
+
     def send(self) -> None:
         """Encode and send the outputs of all slaves.
 

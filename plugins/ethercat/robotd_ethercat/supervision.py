@@ -174,7 +174,11 @@ class Supervision:
             self._take_back(slave)
 
     def _take_back(self, slave: Slave) -> None:
-        """Take back a slave in Op; its axes are off until they are switched on."""
+        """Take back a slave in Op; its axes are off until they are switched on.
+
+        Frames that it has not processed hold its values from before: none counts from now on.
+        """
+        self._exchange.expect(slave)
         for axis, owner in self._axes:
             if owner is slave:
                 axis.power.reset()

@@ -16,6 +16,7 @@ from robotd.api import (
     DeviceTimeout,
     FloatArray,
     NotReady,
+    ProcessImage,
     hookimpl,
 )
 from robotd_sim import SimAxes, SimDevice
@@ -166,6 +167,44 @@ class StopsCommunicatingOnly(Mutant):
             with self.simulation.world.lock:
                 for axis in np.flatnonzero(self.__dict__.get("on", [])):
                     self.simulation.power.request(int(axis), on=True)
+
+
+class _LateFirstPosition(SimAxes):
+    """Axes whose measured positions come some periods after communication has started."""
+
+    PERIODS = 5
+
+    def read(self, image: ProcessImage) -> None:
+        known = bool(np.isfinite(image.position).all())  # else: the first period
+        super().read(image)
+        left = self.__dict__.get("left", 0) if known else self.PERIODS
+        if left:
+            image.position[:] = self.not_measured(image)
+            self._readout._image = None
+        else:
+            self.__dict__["last"] = image.position.copy()
+        self.__dict__["left"] = max(0, left - 1)
+
+    def not_measured(self, image: ProcessImage) -> FloatArray:
+        return np.zeros(image.axes)
+
+
+class ReadyBeforeItsFirstPosition(Mutant):
+    """Positions are 0 until the device has sent them."""
+
+    found_by = "test_connection.py::test_the_first_position_of_a_connection_is_measured"
+    robot = "cr3a"  # whose encoders are absolute
+
+    class Axes(_LateFirstPosition):
+        pass
+
+
+class PositionsOfTheConnectionBefore(Mutant):
+    found_by = "test_connection.py::test_the_first_position_of_a_connection_is_measured"
+
+    class Axes(_LateFirstPosition):
+        def not_measured(self, image: ProcessImage) -> FloatArray:
+            return self.__dict__.get("last", image.position)
 
 
 class CannotBeOpenedTwice(Mutant):

@@ -30,10 +30,12 @@ class Mutant:
     Attributes:
         found_by: check, or checks, that must fail on it; "": no check finds it yet.
         says: regular expression that the failure matches.
+        robot: on which it is found; None: that of the kit.
     """
 
     found_by: ClassVar[str | tuple[str, ...]]
     says: ClassVar[str] = ""
+    robot: ClassVar[str | None] = None
     Device: ClassVar[type[SimDevice]] = SimDevice
     Axes: ClassVar[type[SimAxes]] = SimAxes
     Io: ClassVar[type[SimIo]] = SimIo

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 from tests.unit.ethercat.harness import Harness
 
@@ -74,6 +76,27 @@ def test_a_slave_that_kept_its_configuration_comes_back_with_its_servo_off(
     assert harness.image.position_command[1] == pytest.approx(harness.image.position[1])
     harness.robot.recover()
     assert harness.image.servo_on.all()
+
+
+def test_a_slave_that_is_taken_back_is_known_by_a_frame_that_it_has_processed(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slave, exchange = harness.slave(1), harness.master.exchange
+    slave.state = AlState.SAFE_OP
+    harness.robot.step(6)
+    harness.master.supervision.check()
+    slave.state = AlState.OP
+    count_online, known = exchange.count_online, []
+
+    def later(states: Sequence[SlaveState]) -> None:
+        slave.state = AlState.SAFE_OP  # again, so that the next frame passes without it
+        harness.robot.step(2)
+        known.append(not harness.image.offline[1])
+        count_online(states)
+
+    monkeypatch.setattr(exchange, "count_online", later)
+    harness.master.supervision.check()
+    assert known == [False]
 
 
 def test_an_answer_that_came_too_late_loses_no_slave(harness: Harness) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from robotd.device.capabilities import Capability
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import NotReady, RobotdError
 from robotd.testing.conformance.harness import SETTLED_RAD, Harness
@@ -18,6 +20,8 @@ from robotd_wmx_parameters import (
     read_wmx_parameters,
     write_wmx_parameters,
 )
+
+SETTLED_PERIODS = 50  # after which positions are measured, whatever was shown first
 
 
 def test_a_device_that_is_made_is_idle(unopened: Harness) -> None:
@@ -125,6 +129,31 @@ def test_servos_are_off_after_communication_stopped(fresh: Harness) -> None:
     fresh.until(lambda: fresh.robot.connection.ready, "the engine is ready again")
     fresh.pass_time(0.3)
     assert not fresh.image.servo_on.any(), "nothing may enable a servo by itself"
+
+
+def test_the_first_position_of_a_connection_is_measured(fresh: Harness) -> None:
+    """The position that an axis shows first becomes the command of its servo."""
+    fresh.move_all(0.5)
+    fresh.rest()
+    fresh.disable()
+    fresh.rest()
+    fresh.robot.connection.stop_communication()
+    fresh.until(lambda: bool(np.isnan(fresh.image.position).all()), "positions are forgotten")
+    if fresh.fault_injector is not None:
+        for axis, delta in zip(fresh.all, fresh.travel(0.25), strict=True):
+            with suppress(RobotdError):  # not every simulation can be turned without power
+                fresh.fault_injector.move_by_hand(axis, float(delta))
+    first = np.full(fresh.count, np.nan)
+
+    def note(image: ProcessImage) -> None:
+        shown = np.isnan(first) & np.isfinite(image.position) & ~image.offline
+        first[shown] = image.position[shown]
+
+    with fresh.each_period(note):
+        fresh.robot.connection.start_communication()
+        fresh.until(lambda: bool(np.isfinite(first).all()), "positions are known")
+        fresh.periods(SETTLED_PERIODS)
+    assert first == pytest.approx(fresh.image.position, abs=SETTLED_RAD)
 
 
 def test_closing_while_axes_move_is_orderly(fresh: Harness) -> None:
