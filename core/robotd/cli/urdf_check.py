@@ -80,8 +80,9 @@ def _differences(
             continue
         beyond = theirs - ours if attribute == "lower" else ours - theirs
         if beyond > ROUNDING:
+            soft = "soft " if urdf.soft is not None and theirs in urdf.soft else ""
             what = (
-                f"{attribute} limit {theirs:g} is exceeded by {joint.key(key)} {ours:g}"
+                f"{soft}{attribute} limit {theirs:g} is exceeded by {joint.key(key)} {ours:g}"
                 " of the descriptor"
             )
             yield DescriptorError(what, path=path, line=urdf.line, key=joint.name)

@@ -10,10 +10,8 @@ from typing import Any
 import yaml
 
 from robotd.descriptor import RobotDescriptor
-from robotd.descriptor.files import read_limited
+from robotd.descriptor.urdf import read_urdf_text
 from robotd.errors import DescriptorError
-
-MAX_URDF_BYTES = 8_000_000
 
 
 @dataclass(frozen=True)
@@ -55,14 +53,11 @@ class ExportInput:
         raise self.rejection(f"{self.descriptor.name}: parameter {node}.{name} is empty")
 
     def urdf(self) -> str:
-        """Return the text of the robot's URDF. Raises DescriptorError: missing or not UTF-8."""
+        """Return the text of the robot's URDF. Raises DescriptorError: missing or not XML."""
         path = self.descriptor.urdf
         if path is None:
             raise self.rejection(f"{self.descriptor.name} has no urdf")
-        try:
-            return read_limited(path, MAX_URDF_BYTES).decode()
-        except UnicodeDecodeError as error:
-            raise self.rejection(f"{path} is not UTF-8: {error.reason}") from None
+        return read_urdf_text(path)
 
     def rejection(self, reason: str) -> DescriptorError:
         """Return an error about the descriptor, ready to be raised."""

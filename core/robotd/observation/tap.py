@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Self
 
 from robotd import log as robot_log
+from robotd.descriptor.urdf import read_urdf_text
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.state import ConnectionState
-from robotd.errors import RobotdError
+from robotd.errors import DescriptorError, RobotdError
 from robotd.events import MAX_BYTES, BoundedLog, EventKind, EventLog, Level
 from robotd.log import get_logger
 from robotd.observation.change_detector import ChangeDetector
@@ -222,6 +223,6 @@ def recording_info(robot: Robot) -> RecordingInfo:
 
 
 def _text(path: Path | None) -> str:
-    with suppress(OSError, UnicodeDecodeError):
-        return path.read_text(encoding="utf-8") if path else ""
+    with suppress(DescriptorError):
+        return read_urdf_text(path) if path else ""
     return ""

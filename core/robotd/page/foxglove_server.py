@@ -142,7 +142,7 @@ def _frames(tap: Tap) -> JointFrames | None:
     path = tap.robot.descriptor.urdf
     if not tap.urdf or path is None:
         return None
-    return JointFrames(parse_urdf(tap.urdf.encode(), path), tap.robot.joint_names)
+    return JointFrames(parse_urdf(tap.urdf, path), tap.robot.joint_names)
 
 
 def _transforms(frames: JointFrames, positions: FloatArray, time_ns: int) -> FrameTransforms:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.descriptor.urdf import parse_urdf, read_urdf
+from robotd.descriptor.urdf import parse_urdf, read_urdf, read_urdf_text
 from robotd.errors import DescriptorError
 
 URDFS = Path(__file__).parents[2] / "urdf"
@@ -23,6 +23,12 @@ def joint(name: str, parent: str, child: str, inside: str = LIMIT, kind: str = "
 
 def links(*names: str) -> str:
     return "".join(f'<link name="{name}"/>\n' for name in names)
+
+
+def soft(lower: object, upper: object) -> str:
+    return (
+        f'<safety_controller k_velocity="1" soft_lower_limit="{lower}" soft_upper_limit="{upper}"/>'
+    )
 
 
 def problems(body: str) -> list[str]:
@@ -71,6 +77,18 @@ def problems(body: str) -> list[str]:
         (joint("a", "base", "tip") + links("base", "tip", "island"),
          "arm.urdf:5: island: link is a second root, beside 'base': no joint connects it"),
         ("", "arm.urdf:1: has no link"),
+        (joint("a", "base", "tip", LIMIT.replace('"2"', '"1_0"')) + links("base", "tip"),
+         "arm.urdf:2: a: velocity='1_0' is not a finite number"),
+        (joint("a", "base", "tip", LIMIT.replace('"2"', '"١"')) + links("base", "tip"),
+         "arm.urdf:2: a: velocity='١' is not a finite number"),
+        (joint("a", "base", "tip", LIMIT.replace('"2"', '"1e999"')) + links("base", "tip"),
+         "arm.urdf:2: a: velocity='1e999' is not a finite number"),
+        (joint("a", "base", "tip", LIMIT + '<origin xyz="0 1_0 0"/>') + links("base", "tip"),
+         "arm.urdf:2: a: xyz='0 1_0 0' is not three finite numbers"),
+        (joint("a", "base", "tip", LIMIT + soft(2, 3)) + links("base", "tip"),
+         "arm.urdf:2: a: soft limits 2 to 3 leave nothing of -1 to 1"),
+        (joint("a", "base", "tip", LIMIT + soft("x", 3)) + links("base", "tip"),
+         "arm.urdf:2: a: soft_lower_limit='x' is not a finite number"),
     ],
 )  # fmt: skip
 def test_a_problem_names_element_and_line(body: str, problem: str) -> None:
@@ -102,6 +120,88 @@ def test_all_problems_come_at_once_in_the_order_of_the_file() -> None:
 def test_other_files_are_named(text: str, problem: str) -> None:
     with pytest.raises(DescriptorError, match=re.escape(problem)):
         parse_urdf(text.encode(), PATH)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<axis xyz="0 0 0"/>',
+        '<limit lower="0" upper="0" effort="0" velocity="0"/>',
+        '<limit lower="1" upper="-1" effort="-1" velocity="x"/><mimic joint="none"/>',
+    ],
+)
+def test_a_fixed_joint_says_nothing_about_motion(inside: str) -> None:
+    body = joint("a", "base", "tip", inside, kind="fixed") + links("base", "tip")
+    found = parse_urdf(f"<robot>{body}</robot>", PATH).joint["a"]
+    assert not found.moves
+    assert (found.velocity, found.effort, found.mimic) == (None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("safety", "limits"),
+    [
+        ("", (-1.0, 1.0)),
+        (soft(-0.5, 0.8), (-0.5, 0.8)),
+        (soft(-0.5, 3), (-0.5, 1.0)),
+        (soft(-4, 4), (-1.0, 1.0)),
+        (soft(0, 0), (-1.0, 1.0)),  # as urdfdom reads absent ones
+        ('<safety_controller k_velocity="10"/>', (-1.0, 1.0)),
+        ('<safety_controller k_velocity="10" soft_upper_limit="0.5"/>', (-1.0, 0.5)),
+    ],
+)
+def test_the_tighter_of_hard_and_soft_limits_applies(
+    safety: str, limits: tuple[float, float]
+) -> None:
+    body = joint("a", "base", "tip", LIMIT + safety) + links("base", "tip")
+    found = parse_urdf(f"<robot>{body}</robot>", PATH).joint["a"]
+    assert (found.lower, found.upper) == limits
+
+
+@pytest.mark.parametrize("number", ["2", " 2.0 ", "+2.", ".2e1", "2E+0"])
+def test_numbers_are_read_as_urdfdom_reads_them(number: str) -> None:
+    body = joint("a", "base", "tip", LIMIT.replace('"2"', f'"{number}"')) + links("base", "tip")
+    assert parse_urdf(f"<robot>{body}</robot>", PATH).joint["a"].velocity == 2.0
+
+
+ENCODINGS = [
+    ("utf-8", "UTF-8"),
+    ("utf-8-sig", ""),
+    ("iso-8859-1", "ISO-8859-1"),
+    ("utf-16", "UTF-16"),
+    ("utf-16", ""),
+    ("cp1252", "windows-1252"),
+]
+
+
+@pytest.mark.parametrize(("codec", "declared"), ENCODINGS)
+def test_text_and_model_are_read_by_mark_and_declaration(
+    tmp_path: Path, codec: str, declared: str
+) -> None:
+    declaration = f"<?xml version='1.0' encoding='{declared}'?>\n" if declared else ""
+    body = joint("a", "base", "Größe") + links("base", "Größe")
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(f"{declaration}<robot name='Käfer'>\n{body}</robot>".encode(codec))
+    assert read_urdf(path).name == "Käfer"
+    text = read_urdf_text(path)
+    assert text.startswith("<?xml version='1.0' encoding='UTF-8'?>\n" if declared else "<robot")
+    assert parse_urdf(text, path).joint["a"].child == "Größe"
+    assert parse_urdf(text.encode(), path).name == "Käfer"
+
+
+@pytest.mark.parametrize(
+    ("data", "problem"),
+    [
+        (b"<robot name='K\xe4fer'/>", "not XML: "),  # neither a mark nor a declaration
+        (b"<?xml version='1.0' encoding='klingon'?><robot/>", "klingon"),
+        ("<robot/".encode("utf-16"), "not XML: "),
+    ],
+)
+def test_text_that_cannot_be_decoded_is_named(tmp_path: Path, data: bytes, problem: str) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(data)
+    for read in (read_urdf, read_urdf_text):
+        with pytest.raises(DescriptorError, match=problem):
+            read(path)
 
 
 def test_poses_follow_the_joints() -> None:

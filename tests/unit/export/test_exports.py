@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from robotd.cli.urdf_check import check_urdf
+from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd.export.export_input import ExportInput
 from robotd.export.nav2 import twist_limits
 from robotd.export.targets import EXPORTS
+from robotd.observation.tap import Tap
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
 
 ACTION = "movensys_manipulator_arm_controller/follow_joint_trajectory"
 
@@ -229,6 +235,34 @@ def test_isaac_is_told_of_a_calibration_of_the_real_wheels(baymax: RobotDescript
     assert "wheel_separation_multiplier 1.02, left_wheel_radius_multiplier 1," in text
     base, _ = yaml.safe_load(text)["action_graph"]
     assert base["wheel_distance_m"] == drive.wheel_separation_m
+
+
+@pytest.mark.parametrize(
+    ("codec", "declared"), [("iso-8859-1", "ISO-8859-1"), ("utf-16", "UTF-16")]
+)
+def test_export_page_and_recording_read_the_urdf_of_check(
+    cr3a: RobotDescriptor, tmp_path: Path, codec: str, declared: str
+) -> None:
+    assert cr3a.urdf is not None
+    text = cr3a.urdf.read_text(encoding="utf-8").replace("<robot", "<!-- é -->\n<robot", 1)
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(text.replace('"UTF-8"', f'"{declared}"', 1).encode(codec))
+    descriptor = cr3a.model_copy(update={"urdf": path})
+    check_urdf(path, descriptor)
+    assert ExportInput(descriptor).urdf() == text
+    robot = Robot(descriptor, load_backend("sim"), MonotonicClock())
+    assert Tap(robot, 1.0).urdf == text
+    assert [each.link for each in robot.tools] == ["link6"]
+
+
+def test_a_skid_steer_base_is_a_differential_one_for_others() -> None:
+    robot = load_robot_descriptor("skid_steer_base")
+    source = ExportInput(robot)
+    parameters = yaml.safe_load(EXPORTS["nav2"](source))
+    model = parameters["amcl"]["ros__parameters"]["robot_model_type"]
+    assert model == "nav2_amcl::DifferentialMotionModel"
+    graph = yaml.safe_load(EXPORTS["isaac"](source))["action_graph"]
+    assert graph[0]["feeds"] == "Differential Controller"
 
 
 def test_the_urdf_is_the_file(cr3a: RobotDescriptor) -> None:

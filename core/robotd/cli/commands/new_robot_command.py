@@ -19,8 +19,8 @@ from robotd.cli.robot_client import client_options, robot_client
 from robotd.descriptor.files import read_limited
 from robotd.descriptor.from_urdf import Choices, bus_robot_files, robot_files
 from robotd.descriptor.from_urdf.joint_roles import GripperDrive
-from robotd.descriptor.urdf import parse_urdf
-from robotd.descriptor.urdf.urdf_reader import MAX_BYTES
+from robotd.descriptor.urdf import declared_as_utf8, parse_urdf
+from robotd.descriptor.urdf.urdf_text import MAX_BYTES
 from robotd.errors import InvalidArgument, OperationError
 from robotd.number_argument import NumberRange
 
@@ -181,4 +181,4 @@ def _urdf_text(path: Path | None, timeout_s: float) -> tuple[bytes, Path]:
         return read_limited(path, MAX_BYTES), path
     with robot_client(timeout_s) as client:
         text: str = import_ros("client.status_client").read_description(client)
-    return text.encode(), Path("robot_description")
+    return declared_as_utf8(text).encode(), Path("robot_description")

@@ -76,7 +76,8 @@ def bus_joints(scan: BusScan, path: Path) -> tuple[UrdfJoint, ...]:
 def _unknown_joint(name: str) -> UrdfJoint:
     return UrdfJoint(
         name, 0, "revolute", "base", name, np.eye(4), np.array([0.0, 0.0, 1.0]),
-        lower=-HALF_TURN_RAD, upper=HALF_TURN_RAD, velocity=SLOW_RAD_S, effort=None, mimic=None,
+        lower=-HALF_TURN_RAD, upper=HALF_TURN_RAD, velocity=SLOW_RAD_S, effort=None, soft=None,
+        mimic=None,
     )  # fmt: skip
 
 

@@ -23,9 +23,10 @@ WIDTH = 96  # of comments
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
 
 _URDF_LIMITS = (
-    "Order and limits are those of the URDF; axes are numbered in this order: replace them by"
-    " the numbers of the drives. A URDF has no accelerations: full speed is reached in"
-    " {ramp_s:g} s. rated_torque_nm (rated_force_n), the drive's 100 %, is in no URDF."
+    "Order and limits are those of the URDF, of hard and soft limits the tighter; axes are numbered"
+    " in this order: replace them by the numbers of the drives. A URDF has no accelerations: full"
+    " speed is reached in {ramp_s:g} s. rated_torque_nm (rated_force_n), the drive's 100 %, is in"
+    " no URDF."
 )
 _BUS_LIMITS = (
     "A bus has neither names nor limits: joints are called as their drives and turn half a turn"

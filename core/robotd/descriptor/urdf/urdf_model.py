@@ -51,8 +51,9 @@ class UrdfJoint:
         type: one of ``MOVING_TYPES`` or ``FIXED``.
         origin: frame of the joint in that of its parent; shape (4, 4).
         axis: unit vector in the frame of the joint; shape (3,).
-        lower, upper: -inf and inf for a continuous joint.
+        lower, upper: -inf and inf for a continuous joint; the tighter of hard and soft limits.
         velocity, effort: None where the file has none.
+        soft: limits of its <safety_controller>; None without.
     """
 
     name: str
@@ -66,6 +67,7 @@ class UrdfJoint:
     upper: float
     velocity: float | None
     effort: float | None
+    soft: tuple[float, float] | None
     mimic: Mimic | None
 
     @property

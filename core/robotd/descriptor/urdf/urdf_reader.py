@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from lxml import etree
@@ -21,12 +22,13 @@ from robotd.descriptor.urdf.urdf_model import (
     UrdfRobot,
     frame,
 )
+from robotd.descriptor.urdf.urdf_text import MAX_BYTES, xml_root
 from robotd.descriptor.urdf.urdf_tree import check_tree, depth_first
 from robotd.errors import DescriptorError, did_you_mean
 
-MAX_BYTES = 8_000_000
-
 _TYPES = (*MOVING_TYPES, FIXED)
+# As urdfdom reads numbers: Python also takes 1_0, and digits of other scripts.
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?\s*", re.ASCII | re.IGNORECASE)
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -35,14 +37,23 @@ def read_urdf(path: Path) -> UrdfRobot:
     return parse_urdf(read_limited(path, MAX_BYTES), path)
 
 
-def parse_urdf(data: bytes, path: Path) -> UrdfRobot:
+def parse_urdf(data: bytes | str, path: Path) -> UrdfRobot:
     """Parse the content of ``path``, which error texts name. Raises DescriptorError."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-    try:
-        root = etree.fromstring(data, parser)
-    except etree.XMLSyntaxError as error:
-        raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
-    return _Reader(path).robot(root)
+    return _Reader(path).robot(xml_root(data, path))
+
+
+class _Limits(NamedTuple):
+    """Limits of a joint; the last five attributes of ``UrdfJoint`` before its mimic."""
+
+    lower: float
+    upper: float
+    velocity: float | None
+    effort: float | None
+    soft: tuple[float, float] | None
+
+
+_NO_LIMITS = _Limits(-math.inf, math.inf, None, None, None)
+_AXIS = (1.0, 0.0, 0.0)  # of a joint without <axis>
 
 
 class _Reader:
@@ -124,7 +135,9 @@ class _Reader:
         if kind not in _TYPES:
             self._problem(_type_problem(kind), element, name)
             return None
-        lower, upper, velocity, effort = self._limits(element, name, kind)
+        # What a fixed joint says about motion means nothing: exporters write zeros there.
+        moves = kind != FIXED
+        limits = self._limits(element, name, kind) if moves else _NO_LIMITS
         return UrdfJoint(
             name,
             element.sourceline,
@@ -132,12 +145,9 @@ class _Reader:
             self._end(element, name, "parent"),
             self._end(element, name, "child"),
             self._origin(element, name),
-            self._axis(element, name),
-            lower,
-            upper,
-            velocity,
-            effort,
-            self._mimic(element, name),
+            self._axis(element, name) if moves else np.array(_AXIS),
+            *limits,
+            self._mimic(element, name) if moves else None,
         )
 
     def _end(self, element: Any, name: str, tag: str) -> str:
@@ -147,28 +157,45 @@ class _Reader:
             self._problem(f"has no <{tag} link=...>", element, name)
         return link or ""
 
-    def _limits(
-        self, element: Any, name: str, kind: str
-    ) -> tuple[float, float, float | None, float | None]:
-        """Return lower, upper, velocity and effort."""
+    def _limits(self, element: Any, name: str, kind: str) -> _Limits:
+        """Return the limits: of hard and soft ones the tighter."""
         limit = element.find("limit")
         bounded = kind in ("revolute", "prismatic")
         if limit is None:
             if bounded:
                 text = f"a {kind} joint needs <limit lower= upper= effort= velocity=>"
                 self._problem(text, element, name)
-            return -math.inf, math.inf, None, None
+            return _NO_LIMITS
         velocity = self._number(limit, "velocity", name, required=bounded, above=0.0)
         effort = self._number(limit, "effort", name, minimum=0.0)
         if not bounded:
-            return -math.inf, math.inf, velocity, effort
+            return _Limits(-math.inf, math.inf, velocity, effort, None)
         lower = self._number(limit, "lower", name, default=0.0)
         upper = self._number(limit, "upper", name, default=0.0)
         if lower is None or upper is None:
-            return -math.inf, math.inf, velocity, effort
+            return _Limits(-math.inf, math.inf, velocity, effort, None)
         if lower >= upper:
             self._problem(f"lower limit {lower:g} is not below upper {upper:g}", limit, name)
-        return lower, upper, velocity, effort
+            return _Limits(lower, upper, velocity, effort, None)
+        soft = self._soft_limits(element.find("safety_controller"), name)
+        if soft is None:
+            return _Limits(lower, upper, velocity, effort, None)
+        tight = max(lower, soft[0]), min(upper, soft[1])
+        if tight[0] >= tight[1]:
+            what = f"soft limits {soft[0]:g} to {soft[1]:g} leave nothing of {lower:g} to {upper:g}"
+            self._problem(what, element.find("safety_controller"), name)
+        return _Limits(*tight, velocity, effort, soft)
+
+    def _soft_limits(self, safety: Any, name: str) -> tuple[float, float] | None:
+        """Return the limits of a <safety_controller>; None without them.
+
+        A missing one is infinite. Two equal ones, as urdfdom reads two missing ones, are none.
+        """
+        lower = self._number(safety, "soft_lower_limit", name, default=-math.inf)
+        upper = self._number(safety, "soft_upper_limit", name, default=math.inf)
+        if lower is None or upper is None or lower == upper:
+            return None
+        return None if (lower, upper) == (-math.inf, math.inf) else (lower, upper)
 
     def _mimic(self, element: Any, name: str) -> Mimic | None:
         mimic = element.find("mimic")
@@ -182,7 +209,7 @@ class _Reader:
         return Mimic(leader or "", multiplier or 0.0, offset or 0.0)
 
     def _axis(self, element: Any, name: str) -> FloatArray:
-        axis = self._vector(element.find("axis"), "xyz", name, (1.0, 0.0, 0.0))
+        axis = self._vector(element.find("axis"), "xyz", name, _AXIS)
         length = float(np.linalg.norm(axis))
         if length == 0.0:
             self._problem("axis 0 0 0 has no direction", element.find("axis"), name)
@@ -201,10 +228,7 @@ class _Reader:
         text = None if element is None else element.get(key)
         if text is None:
             return np.array(default)
-        try:
-            values = [float(word) for word in text.split()]
-        except ValueError:
-            values = []
+        values = [_finite(word) for word in text.split()]
         if len(values) != 3 or not all(map(math.isfinite, values)):
             self._problem(f"{key}={text!r} is not three finite numbers", element, name)
             return np.array(default)
@@ -227,10 +251,7 @@ class _Reader:
             if required:
                 self._problem(f"<{element.tag}> has no {key}", element, name)
             return default
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
+        value = _finite(text)
         if not math.isfinite(value):
             self._problem(f"{key}={text!r} is not a finite number", element, name)
         elif minimum is not None and value < minimum:
@@ -272,6 +293,11 @@ class _Reader:
     def _error(self, what: str, element: Any, name: str | None = None) -> DescriptorError:
         line = cast("int | None", element.sourceline)
         return DescriptorError(what, path=self._path, line=line, key=name)
+
+
+def _finite(text: str) -> float:
+    """Return the number in ``text``; NaN or infinity where it is none, or too large."""
+    return float(text) if _NUMBER.fullmatch(text) else math.nan
 
 
 def _type_problem(kind: str) -> str:

@@ -44,7 +44,7 @@ class RobotStatePublisher(Node):
         super().__init__(NAME, context=host.context)
         settings = read_settings(self, robot.descriptor, read_state_publisher)
         path = robot.descriptor.urdf or Path("robot_description")
-        urdf = parse_urdf(settings.description.encode(), path)
+        urdf = parse_urdf(settings.description, path)
         known = _KnownJoints(robot)
         frames = JointFrames(urdf, known.names)
         if idle := [joint.name for joint in frames.still if joint.moves]:
