@@ -68,12 +68,13 @@ class BringUp:
     def _start(self, node: Node) -> None:
         if not node.identity or node.fault:
             node.identify()
-        node.configure(self._layout.pdos(node.id))
         axes = [axis for axis in self._axes if axis.node is node]
-        for axis in axes:
-            set_up(axis, self._layout.sync_period_s)
-            axis.canopen.accept()
-        node.start()
-        for axis in axes:
-            axis.canopen.query()
+        with node.require_unique_id():
+            node.configure(self._layout.pdos(node.id))
+            for axis in axes:
+                set_up(axis, self._layout.sync_period_s)
+                axis.canopen.accept()
+            node.start()
+            for axis in axes:
+                axis.canopen.query()
         node.enter()

@@ -86,7 +86,8 @@ class CanopenFieldbus(FieldbusDriver):
 
     def _fault(self, node: Node) -> str:
         active = self._master.emergencies.active.get(node.id)
-        return node.fault or (active.text if active is not None else "")
+        emergency = active.text if active is not None else ""
+        return node.fault or emergency or self._master.supervision.doubled.get(node.id, "")
 
     def _size(self, direction: Direction) -> int:
         return sum(

@@ -189,7 +189,7 @@ class Master:
         # After a pause of this computer the frames of the nodes are still waiting to be read.
         elapsed_ns = min(now_ns - self._read_ns, _LONGEST_PERIODS * self._period_ns)
         self._read_ns = now_ns
-        self.supervision.watch(elapsed_ns)
+        self.supervision.watch(elapsed_ns, now_ns)
         streaming = (axis.node.name for axis in self.axes if axis.activity.streaming)
         if problem := self._stream.problem(now_ns, streaming):
             self.supervision.fail(problem)

@@ -9,6 +9,7 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import Clock, OperationError, RobotdError, wait_until
 from robotd_canopen.bus import Bus
+from robotd_canopen.duplicate_id import ANSWERS, HEARTBEATS, HeartbeatRate
 from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
 from robotd_canopen.object_dictionary import startup_writes
 from robotd_canopen.options import CanopenOptions, NodeOptions
@@ -20,7 +21,6 @@ from robotd_cia402.emcy import Emergency, EmergencyLog
 _IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 _EMCY, _HEARTBEAT = 0x080, 0x700
 _START_S = 2.0  # for the first heartbeat in state OPERATIONAL
-_DUPLICATE_ID = "duplicate node id: received more SDO responses than requests"
 _UNKNOWN_OBJECT = 0x06020000
 RESET = "it was reset and has lost its configuration; start communication again"
 """Cause of the loss of a node that has booted by itself."""
@@ -62,6 +62,7 @@ class Node:
         self.identity: tuple[int, ...] = ()
         self.startup = startup_writes(options)
         self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
+        self._rate = HeartbeatRate()
         self._has_booted = False
         self._boot_ns = 0  # of the latest boot-up message
         self.clock, self._bus, self._common = clock, bus, common
@@ -84,8 +85,9 @@ class Node:
 
     def identify(self) -> None:
         """Profile and identity. Raises OperationError or DeviceTimeout naming step and object."""
+        self.sdo.doubled = False
         self.command(NmtCommand.PRE_OPERATIONAL)  # a stopped node answers no SDO
-        with _step("identity"), self._require_unique_id():
+        with _step("identity"), self.require_unique_id(patient=True):
             profile = self.sdo.read(0x1000) & 0xFFFF
             if profile != self._profile:
                 raise OperationError(
@@ -105,7 +107,7 @@ class Node:
         self.configured = False
         self.command(NmtCommand.PRE_OPERATIONAL)
         with _step("heartbeat"):
-            self.sdo.write(0x1017, 0, round(self._common.heartbeat_s * 1000))
+            self._write_heartbeat()
             self.watch_master(watch=True)
         with _step("PDO configuration"):
             disable_others(self.sdo, tuple(pdos))
@@ -168,21 +170,38 @@ class Node:
         return f", {active.text}" if active is not None else ""
 
     @contextmanager
-    def _require_unique_id(self) -> Iterator[None]:
-        """Raise OperationError for a duplicate node id: more SDO responses than requests."""
-        requests, responses = self.sdo.requests, self.sdo.responses
+    def require_unique_id(self, *, patient: bool = False) -> Iterator[None]:
+        """Raise OperationError if another node with this id answers within the block.
 
-        def is_duplicate() -> bool:
-            return self.sdo.responses - responses > self.sdo.requests - requests
-
+        Args:
+            patient: wait for a late second answer after success, too; always after a failure.
+        """
         try:
             yield
-        except OperationError as error:
-            if not wait_until(is_duplicate, self._common.sdo_timeout_s, self.clock):
-                raise
-            raise OperationError(_DUPLICATE_ID) from error
-        if is_duplicate():
-            raise OperationError(_DUPLICATE_ID)
+        except RobotdError as error:
+            if self._is_answered_twice():
+                raise OperationError(ANSWERS) from error
+            raise
+        if self.sdo.doubled or (patient and self._is_answered_twice()):
+            raise OperationError(ANSWERS)
+
+    def duplicate(self, now_ns: int) -> str:
+        """Return a sign of another node with this id; "" without one. Control loop."""
+        if self.sdo.doubled:
+            return ANSWERS
+        return HEARTBEATS if self._rate.is_doubled(self._heartbeats, now_ns) else ""
+
+    def _is_answered_twice(self) -> bool:
+        return wait_until(lambda: self.sdo.doubled, self._common.sdo_timeout_s, self.clock)
+
+    def _write_heartbeat(self) -> None:
+        """Set the heartbeat period, and read the one that the node has made of it."""
+        self._rate.period_s = 0.0
+        self.sdo.write(0x1017, 0, round(self._common.heartbeat_s * 1000))
+        try:
+            self._rate.period_s = self.sdo.read(0x1017) / 1000
+        except SdoAbort:
+            return  # its rate is not supervised
 
     def _identity_part(self, sub: int) -> int:
         try:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import struct
 import threading
+import time
+from dataclasses import dataclass
 
 import can
 from canopen.objectdictionary import ObjectDictionary
@@ -20,13 +22,19 @@ from robotd_canopen.object_dictionary import describe, variable
 from robotd_cia402.cyclic_objects import SdoAbort
 
 _REQUEST, _RESPONSE = 0x600, 0x580
+_COMMAND = 0xE0  # bits of the first byte; the three bytes that follow an initiate name the object
+_INITIATES = (0x20, 0x40)  # download and upload
+_ABORT = 0x80
+_ANSWERS_TO_INITIATE = (0x60, 0x40, _ABORT)
+_LATE_S = 2.0  # after a request, in which the answer of another node with the same id may come
 
 
 class Sdo:
     """SDO client of one node. Any worker thread; transfers of one node follow each other.
 
     Attributes:
-        requests, responses: transfers that were tried, and response frames received.
+        doubled: an object was answered more often than it was requested, so that several nodes
+            have this id; stays.
 
     Args:
         path: the node's name in error texts, ``can0 → joint2 (node 3)``.
@@ -44,14 +52,16 @@ class Sdo:
         tries: int = 3,
     ) -> None:
         self.dictionary = dictionary
-        self.requests = self.responses = 0
+        self.doubled = False
+        self._answers: dict[bytes, _Answers] = {}  # by index and subindex
+        self._bus = bus
         self._path = path
         self._tries = tries
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
         requests, responses = _REQUEST + node, _RESPONSE + node
         self._client = SdoClient(requests, responses, dictionary)  # type: ignore[no-untyped-call]
-        self._client.network = bus  # type: ignore[assignment] # all it needs is send_message
+        self._client.network = self  # type: ignore[assignment] # all it needs is send_message
         self._client.RESPONSE_TIMEOUT = timeout_s
         bus.subscribe(_RESPONSE + node, self._on_response)
 
@@ -81,12 +91,19 @@ class Sdo:
             )
         self.download(index, sub, (value % limit).to_bytes(size, "little"))
 
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a request frame of the library's client. Raises can.CanOperationError."""
+        if data[0] & _COMMAND in _INITIATES:
+            answers = self._answers.setdefault(bytes(data[1:4]), _Answers())
+            answers.missing += 1
+            answers.requested_s = time.monotonic()
+        self._bus.send_message(can_id, data, remote)
+
     def _transfer(self, verb: str, index: int, sub: int, data: bytes | None) -> bytes:
         where = f"{self._path}: {verb} {describe(self.dictionary, index, sub)}"
         reason = ""
         with self._lock:
             for _ in range(self._tries):
-                self.requests += 1
                 try:
                     if data is None:
                         return bytes(self._client.upload(index, sub))
@@ -111,5 +128,28 @@ class Sdo:
     def _on_response(self, data: bytearray) -> None:
         if len(data) != 8:
             raise ValueError(f"an SDO answer has 8 bytes, this one {len(data)}")
-        self.responses += 1
+        if data[0] & _COMMAND in _ANSWERS_TO_INITIATE:
+            self._count(bytes(data[1:4]), is_abort=data[0] & _COMMAND == _ABORT)
         self._client.on_response(0, data, 0.0)  # type: ignore[no-untyped-call]
+
+    def _count(self, key: bytes, *, is_abort: bool) -> None:
+        """Count an answer for the object ``key``; one too many is of another node.
+
+        Answers to requests that another client on the bus has sent do not count, except within
+        ``_LATE_S`` of a request for the same object.
+        """
+        answers = self._answers.get(key)
+        if answers is None or time.monotonic() - answers.requested_s > _LATE_S:
+            return
+        if answers.missing:
+            answers.missing -= 1
+        elif not is_abort:  # a node may also abort the segments that follow its answer
+            self.doubled = True
+
+
+@dataclass(slots=True)
+class _Answers:
+    """Unanswered requests for one object, and the time of the last one."""
+
+    missing: int = 0
+    requested_s: float = 0.0

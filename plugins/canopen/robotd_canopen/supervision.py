@@ -22,6 +22,7 @@ class Supervision:
     Attributes:
         lost: lost nodes by id.
         faults: the latest losses, newest last, as text that names node and cause.
+        doubled: signs of a duplicate node id, by id. They stop nothing: nodes may repeat frames.
     """
 
     def __init__(
@@ -36,6 +37,7 @@ class Supervision:
         self.lost: dict[int, Node] = {}
         self.faults: list[str] = []
         self._reset: set[int] = set()  # lost nodes that answer again, without configuration
+        self.doubled: dict[int, str] = {}
         self._outage = OutageLog()
         self._bus, self._nodes, self._axes, self._feedback = bus, nodes, axes, feedback
         self._limit_ns = round(heartbeat_timeout_s * NANOSECONDS)
@@ -49,6 +51,7 @@ class Supervision:
     def begin(self) -> None:
         """Worker: start with no node lost; communication has been started."""
         self.lost.clear()
+        self.doubled.clear()
         self._reset.clear()
         self._outage.clear()
 
@@ -61,8 +64,10 @@ class Supervision:
             return self._bus.fault
         return causes(list(self.lost.values()))
 
-    def watch(self, period_ns: int) -> None:
+    def watch(self, period_ns: int, now_ns: int) -> None:
         """Supervise one control period, ``period_ns`` after the previous one."""
+        for node in self._nodes.values():
+            self._note_duplicate(node, now_ns)
         lost = self._lose_silent(period_ns)
         if lost:
             self._outage.lost(lost)
@@ -99,6 +104,12 @@ class Supervision:
             if self._lose(node, f"{pdo.name} has not come for {age_ms:.0f} ms"):
                 lost.append(node)
         return lost
+
+    def _note_duplicate(self, node: Node, now_ns: int) -> None:
+        sign = node.duplicate(now_ns)
+        if sign and node.id not in self.doubled:
+            log.warning("suspected duplicate node id", node=node.name, reason=sign)
+            self.doubled[node.id] = sign
 
     def _lose(self, node: Node, cause: str) -> bool:
         """Mark ``node`` as lost and stop all axes; False if it is not online."""
