@@ -137,6 +137,8 @@ def _axis(
 ) -> AxisLayout:
     key = f"axes.{options.axes.index(drive)}"
     dictionary = _dictionary(robot, drive, GENERIC_DRIVE, key, problems)
+    if not dictionary:  # unreadable: what it lacks is no problem of its own
+        return AxisLayout(drive, dictionary, (), ())
     receive, transmit = axis_pdos(drive)
     for base in _NEEDED:
         index = on_axis(base, drive.axis_offset)
@@ -181,6 +183,8 @@ def _io(
 ) -> IoLayout:
     key = f"io.{options.io.index(module)}"
     dictionary = _dictionary(robot, module, GENERIC_IO, key, problems)
+    if not dictionary:
+        return IoLayout(module, dictionary, (), ())
     receive, transmit = io_pdos(module)
     return IoLayout(
         module,
@@ -201,7 +205,8 @@ def _dictionary(
     try:
         dictionary = read_eds(eds_path(node.eds, folder, generic), node.node)
     except DescriptorError as error:
-        problems.append(_error(robot, f"{key}.eds", str(error)))
+        if not any(str(error) in str(known) for known in problems):  # six drives, one file
+            problems.append(_error(robot, f"{key}.eds", str(error)))
         return empty_dictionary()
     for number, (index, sub, _) in enumerate(startup_writes(node)):
         found = variable(dictionary, index, sub)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import io
-import re
-from configparser import Error as ConfigParserError
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
 from canopen.objectdictionary import ObjectDictionary, ODVariable
-from canopen.objectdictionary.eds import import_eds
 
-from robotd.api import DescriptorError, read_limited
+from robotd.api import read_limited
+from robotd_canopen.eds_reader import parse_eds
 from robotd_canopen.options import AxisOptions, NodeOptions
 from robotd_cia402.object_numbers import on_axis
 from robotd_cia402.options import parse_object
@@ -20,8 +17,6 @@ from robotd_cia402.options import parse_object
 GENERIC_DRIVE = "generic_402.eds"
 GENERIC_IO = "generic_401.eds"
 MAX_BYTES = 2_000_000  # of an EDS file; the generic drive has 40 kB
-MAX_SHOWN = 200  # characters of a reason
-_LINE = re.compile(r"\s*($|[;#]|\[[^\]]+\]|[^=:;\s\[][^=:;]*[=:])")
 
 
 def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
@@ -34,22 +29,7 @@ def eds_path(eds: Path | None, folder: Path | None, generic: str) -> Path:
 @lru_cache(maxsize=64)
 def read_eds(path: Path, node: int) -> ObjectDictionary:
     """The dictionary of ``node``. Raises DescriptorError. Any thread."""
-    try:
-        text = read_limited(path, MAX_BYTES).decode()
-        _check_lines(text, path)
-        dictionary: ObjectDictionary = import_eds(io.StringIO(text), node)  # type: ignore[no-untyped-call]
-    except (ValueError, LookupError, TypeError, OverflowError, ConfigParserError) as error:
-        what = str(error).partition("\n")[0][:MAX_SHOWN]  # the parser lists every line
-        raise DescriptorError(f"cannot be read as an EDS: {what}", path=path) from error
-    return dictionary
-
-
-def _check_lines(text: str, path: Path) -> None:
-    """Reject malformed lines, for which the parser needs quadratic time."""
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not _LINE.match(line):
-            what = f"neither a section nor key=value (value {line[:40]!r})"
-            raise DescriptorError(what, path=path, line=number)
+    return parse_eds(read_limited(path, MAX_BYTES), path, node)
 
 
 def empty_dictionary() -> ObjectDictionary:

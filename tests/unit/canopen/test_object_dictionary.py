@@ -18,10 +18,10 @@ GENERIC = eds_path(None, None, "generic_402.eds")
     [
         ("\nnonsense\n", r"eds:\d+: neither a section nor key=value \(value 'nonsense'\)"),
         *((f"\n{line}" * 200_000, "neither a section") for line in ("x", "x ;=1", "[x", " =1")),
-        ("\n[6040]\n", "section '6040' already exists"),
-        ("\n[7000]\nParameterName=x\nObjectType=lots\n", "cannot be read as an EDS: invalid"),
+        ("\n[6040]\n", r"section \[6040\] was given before, on line \d+"),
+        ("\n[7000]\nObjectType=lots\n", r"eds:\d+: \[7000\] ObjectType: 'lots' is not a number"),
         (";" * MAX_BYTES, "larger than the limit of 2_000_000 bytes"),
-        ("\udcff", "cannot be read as an EDS: 'utf-8' codec"),
+        ("\udcff", "neither a section nor key=value \\(value 'ÿ'"),
     ],
 )
 def test_a_wrong_file_is_rejected_at_once(tmp_path: Path, addition: str, message: str) -> None:
