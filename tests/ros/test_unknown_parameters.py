@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.ros.robot_process import RobotProcess
+from tests.ros.robot_process import RobotProcess, connected, wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -72,3 +72,33 @@ diff_drive_controller: {ros__parameters: {rate: 100}}
     assert len(warnings) == 2
     assert "the node is /left/manipulator_state; /**/manipulator_state matches" in warnings[0]
     assert "the node is called manipulator_state here" in warnings[1]
+
+
+@pytest.mark.parametrize(
+    ("rule", "text"),
+    [
+        ("diff_drive_controller:__node:=foo", "nodes keep their names"),
+        ("__node:=foo", "in a launch file leave out name="),
+        ("robotd:__name:=foo", "nodes keep their names"),
+        ("diff_drive_controler:cmd_vel:=x", "did you mean 'diff_drive_controller'?"),
+    ],
+)
+def test_a_rule_that_would_take_a_node_from_its_parameters_is_rejected(
+    rule: str, text: str
+) -> None:
+    with RobotProcess("--ros-args", "-r", rule, robot="baymax") as process:
+        assert process.exit_status() == 3
+        assert f"{rule}: " in process.output
+        assert text in process.output
+        assert "missing" not in process.output
+
+
+def test_the_name_of_a_node_in_a_launch_file_gives_no_other_node_this_name() -> None:
+    arguments = ("--ros-args", "-r", "__node:=diff_drive_controller", "-r", "cmd_vel:=drive")
+    with RobotProcess(*arguments, robot="baymax") as process:
+        process.wait_ready()
+        with connected(process) as client:
+            names = {"diff_drive_controller", "robotd"}
+            wait_until(lambda: names <= set(client.node.get_node_names()), "both nodes")
+            assert client.node.get_node_names().count("diff_drive_controller") == 1
+            assert client.node.count_subscribers("/drive") == 1

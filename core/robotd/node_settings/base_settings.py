@@ -220,14 +220,18 @@ def _common(parameters: ParameterReader, descriptor: RobotDescriptor) -> dict[st
     """Declare the parameters that all bases have; return the settings by name."""
     prefix = read_frame_prefix(parameters)
     highest = int(descriptor.cycle.rate_hz)
+    odom_frame = parameters.frame("odom_frame_id", "odom", "fixed frame of the odometry", prefix)
+    base_frame = parameters.frame("base_frame_id", "base_link", "frame of the base", prefix)
+    if odom_frame == base_frame:
+        what = f"{base_frame!r} is the frame of the odometry (odom_frame_id) too: they must differ"
+        parameters.reject("base_frame_id", what)
     limited = parameters.flag("publish_limited_velocity", False, f"publish {LIMITED_TOPIC}")
     return {
         "parameters_file": parameters.file("wmx_param_file_path", FILE_MEANING),
         "rate_hz": parameters.integer("rate", RATE_HZ, (1, highest), "rate of the topics in Hz"),
         "limited": LIMITED_TOPIC if limited else "",
-        "odom_frame": prefix
-        + parameters.text("odom_frame_id", "odom", "fixed frame of the odometry"),
-        "base_frame": prefix + parameters.text("base_frame_id", "base_link", "frame of the base"),
+        "odom_frame": odom_frame,
+        "base_frame": base_frame,
         "pose_variances": _variances(parameters, "pose_covariance_diagonal", POSE_VARIANCES),
         "twist_variances": _variances(parameters, "twist_covariance_diagonal", TWIST_VARIANCES),
         "description": parameters.description(),

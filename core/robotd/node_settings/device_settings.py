@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from robotd.control.axis_limits import axis_limits, axis_names
 from robotd.descriptor import RobotDescriptor
-from robotd.node_settings.parameter_reader import ParameterReader
+from robotd.node_settings.parameter_reader import ParameterReader, wrong_frame
 
 TRANSFORM_RATE_HZ = 50.0
 
@@ -22,7 +22,10 @@ def read_core_motion(parameters: ParameterReader, descriptor: RobotDescriptor) -
 
 def read_frame_prefix(parameters: ParameterReader) -> str:
     """Declare ``frame_prefix`` and return it."""
-    return parameters.text("frame_prefix", "", "put before the names of all frames")
+    prefix = parameters.text("frame_prefix", "", "put before the names of all frames")
+    if prefix and (wrong := wrong_frame(prefix)):
+        parameters.reject("frame_prefix", f"{prefix!r} cannot begin a frame: {wrong}")
+    return prefix
 
 
 def read_engine(parameters: ParameterReader, descriptor: RobotDescriptor) -> bool:

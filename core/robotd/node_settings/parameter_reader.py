@@ -32,6 +32,15 @@ class WrongType(Exception):
         self.value = value
 
 
+def wrong_frame(name: str) -> str:
+    """Return why tf cannot have a frame of this name; "" if it can."""
+    if not name:
+        return "it is empty"
+    if name.startswith("/"):
+        return "tf allows no leading /"
+    return "it has a space" if re.search(r"\s", name) else ""
+
+
 class ParameterReader:
     """Reads the parameters of one node from the robot's descriptor, without ROS.
 
@@ -103,6 +112,13 @@ class ParameterReader:
         self._settable.add(name)
         return self.flag(name, default, meaning)
 
+    def frame(self, name: str, default: str, meaning: str, prefix: str = "") -> str:
+        """Name of a frame of tf, with ``prefix``, which is checked where it is declared."""
+        value = self.text(name, default, meaning)
+        if wrong := wrong_frame(value):
+            self.reject(name, f"{value!r} is no name of a frame: {wrong}")
+        return prefix + value
+
     def text(self, name: str, default: str, meaning: str) -> str:
         """Any text."""
         return str(self._declare(name, default, meaning))
@@ -117,7 +133,9 @@ class ParameterReader:
         if value and (wrong := self._wrong_topic(value)):
             self.reject(name, f"{value!r} is not a ROS name: {wrong}")
         elif required and not value:
-            self.reject(name, "is empty, but needs a name" if self._given(name) else "missing")
+            what = "is empty, but" if self._given(name) else "missing,"
+            where = f"under ros_parameters.{self.node} of the robot, or by -p {name}:=NAME"
+            self.reject(name, f"{what} needs a name ({meaning}): set it {where}")
         return value
 
     def description(self) -> str:

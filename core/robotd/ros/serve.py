@@ -21,8 +21,13 @@ from robotd.plugin.registry import NodeInfo, NodeRegistry
 from robotd.robot import Robot
 from robotd.ros.endpoints import ServeReport, report_of
 from robotd.ros.host import RosHost
-from robotd.ros.middleware import exit_after, remove_leftovers, use_profiles
-from robotd.ros.node_registry import select_nodes
+from robotd.ros.middleware import check_remapping, exit_after, remove_leftovers, use_profiles
+from robotd.ros.node_registry import (
+    OPERATOR_NODE,
+    SIMULATION_NODE,
+    known_nodes,
+    select_nodes,
+)
 from robotd.ros.robot_lifecycle import RobotLifecycle
 from robotd.ros.run_nodes import run_nodes
 from robotd.stop_signals import stop_signals
@@ -108,6 +113,9 @@ def serve(
             by hand; it is shut down again.
     """
     chosen = list(select_nodes(node_names, registry).values())
+    own = (OPERATOR_NODE, SIMULATION_NODE)
+    known = {*known_nodes(registry), *own}
+    ros_args = check_remapping({*node_names, *own}, known, ros_args)
     use_profiles()
     _limit_heaps()
     if leftovers := remove_leftovers():

@@ -162,3 +162,47 @@ def test_a_state_publisher_that_cannot_publish(robot: str, frequency: float, rea
     read_state_publisher(parameters, descriptor)
     with pytest.raises(DescriptorError, match=reason):
         parameters.done()
+
+
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        ({"base_frame_id": "odom"}, "base_frame_id: 'odom' is the frame of the odometry"),
+        ({"odom_frame_id": "base_link"}, "base_frame_id: 'base_link' is the frame of the odometry"),
+        ({"base_frame_id": ""}, "base_frame_id: '' is no name of a frame: it is empty"),
+        ({"odom_frame_id": "/odom"}, "odom_frame_id: '/odom' is no name of a frame: tf allows no"),
+        (
+            {"base_frame_id": "base link"},
+            "base_frame_id: 'base link' is no name of a frame: it has",
+        ),
+        ({"frame_prefix": "/left/"}, "frame_prefix: '/left/' cannot begin a frame: tf allows no"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("robot", "node", "read"),
+    [
+        ("baymax", "diff_drive_controller", read_diff_drive),
+        ("skid_steer_base", "diff_drive_controller", read_diff_drive),
+        ("mecanum_base", MECANUM, read_mecanum_drive),
+        ("tricycle_base", TRICYCLE, read_tricycle),
+    ],
+)
+def test_frames_that_tf_cannot_have_are_rejected(
+    robot: str, node: str, read: Any, values: dict[str, str], problem: str
+) -> None:
+    defaults = {"odom_frame_id": "odom", "base_frame_id": "base_link"}
+    parameters, descriptor = reader(robot, node, **{**defaults, **values})
+    read(parameters, descriptor)
+    with pytest.raises(DescriptorError, match=problem):
+        parameters.done()
+
+
+def test_a_missing_topic_is_named_with_the_place_to_set_it() -> None:
+    parameters, descriptor = reader("baymax", "diff_drive_controller", cmd_vel_topic="")
+    read_diff_drive(parameters, descriptor)
+    what = (
+        r"cmd_vel_topic: is empty, but needs a name \(commands\): set it under"
+        r" ros_parameters.diff_drive_controller of the robot, or by -p cmd_vel_topic:=NAME"
+    )
+    with pytest.raises(DescriptorError, match=what):
+        parameters.done()

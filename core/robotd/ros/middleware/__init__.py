@@ -18,7 +18,12 @@ from robotd.ros.middleware.release_gil import request_id_of
 from robotd.ros.middleware.service_responses import ServiceResponses
 from robotd.ros.middleware.shared_memory import remove_leftovers
 from robotd.ros.middleware.stamp_clock import StampClock
-from robotd.ros.middleware.start_arguments import check_overrides, overrides_of, remapped_action
+from robotd.ros.middleware.start_arguments import (
+    check_overrides,
+    check_remapping,
+    overrides_of,
+    remapped_action,
+)
 from robotd.ros.middleware.type_mismatch import TypeMismatchCheck
 
 __all__ = [
@@ -31,6 +36,7 @@ __all__ = [
     "TypeMismatchCheck",
     "WorkerActionServer",
     "check_overrides",
+    "check_remapping",
     "destroy_node",
     "discovery_server",
     "exit_after",

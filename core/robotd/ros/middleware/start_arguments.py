@@ -1,5 +1,7 @@
 """ROS arguments given at start: unknown parameters are errors, and actions are remapped.
 
+Nodes keep their names: parameters of descriptors and the commands of robotd find them by name.
+
 Works around: rclpy ignores an override that no node declares, so that a misspelled limit has no
 effect. rcl of Jazzy remaps (``-r``) nodes, topics and services; an action's own services and topics
 have other names (``NAME/_action/send_goal``), so that a rule for the action matches none of them.
@@ -30,6 +32,8 @@ _ROS_PREFIX = "qos_overrides."  # declared by rclpy only where a QoS can be over
 _SECTION = "ros__parameters"
 _PARAMETER_OPTIONS = ("-p", "--param")
 _FILE_OPTION = "--params-file"
+_REMAP_OPTIONS = ("-r", "--remap")
+_NODE_NAME = ("__node", "__name")
 
 # Nodes of wmx_ros2_package 0.1.0 and later → the node that has their parameters here.
 RENAMED = {
@@ -37,6 +41,44 @@ RENAMED = {
     "joint_trajectory_controller": "follow_joint_trajectory_server",
     "gripper_controller": "follow_joint_trajectory_server",
 }
+
+
+def check_remapping(
+    names: Collection[str], known: Collection[str], ros_args: Sequence[str]
+) -> list[str]:
+    """Return ``ros_args`` without rules that rename a node to a name of this process.
+
+    ``Node(name=...)`` of launch adds such a rule, which would give all nodes this name.
+
+    Args:
+        names: of the nodes of the process.
+        known: names of all nodes that robotd or a plugin could serve.
+        ros_args: command line from ``--ros-args`` on.
+
+    Raises:
+        DescriptorError: a rule renames nodes, or is for a node that does not exist.
+    """
+    kept: list[str] = []
+    errors = []
+    for word in ros_args:
+        is_rule = bool(kept) and kept[-1] in _REMAP_OPTIONS
+        source, _, target = word.partition(":=") if is_rule else ("", "", "")
+        node, _, what = source.rpartition(":")
+        if what in _NODE_NAME and target in names and node in ("", target):
+            kept.pop()
+            continue
+        kept.append(word)
+        if what in _NODE_NAME and (not node or node in known):
+            reason = (
+                "nodes keep their names, by which parameters and the commands of robotd find them:"
+                " a namespace (-r __ns:=/NAME) tells robots apart; in a launch file leave out name="
+            )
+            errors.append(DescriptorError(reason, key=word))
+        elif node and node not in known and (hint := did_you_mean(node, [*known])):
+            errors.append(DescriptorError(f"no node of robotd has this name{hint}", key=word))
+    if errors:
+        raise DescriptorError.join(errors)
+    return kept
 
 
 def check_overrides(
