@@ -20,6 +20,7 @@ from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import MotionStop
 from robotd.control.problem import Problem, limit_problems, stop_problems
+from robotd.control.rearming import Rearming
 from robotd.control.recovery import Recovery, Report
 from robotd.control.servos import Servos
 from robotd.control.setpoint_mixer import SetpointMixer
@@ -67,6 +68,7 @@ class Robot:
         fieldbus: fieldbus diagnostics.
         gripper: None if the robot has none.
         control_loop: reads the device and sends setpoints, once a period.
+        rearming: sources of commands that have to begin anew after a stop or a fault.
         groups: joint groups by name; ``follower`` and ``stream`` are those of the only one.
         base: moves the wheels; None if the robot has none.
         wheel_axes: axes of the wheels; empty if the robot has none.
@@ -149,15 +151,13 @@ class Robot:
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        if self.gripper is not None:
-            self.control_loop.every(rate_hz, "gripper", self.gripper.advance)
-        guard = SoftLimitGuard(self.axes, 1.0 / rate_hz)
-        self.control_loop.every(rate_hz, "travel", guard.look)
+        self.rearming = Rearming(self.axes, self.connection, clock)
+        self._look_each_period(rate_hz)
         self._motion_stop = MotionStop(
             self.axes, mixer, self.connection, clock, self.io, descriptor.stop_input
         )
         self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
-        self.groups = JointGroups(descriptor, self.axes, mixer, clock, driver, name)
+        self.groups = JointGroups(descriptor, self.axes, mixer, clock, driver, name, self.rearming)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
         self.servos = Servos(descriptor, self.connection, self.axes, self.groups, self.base)
@@ -257,11 +257,11 @@ class Robot:
         return [*self._recovery.axis_problems(), *self._lasting_problems()]
 
     def _lasting_problems(self) -> list[Problem]:
-        """Return the problems that no recovery removes: a stop, joints outside their limits."""
+        """Return the problems that no recovery removes: of a stop, joint limits and sources."""
         axes = self.axes
         outside = limit_problems(self.image, axes.names, axes.limits)
         known = outside if self.connection.commandable else ()
-        return [*stop_problems(axes.stop_latch.rejection), *known]
+        return [*stop_problems(axes.stop_latch.rejection), *known, *self.rearming.problems()]
 
     def stop(self, reason: str = "by the operator") -> None:
         """Stop all motion on its path; no motion starts until ``reset``. Any worker.
@@ -306,7 +306,8 @@ class Robot:
     def reset(self) -> str:
         """Allow motion again after ``stop`` or the stop input; return what was reset. Any worker.
 
-        Nothing moves: each client has to command motion anew.
+        Nothing moves: each client has to command motion anew, and one that went on commanding has
+        to be released first.
 
         Raises:
             NotReady: the stop input forbids motion.
@@ -352,14 +353,21 @@ class Robot:
             if isinstance(self.clock, PacedClock):
                 self.clock.end()
 
+    def _look_each_period(self, rate_hz: float) -> None:
+        """Add what the control loop looks at in each period, after the setpoints."""
+        every, guard = self.control_loop.every, SoftLimitGuard(self.axes, 1.0 / rate_hz)
+        every(rate_hz, "interruptions", self.rearming.interruptions.look)
+        every(rate_hz, "travel", guard.look)
+        if self.gripper is not None:
+            every(rate_hz, "gripper", self.gripper.advance)
+
     def _make_base(self) -> MobileBase | None:
         """Compose the base; the control loop tracks its odometry."""
         drive = self.descriptor.drive
         if drive is None:
             return None
-        base = MobileBase(self.axes, self.mixer.slot(), drive, self.clock)
+        base = MobileBase(self.axes, self.mixer.slot(), drive, self.clock, self.rearming)
         self.connection.on_ready(base.on_ready)
-        self.axes.stop_latch.on_change(base.on_stop)
         self.control_loop.every(self.descriptor.cycle.rate_hz, "wheel odometry", base.track)
         return base
 

@@ -7,6 +7,7 @@ import pytest
 from tests.canopen.conftest import SMALL, OpenRig
 from tests.canopen.drives_process import RATE_HZ
 from tests.canopen.harness import Harness, broken
+from tests.rearming_checks import check_recovery
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Move
@@ -198,3 +199,15 @@ def test_a_servo_that_does_not_go_on_says_why(open_rig: OpenRig) -> None:
         harness.inject("1 statusword 0x0250")
         with pytest.raises(DeviceTimeout, match=r"axis 0: node 1: .*switch on disabled"):
             harness.robot.axes._driver.servo(0, True, 0.2)
+
+
+@pytest.mark.parametrize("fault", ["trip 0x3210", "silence"])
+def test_a_client_that_commands_on_moves_nothing_after_the_recovery(
+    open_rig: OpenRig, fault: str
+) -> None:
+    with open_rig(SMALL) as harness:
+        check_recovery(
+            harness.robot,
+            lambda: harness.inject(f"1 {fault}"),
+            lambda: harness.inject("1 heal"),
+        )

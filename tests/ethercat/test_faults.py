@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from structlog.testing import capture_logs
 from tests.ethercat.robot import EthercatRobot, started
+from tests.rearming_checks import check_recovery
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.state import ConnectionState
@@ -169,3 +170,12 @@ def test_a_slave_that_answers_complete_access_badly_is_mapped_by_plain_sdo(
     assert warning["slaves"] == ["axis 2 (slave 1)"]
     assert "the object does not exist" in warning["reason"]
     assert robot.device.state() is ConnectionState.COMMUNICATING
+
+
+@pytest.mark.parametrize(("fault", "end"), [("trip 0x8611", "heal"), ("off", "on")])
+def test_a_client_that_commands_on_moves_nothing_after_the_recovery(
+    robot: EthercatRobot, fault: str, end: str
+) -> None:
+    check_recovery(
+        robot.robot, lambda: robot.inject(f"2 {fault}"), lambda: robot.inject(f"2 {end}")
+    )

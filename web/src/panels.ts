@@ -192,7 +192,7 @@ export class EventPanel {
 function readiness({ ready, device, problems }: State): [string, string] {
   if (problems.some((each) => each.is_fault)) return ["fault", "bad"];
   if (!ready) return [`${device}, not ready`, "warn"];
-  return problems.length ? ["not ready for motion", "warn"] : ["ready", "good"];
+  return problems.some((each) => each.kind !== "source") ? ["not ready for motion", "warn"] : ["ready", "good"];
 }
 
 function goalText({ joints, duration_s, sender, ending }: Goal): string {

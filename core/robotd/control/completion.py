@@ -31,7 +31,7 @@ class Completion:
         requested: outcome and message to end with, None: it runs on. Set before ``outcome``.
         outcome, message: None and "" until it has ended; never change afterwards.
         event: set with ``outcome``.
-        on_end: called after an end was requested and after it has ended, in the same thread.
+        on_end: called after an end was requested and when it has ended, in the same thread.
     """
 
     def __init__(self) -> None:
@@ -84,5 +84,5 @@ class Completion:
         if self.outcome is None:
             self.outcome, self.message = outcome, message
             self.announce(outcome, message)
+            self.on_end()  # before a waiter acts on the end
             self.event.set()
-        self.on_end()

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from robotd.clock import Clock
 from robotd.control.joint_motion import STOP_TIMEOUT_S, JointMotion
 from robotd.control.joint_stream import JointStreams
+from robotd.control.rearming import Rearming
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.source_slot import SourceSlot
 from robotd.control.torque_stream import TorqueStreams
@@ -33,6 +34,7 @@ class JointGroup:
         clock: of the control loop.
         driver: of the axes.
         backend: name, for errors.
+        rearming: of the robot.
 
     Attributes:
         name: as above.
@@ -52,6 +54,7 @@ class JointGroup:
         clock: Clock,
         driver: AxisDriver,
         backend: str,
+        rearming: Rearming,
     ) -> None:
         self.name = name
         self.joint_names = descriptor.joint_names
@@ -60,10 +63,10 @@ class JointGroup:
         on_device = driver if axes.trajectories_on_device else None
         self.follower = TrajectoryFollower(self.motion, axes, descriptor, clock, on_device)
         self.stream = JointStreams(
-            self.motion, axes, descriptor, self.follower.limits, clock, backend
+            self.motion, axes, descriptor, self.follower.limits, clock, backend, rearming
         )
         self.torque_stream = TorqueStreams(
-            self.motion, axes, descriptor, self.follower.limits, clock, driver
+            self.motion, axes, descriptor, self.follower.limits, clock, driver, rearming
         )
 
 
@@ -71,7 +74,7 @@ class JointGroups(dict[str, JointGroup]):
     """Groups of a robot by name; every joint is in one. Any thread.
 
     Args:
-        descriptor, axes, clock, driver, backend: as of ``JointGroup``, with all joints.
+        descriptor, axes, clock, driver, backend, rearming: as of ``JointGroup``, with all joints.
         mixer: makes a slot for each group.
 
     Raises Unsupported: there are several and the device interpolates trajectories itself.
@@ -85,6 +88,7 @@ class JointGroups(dict[str, JointGroup]):
         clock: Clock,
         driver: AxisDriver,
         backend: str,
+        rearming: Rearming,
     ) -> None:
         super().__init__()
         groups = descriptor.joint_groups
@@ -92,7 +96,8 @@ class JointGroups(dict[str, JointGroup]):
             raise Unsupported(ON_DEVICE, backend)
         for name, joints in groups.items():
             part = descriptor.model_copy(update={"joints": joints})
-            self[name] = JointGroup(name, part, axes, mixer.slot(), clock, driver, backend)
+            slot = mixer.slot()
+            self[name] = JointGroup(name, part, axes, slot, clock, driver, backend, rearming)
 
     @property
     def only(self) -> JointGroup:

@@ -11,15 +11,24 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import Clock
 from robotd.control.joint_motion import JointMotion
-from robotd.control.open_stream import OpenStream, chosen_columns, chosen_timeout
+from robotd.control.open_stream import (
+    OpenStream,
+    StreamChecks,
+    StreamClient,
+    chosen_columns,
+    chosen_timeout,
+)
+from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.stream_motion import StreamMotion
 from robotd.control.stream_setpoints import StreamCommand, StreamMode
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
+from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, Unsupported
-from robotd.motion import JointLimits
+from robotd.motion import JointLimits, MotionState
 
 OWNER = "stream"
+NEUTRAL = "the present position or a velocity of 0"
 
 
 @dataclass(frozen=True)
@@ -37,12 +46,53 @@ class StreamStatistics:
     timeouts: int
 
 
+class JointChecks(StreamChecks):
+    """Checks of positions and velocities of some joints.
+
+    Args:
+        joints, source: as of ``StreamChecks``.
+        present: returns (k,) present positions, as commanded.
+        tolerance: (k,) distance from them at which a position asks for no motion.
+    """
+
+    def __init__(
+        self,
+        joints: Sequence[str],
+        source: CommandSource,
+        present: Callable[[], FloatArray],
+        tolerance: FloatArray,
+    ) -> None:
+        super().__init__(joints, source)
+        self._present, self._tolerance = present, tolerance
+
+    def send(
+        self,
+        position: Sequence[float],
+        velocity: Sequence[float] | None = None,
+        *,
+        sent_ns: int | None = None,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Check and admit as ``JointStream.send``; return both as arrays."""
+        target = self.values("position", position)
+        speed = None if velocity is None else self.values("velocity", velocity)
+        stands = bool((np.abs(target - self._present()) <= self._tolerance).all())
+        self.source.admit(moves=not stands or (speed is not None and bool(speed.any())))
+        return target, speed
+
+    def send_velocity(self, velocity: Sequence[float], *, sent_ns: int | None = None) -> FloatArray:
+        """Check and admit as ``JointStream.send_velocity``; return it as an array."""
+        speed = self.values("velocity", velocity)
+        self.source.admit(moves=bool(speed.any()))
+        return speed
+
+
 class JointStream(OpenStream[StreamMotion]):
     """Open stream of some joints, made by ``Robot.stream``; a context that closes it.
 
     ``send`` and ``send_velocity`` may be called by any thread and never block.
 
     Args:
+        checks: of its commands.
         motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
         columns: (k,) index of the stream's joints among the m joints of ``limits``.
@@ -52,14 +102,15 @@ class JointStream(OpenStream[StreamMotion]):
 
     def __init__(
         self,
+        checks: JointChecks,
         motion: StreamMotion,
         release: Callable[[StreamMotion], None],
         columns: IntArray,
         limits: JointLimits,
         clock: Clock,
     ) -> None:
-        super().__init__([limits.names[column] for column in columns], motion, release)
-        self._columns, self._clock = columns, clock
+        super().__init__(checks, motion, release)
+        self._checks, self._columns, self._clock = checks, columns, clock
         self._names = limits.names
         self._units = tuple(limits.units[column] for column in columns)
         self._position_limits = limits.lower[columns], limits.upper[columns]
@@ -87,12 +138,13 @@ class JointStream(OpenStream[StreamMotion]):
 
         Raises:
             InvalidArgument: a wrong number of values, or one that is not finite.
-            NotReady: the stream has ended; with the reason.
+            NotReady: the stream has ended, or its client went on commanding while motion was
+                rejected and has to begin anew; with the reason.
         """
-        target = self._values("position", position)
-        speed = None if velocity is None else self._values("velocity", velocity)
-        if speed is not None and self._motion.mode is StreamMode.SMOOTH:
+        if velocity is not None and self._motion.mode is StreamMode.SMOOTH:
             raise InvalidArgument("velocity: a smooth stream takes positions only")
+        self._require_open()
+        target, speed = self._checks.send(position, velocity)
         self._put(
             self._clip("position", target, *self._position_limits, self._units), speed, sent_ns
         )
@@ -103,7 +155,8 @@ class JointStream(OpenStream[StreamMotion]):
         Velocities beyond a limit are clipped and counted. A joint comes to rest at its position
         limit. ``sent_ns`` and errors: as of ``send``.
         """
-        speed = self._values("velocity", velocity)
+        self._require_open()
+        speed = self._checks.send_velocity(velocity)
         self._put(None, self._clip("velocity", speed, *self._velocity_limits, self._units), sent_ns)
 
     def _counts(self) -> dict[str, int]:
@@ -112,7 +165,7 @@ class JointStream(OpenStream[StreamMotion]):
     def _put(
         self, position: FloatArray | None, velocity: FloatArray | None, sent_ns: int | None
     ) -> None:
-        self._count_command()
+        self._commands += 1
         time_ns = self._clock.now_ns() if sent_ns is None else sent_ns
         self._motion.put(StreamCommand(self._all(position), self._all(velocity), time_ns))
 
@@ -137,6 +190,7 @@ class JointStreams:
         limits: of the joints.
         clock: of the control loop.
         backend: name, for errors.
+        rearming: of the robot.
     """
 
     def __init__(
@@ -147,9 +201,13 @@ class JointStreams:
         limits: JointLimits,
         clock: Clock,
         backend: str,
+        rearming: Rearming,
     ) -> None:
         self._motion, self._axes, self._limits = motion, axes, limits
         self._settings, self._clock, self._backend = descriptor.stream, clock, backend
+        self._rearming = rearming
+        self._joint_axes = tuple(joint.axis for joint in descriptor.joints)
+        self._tolerance = limits.start_tolerance(descriptor.trajectory)
         self._make_motion = partial(
             StreamMotion,
             np.array([joint.axis for joint in descriptor.joints], np.int64),
@@ -170,6 +228,7 @@ class JointStreams:
         takeover: bool | None = None,
         ends_when_silent: bool = False,
         max_velocity: Sequence[float] | None = None,
+        source: CommandSource | None = None,
     ) -> JointStream:
         """Return an open stream of some joints.
 
@@ -183,6 +242,7 @@ class JointStreams:
             ends_when_silent: the stream ends ``timeout_s`` after the last command.
             max_velocity: one for each of ``joints``, rad/s or m/s; None: their limits. A lower
                 one than the limit is used, whatever is commanded.
+            source: of the commands; None: that of ``owner``.
 
         Raises:
             InvalidArgument: unknown joint or mode, or a time-out or velocity that is not positive.
@@ -197,6 +257,8 @@ class JointStreams:
         if self._axes.trajectories_on_device:
             raise Unsupported("streamed positions", self._backend)
 
+        source = source or self._rearming.find(self.source(owner, seconds))
+        source.begin()
         scale = self._axes.speed.at_start()
         slowed = replace(limits, velocity=limits.velocity * scale)
         if max_velocity is not None:
@@ -209,17 +271,44 @@ class JointStreams:
             ends_when_silent=ends_when_silent,
         )
         allowed = self._settings.takeover if takeover is None else takeover
+
+        def watched(state: MotionState, start_ns: int) -> StreamMotion:
+            motion = make(state, start_ns)
+            self._rearming.interruptions.watch(motion.completion, self._joint_axes)
+            return motion
+
         motion = self._motion.start(
-            lambda state: partial(make, state), owner=owner, takeover=allowed
+            lambda state: partial(watched, state), owner=owner, takeover=allowed
         )
-        return JointStream(motion, self._motion.release, columns, slowed, self._clock)
+        checks = self._checks(columns, source)
+        return JointStream(checks, motion, self._motion.release, columns, slowed, self._clock)
 
-    def ends_when_silent(self, owner: str, timeout_s: float) -> Callable[[], JointStream]:
-        """Return a function that opens a stream of all joints, for ``owner``; any worker.
+    def source(self, name: str, timeout_s: float) -> CommandSource:
+        """Return a new source of commands for the joints; nothing has rejected it yet."""
+        modes = [CommandMode.POSITION] * len(self._joint_axes)
+        return CommandSource(
+            self._rearming, name, self._joint_axes, modes, timeout_s=timeout_s, neutral=NEUTRAL
+        )
 
-        The stream ends ``timeout_s`` after its last command.
+    def client(self, owner: str, timeout_s: float, name: str = "") -> StreamClient[JointStream]:
+        """Return a client for all joints whose streams end ``timeout_s`` after its last command.
+
+        Args:
+            owner: of the joints.
+            timeout_s: as above.
+            name: of the client; "": ``owner``.
         """
-        return partial(self, timeout_s=timeout_s, owner=owner, ends_when_silent=True)
+        source = self.source(name or owner, timeout_s)
+        open_stream = partial(
+            self, timeout_s=timeout_s, owner=owner, ends_when_silent=True, source=source
+        )
+        every: IntArray = np.arange(len(self._joint_axes))
+        return StreamClient(self._checks(every, source), open_stream)
+
+    def _checks(self, columns: IntArray, source: CommandSource) -> JointChecks:
+        names = [self._limits.names[column] for column in columns]
+        tolerance = self._tolerance[columns]
+        return JointChecks(names, source, lambda: self._motion.command()[columns], tolerance)
 
 
 def _limited(limits: JointLimits, columns: IntArray, velocity: Sequence[float]) -> JointLimits:

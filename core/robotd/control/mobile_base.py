@@ -18,6 +18,7 @@ from robotd.control.axis_limits import (
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
 from robotd.control.open_stream import chosen_timeout
+from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.source_slot import SourceSlot
 from robotd.control.twist_command import TwistCommand
 from robotd.control.wheel_motion import OWNER, SteeredMotion, WheelMotion
@@ -35,6 +36,7 @@ from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
 
+NEUTRAL = "a zero twist"
 JUMP = 3.0  # times the wheel speed limit: a larger step means the position was renumbered
 
 
@@ -53,6 +55,7 @@ class MobileBase:
         slot: of the wheels.
         settings: of the descriptor.
         clock: of the control loop.
+        rearming: of the robot.
 
     Attributes:
         events: of the robot, where commands are noted.
@@ -60,8 +63,15 @@ class MobileBase:
         wheels: kinematics of the base.
     """
 
-    def __init__(self, axes: Axes, slot: SourceSlot, settings: DriveSettings, clock: Clock) -> None:
-        self._axes, self._slot, self._clock = axes, slot, clock
+    def __init__(
+        self,
+        axes: Axes,
+        slot: SourceSlot,
+        settings: DriveSettings,
+        clock: Clock,
+        rearming: Rearming,
+    ) -> None:
+        self._axes, self._slot, self._clock, self._rearming = axes, slot, clock, rearming
         self.events = axes.events
         self._period_s = slot.period_ns / NANOSECONDS
         self._odometry_lock = threading.Lock()
@@ -75,7 +85,7 @@ class MobileBase:
         self.settings = settings
         self.wheels = base_kinematics(settings)
         self._wheel_axes = settings.axes
-        self._command = TwistCommand(settings.command_timeout_s)
+        self._command = TwistCommand()
         self._odometry = Odometry(self.wheels, settings.wheel_wrap_rad)
         self._jump = JUMP * wheel_limits(settings).velocity
         self._tracked_ns = 0
@@ -115,22 +125,24 @@ class MobileBase:
         timeout_s: float | None = None,
         *,
         sent_ns: int | None = None,
+        source: str = OWNER,
     ) -> None:
         """Set the twist until the next command, for ``timeout_s`` at most.
 
         Any thread; never blocks. A twist beyond the limits is scaled down on its arc. Wheels that
-        cannot be moved are logged once, and each command tries again.
+        are in use are logged once, and each command tries again.
 
         Args:
             linear_m_s, angular_rad_s, lateral_m_s: ahead, turning to the left, to the left.
             timeout_s: None: ``command_timeout_s`` of the settings.
             sent_ns: time of the command on the robot's clock, from which its age counts; None: now.
+            source: name of the client.
 
         Raises:
             InvalidArgument: a number is not finite, the time-out is not positive, or the base
                 cannot move sideways or turn on the spot.
-            NotReady: the base was stopped by ``stop``, motion is stopped, or it was and the client
-                has sent neither a zero twist nor nothing for ``command_timeout_s`` since.
+            NotReady: the base was stopped by ``stop``, motion is stopped, a wheel cannot move, or
+                the client went on commanding through that and has to begin anew.
         """
         twist = PlanarTwist(linear_m_s, angular_rad_s, lateral_m_s)
         if not all(map(math.isfinite, twist)):
@@ -145,17 +157,12 @@ class MobileBase:
             raise InvalidArgument(
                 f"{angular_rad_s} rad/s at 0 m/s: the base cannot turn on the spot"
             )
+        admission = self._source(source, seconds).admit(moves=twist != ZERO_TWIST)
         if self._command.stopped:
             raise NotReady("the base is being stopped")
-        now_ns = self._clock.now_ns()
-        accepted = self._command.is_accepted(twist, now_ns)
         self._axes.stop_latch.check()
-        if not accepted:
-            pause_s = self.settings.command_timeout_s
-            raise NotReady(
-                f"motion was stopped: send a zero twist, or none for {pause_s:g} s, first"
-            )
-        self._command.set(twist, now_ns if sent_ns is None else sent_ns, seconds)
+        now_ns = self._clock.now_ns() if sent_ns is None else sent_ns
+        self._command.set(twist, now_ns, seconds, admission)
         if not self.moving:
             self._worker.wake()
 
@@ -167,13 +174,17 @@ class MobileBase:
             self._odometry.reset(pose)
 
     def stop(self, timeout_s: float) -> None:
-        """Slow to rest, release the wheels, and reject commands until the engine restarts.
+        """Slow to rest, release the wheels, and reject commands until ``allow``.
 
         Any thread but the control loop. After ``timeout_s`` it logs an error and returns.
         """
         self._command.stopped = True
         if not self._worker.wait_idle(timeout_s, self._clock):
             log.error("the base is not at rest", after_s=timeout_s)
+
+    def allow(self) -> None:
+        """Accept commands again after ``stop``. Any thread."""
+        self._command.stopped = False
 
     def start(self) -> None:
         """Accept commands from now on. A second call has no effect."""
@@ -198,16 +209,30 @@ class MobileBase:
         if not moved:
             log.warning("a wheel's position was renumbered; odometry goes on from there")
 
-    def on_stop(self, reason: str) -> None:
-        """Drop the command when motion is stopped, and when it is allowed again. Any thread."""
-        self._command.require_neutral()
-
     def on_ready(self, ready: bool) -> None:
         """Accept commands, and continue from new wheel positions, when the engine is ready."""
         if ready:
-            self._command.stopped = False
+            self.allow()
             with self._odometry_lock:
                 self._odometry.rebase()
+
+    def _source(self, name: str, timeout_s: float) -> CommandSource:
+        """Return the source of a client's commands."""
+        settings, steering = self.settings, self.settings.steering_axes
+        modes = [
+            CommandMode.POSITION if axis in steering else CommandMode.VELOCITY
+            for axis in settings.axes
+        ]
+        source = CommandSource(
+            self._rearming,
+            name,
+            settings.axes,
+            modes,
+            timeout_s=max(timeout_s, settings.command_timeout_s),
+            neutral=NEUTRAL,
+            follows_speed=True,
+        )
+        return self._rearming.find(source)
 
     def _move(self) -> None:
         """Claim the wheels until the motion has ended. Thread of the base."""
@@ -239,6 +264,7 @@ class MobileBase:
         limiter = TwistLimiter(twist_limits(self.settings), self._period_s)
         while True:
             motion = self._motion_from(limiter, claimed_ns, self._slot.next_start_ns)
+            self._rearming.interruptions.watch(motion.completion, self.settings.axes)
             if self._slot.submit(motion, None):
                 self._motion = motion
                 return motion

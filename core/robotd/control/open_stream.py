@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Generic, Self, TypeVar
+from dataclasses import dataclass
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.control.completion import Outcome
+from robotd.control.rearming import CommandSource
 from robotd.control.setpoint_source import SetpointSource
 from robotd.errors import InvalidArgument, NotReady
 from robotd.log import get_logger
@@ -17,24 +19,53 @@ from robotd.log import get_logger
 log = get_logger("stream")
 
 Motion = TypeVar("Motion", bound=SetpointSource)
+Stream_co = TypeVar("Stream_co", bound="OpenStream[Any]", covariant=True)
+
+
+class StreamChecks:
+    """Base of the checks of a stream's commands, also before it is opened. Any thread.
+
+    Args:
+        joints: names, in the order of the values.
+        source: of the commands.
+
+    Attributes:
+        joints, source: as above.
+    """
+
+    def __init__(self, joints: Sequence[str], source: CommandSource) -> None:
+        self.joints, self.source = tuple(joints), source
+
+    def values(self, what: str, values: Sequence[float]) -> FloatArray:
+        """Return one finite value for each joint. Raises InvalidArgument."""
+        array = np.array(values, np.float64)
+        if array.shape != (len(self.joints),):
+            raise InvalidArgument(
+                f"{what}: {array.size} values for {len(self.joints)} joints"
+                f" ({', '.join(self.joints)})"
+            )
+        for name, value in zip(self.joints, array.tolist(), strict=True):
+            if not math.isfinite(value):
+                raise InvalidArgument(f"{name}: {what} is {value}, must be a finite number")
+        return array
 
 
 class OpenStream(Generic[Motion]):
     """Base of streams; a context that closes it. Any thread, except ``close``: a worker.
 
     Args:
-        joints: names, in the order of the values that it takes.
+        checks: of its commands.
         motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
 
     Attributes:
-        joints: as above.
+        joints: names, in the order of the values that it takes.
     """
 
     def __init__(
-        self, joints: Sequence[str], motion: Motion, release: Callable[[Motion], None]
+        self, checks: StreamChecks, motion: Motion, release: Callable[[Motion], None]
     ) -> None:
-        self.joints = tuple(joints)
+        self.joints, self._source = checks.joints, checks.source
         self._motion, self._release = motion, release
         self._commands = self._clipped = 0
         self._closed = False
@@ -81,24 +112,11 @@ class OpenStream(Generic[Motion]):
         """Counts for the log."""
         return {"commands": self._commands, "clipped": self._clipped}
 
-    def _count_command(self) -> None:
-        """Count a command. Raises NotReady, with the reason, after the end."""
+    def _require_open(self) -> None:
+        """Raise NotReady, with the reason, after the end."""
         if not self.open:
+            self._source.begin()  # it commands on, maybe in another stream next
             raise NotReady(f"the stream has ended: {self.message}")
-        self._commands += 1
-
-    def _values(self, what: str, values: Sequence[float]) -> FloatArray:
-        """Return one finite value for each joint. Raises InvalidArgument."""
-        array = np.array(values, np.float64)
-        if array.shape != (len(self.joints),):
-            raise InvalidArgument(
-                f"{what}: {array.size} values for {len(self.joints)} joints"
-                f" ({', '.join(self.joints)})"
-            )
-        for name, value in zip(self.joints, array.tolist(), strict=True):
-            if not math.isfinite(value):
-                raise InvalidArgument(f"{name}: {what} is {value}, must be a finite number")
-        return array
 
     def _clip(
         self,
@@ -124,6 +142,19 @@ class OpenStream(Generic[Motion]):
                     unit=units[joint],
                 )
         return clipped
+
+
+@dataclass(frozen=True)
+class StreamClient(Generic[Stream_co]):
+    """Client that opens a stream when it has something to command.
+
+    Attributes:
+        checks: takes the commands of a stream; raises what rejects them, and nothing moves.
+        open: returns an open stream. Worker.
+    """
+
+    checks: StreamChecks
+    open: Callable[[], Stream_co]
 
 
 def chosen_columns(joints: Sequence[str] | None, known: Sequence[str]) -> IntArray:

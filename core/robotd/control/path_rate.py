@@ -22,8 +22,10 @@ MIN_SPEED = 1e-9  # rad/s; slower joints count as standing
 class PathRate:
     """Rate of one trajectory. Control loop; ``value`` may be read by any thread.
 
+    Until the trajectory has begun to move, it is the speed in force, without a ramp.
+
     Args:
-        speed: to reach; a trajectory from rest has it at once.
+        speed: to reach.
         limits: of the joints; their accelerations count.
 
     Attributes:
@@ -37,11 +39,22 @@ class PathRate:
         self.value, self.slope = speed.scale, 0.0
         self._speed, self._limit = speed, limits.acceleration
         self._max_slope = MAX_SLOPE
+        self._waits = True  # nothing has moved yet
 
     @property
     def is_full(self) -> bool:
         """Trajectory time passes as real time does, and is to go on so."""
-        return self.value == 1.0 and self.slope == 0.0 and self._speed.scale == 1.0
+        steady = self.value == 1.0 and self.slope == 0.0
+        return steady and self._speed.scale == 1.0 and not self._waits
+
+    def wait(self) -> None:
+        """Take the speed in force: the trajectory waits for its start."""
+        if self._waits:
+            self.value = self._speed.scale
+
+    def take_over(self, rate: float) -> None:
+        """Continue from the ``rate`` of a trajectory in motion."""
+        self.value, self._waits = rate, False
 
     def stand(self) -> None:
         """Begin anew from standstill: the device held its position during a stall."""
@@ -49,6 +62,7 @@ class PathRate:
 
     def step(self, elapsed_s: float) -> float:
         """Ramp for ``elapsed_s``, the real time since the last setpoint; return the mean rate."""
+        self.wait()
         before, target = self.value, self._speed.scale
         largest = 0.0
         if target != before:
@@ -58,6 +72,7 @@ class PathRate:
             self.value, self._max_slope = target, MAX_SLOPE
         else:
             self.value = before + change
+        self._waits = self._waits and target == 0.0
         self.slope = (self.value - before) / elapsed_s
         return 0.5 * (before + self.value)
 

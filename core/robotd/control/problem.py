@@ -25,6 +25,7 @@ class ProblemKind(StrEnum):
     SERVO_OFF = "servo off"
     STOPPED = "stopped"  # all motion, until a reset
     OUTSIDE_LIMITS = "outside limits"  # a joint; motion is allowed
+    SOURCE = "source"  # of commands, rejected until it begins anew; the robot itself can move
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,8 @@ class Servos:
         }
         if failures:
             raise ConnectError("joints could not be enabled", failures)
+        if self._base is not None:
+            self._base.allow()  # ``bring_to_rest`` has stopped it, where a lifecycle deactivated it
         if results:
             log.info("servos on", axes=len(results))
         for problem in limit_problems(self._axes.image, self._axes.names, self._axes.limits):

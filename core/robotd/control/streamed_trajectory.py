@@ -75,7 +75,8 @@ class StreamedTrajectory(TrajectoryExecution):
     def take_over(self, running: SetpointSource, advanced_ns: int, delay_ns: int) -> None:
         """Continue from the setpoint, the rate and the deviation of ``running``."""
         self._continue(running, advanced_ns, delay_ns)
-        self._rate.value = running.rate
+        if not running.completion.done:
+            self._rate.take_over(running.rate)
         self._sent_time_s = None
         if running.stall_recovery is not None:
             self.stall_recovery = running.stall_recovery
@@ -124,6 +125,8 @@ class StreamedTrajectory(TrajectoryExecution):
         if self._sent_time_s is not None and self.stall_recovery.stood(due_ns, period_ns):
             self._continue_from_standstill(due_ns - period_ns, self._sent_time_s)
         scaled = due_ns > self.start_ns and not self._rate.is_full
+        if due_ns <= self.start_ns:
+            self._rate.wait()
         if scaled:
             elapsed_ns = due_ns - self._due_ns if self._due_ns > self.start_ns else period_ns
             mean = self._rate.step(elapsed_ns / NANOSECONDS)

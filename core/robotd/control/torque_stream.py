@@ -10,17 +10,43 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import Clock
 from robotd.control.joint_motion import JointMotion
-from robotd.control.open_stream import OpenStream, chosen_columns, chosen_timeout
+from robotd.control.open_stream import (
+    OpenStream,
+    StreamChecks,
+    StreamClient,
+    chosen_columns,
+    chosen_timeout,
+)
+from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.torque_motion import TorqueMotion
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.device.state import CommandMode
-from robotd.errors import InvalidArgument
+from robotd.errors import InvalidArgument, NotReady
 from robotd.motion import JointLimits
 
 OWNER = "torque stream"
+NEUTRAL = "torques of 0, which are not applied"
 _UNITS = {"rad": "N·m", "m": "N"}
+
+
+class TorqueChecks(StreamChecks):
+    """Checks of torques of some joints."""
+
+    def admit(self, torque: Sequence[float]) -> FloatArray | None:
+        """Check and admit as ``TorqueStream.send``; return it as an array.
+
+        None: torques of 0 that arm the source. They are not applied: an arm would fall.
+        """
+        values = self.values("torque", torque)
+        admission = self.source.admit(moves=bool(values.any()))
+        return None if admission.only_arms else values
+
+    def send(self, torque: Sequence[float]) -> None:
+        """Check and admit a command that a stream is opened for. Raises as ``admit``."""
+        if self.admit(torque) is None:
+            raise NotReady("torques of 0 allow the next command, and are not applied")
 
 
 class TorqueStream(OpenStream[TorqueMotion]):
@@ -29,7 +55,7 @@ class TorqueStream(OpenStream[TorqueMotion]):
     Gravity, friction and contact are the client's: at a torque of 0 an arm falls.
 
     Args:
-        joints: names.
+        checks: of its commands.
         units: of their torques, "N·m" or "N".
         limit: (k,) highest torque of each.
         motion: applies the torques.
@@ -39,14 +65,15 @@ class TorqueStream(OpenStream[TorqueMotion]):
 
     def __init__(
         self,
-        joints: Sequence[str],
+        checks: TorqueChecks,
         units: Sequence[str],
         limit: FloatArray,
         motion: TorqueMotion,
         release: Callable[[TorqueMotion], None],
         clock: Clock,
     ) -> None:
-        super().__init__(joints, motion, release)
+        super().__init__(checks, motion, release)
+        self._checks = checks
         self._units, self._limit, self._clock = tuple(units), limit, clock
 
     def send(self, torque: Sequence[float], *, sent_ns: int | None = None) -> None:
@@ -60,10 +87,14 @@ class TorqueStream(OpenStream[TorqueMotion]):
 
         Raises:
             InvalidArgument: a wrong number of values, or one that is not finite.
-            NotReady: the stream has ended; with the reason.
+            NotReady: the stream has ended, or its client went on commanding while motion was
+                rejected and has to begin anew; with the reason.
         """
-        values = self._values("torque", torque)
-        self._count_command()
+        self._require_open()
+        values = self._checks.admit(torque)
+        self._commands += 1
+        if values is None:
+            return
         clipped = self._clip("torque", values, -self._limit, self._limit, self._units)
         self._motion.put(clipped, self._clock.now_ns() if sent_ns is None else sent_ns)
 
@@ -80,6 +111,7 @@ class TorqueStreams:
         limits: of the joints.
         clock: of the control loop.
         driver: applies the torques.
+        rearming: of the robot.
     """
 
     def __init__(
@@ -90,7 +122,9 @@ class TorqueStreams:
         limits: JointLimits,
         clock: Clock,
         driver: AxisDriver,
+        rearming: Rearming,
     ) -> None:
+        self._rearming = rearming
         self._motion, self._axes, self._limits = motion, axes, limits
         self._joints, self._timeout_s = descriptor.joints, descriptor.stream.timeout_s
         self._clock, self._driver = clock, driver
@@ -102,6 +136,7 @@ class TorqueStreams:
         *,
         timeout_s: float | None = None,
         owner: str = OWNER,
+        source: CommandSource | None = None,
     ) -> TorqueStream:
         """Return an open stream of joints at rest; until its first command each torque stays.
 
@@ -113,6 +148,7 @@ class TorqueStreams:
             joints: in the order of the values to send; None: all.
             timeout_s: age of the last command at which it ends; None: the descriptor's.
             owner: name of the client, for those who ask for the same joints.
+            source: of the commands; None: that of ``owner``.
 
         Raises:
             InvalidArgument: unknown joint, one without a torque limit, or a time-out that is not
@@ -123,9 +159,11 @@ class TorqueStreams:
         chosen = chosen_columns(joints, self._limits.names)
         limit = self._torque_limits(chosen)
         seconds = chosen_timeout(timeout_s, self._timeout_s)
+        axes = np.array([self._joints[column].axis for column in chosen], np.int64)
+        source = source or self._rearming.find(self._source(owner, axes, seconds))
+        source.begin()
         self._axes.speed.at_start()
         limits = self._limits.of(chosen)
-        axes = np.array([self._joints[column].axis for column in chosen], np.int64)
         make = partial(
             TorqueMotion,
             self._driver,
@@ -137,9 +175,28 @@ class TorqueStreams:
             speed=self._axes.speed,
             feedback_period_s=self._axes.feedback_period_s,
         )
-        motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, make, owner)
+
+        def watched(start_ns: int) -> TorqueMotion:
+            motion = make(start_ns)
+            self._rearming.interruptions.watch(motion.completion, source.axes)
+            return motion
+
+        motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, watched, owner)
         units = [_UNITS[unit] for unit in limits.units]
-        return TorqueStream(limits.names, units, limit, motion, self._motion.release, self._clock)
+        checks = TorqueChecks(limits.names, source)
+        return TorqueStream(checks, units, limit, motion, self._motion.release, self._clock)
+
+    def _source(self, name: str, axes: IntArray, timeout_s: float) -> CommandSource:
+        return CommandSource(
+            self._rearming, name, axes.tolist(), (), timeout_s=timeout_s, neutral=NEUTRAL
+        )
+
+    def client(self, owner: str, timeout_s: float) -> StreamClient[TorqueStream]:
+        """Return a client for all joints whose streams end ``timeout_s`` after its last command."""
+        axes = np.array([joint.axis for joint in self._joints], np.int64)
+        source = self._source(owner, axes, timeout_s)
+        open_stream = partial(self, timeout_s=timeout_s, owner=owner, source=source)
+        return StreamClient(TorqueChecks(self._limits.names, source), open_stream)
 
     def _torque_limits(self, chosen: IntArray) -> FloatArray:
         limits = []

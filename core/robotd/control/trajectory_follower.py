@@ -15,11 +15,13 @@ from robotd.clock.simulated import held
 from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.goal_events import note_goal, note_result, noted_rejection
 from robotd.control.joint_motion import JointMotion
+from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
+from robotd.device.state import CommandMode
 from robotd.motion import (
     DefaultTolerances,
     JointLimits,
@@ -94,6 +96,18 @@ class TrajectoryFollower:
             )
         )
         self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)
+
+    def source(self, name: str, rearming: Rearming) -> CommandSource:
+        """Return a source of trajectories that has to begin anew after motion was rejected.
+
+        A goal of an action needs none: each is a new command.
+        """
+        axes = self._joint_axes.tolist()
+        modes = [CommandMode.POSITION] * len(axes)
+        neutral = "a trajectory without points"
+        return CommandSource(
+            rearming, name, axes, modes, timeout_s=0.0, neutral=neutral, follows_speed=True
+        )
 
     def set_default_tolerances(
         self, path: Sequence[float], goal: Sequence[float], goal_time_s: float

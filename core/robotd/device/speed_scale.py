@@ -58,12 +58,19 @@ class SpeedScale:
         """Continue at the speed as set."""
         self._change(self.speed, False)
 
+    @property
+    def rejection(self) -> str:
+        """Text that rejects motion which keeps its scale; "" while that is not 0."""
+        if self.scale:
+            return ""
+        what, advice = ("paused", "resume") if self.paused else ("at speed 0 %", "speed 100")
+        return f"motion is {what}; robotd {advice} allows it again"
+
     def at_start(self) -> float:
         """Return the scale for a motion that keeps it. Raises NotReady while it is 0."""
         scale = self.scale
         if not scale:
-            what, advice = ("paused", "resume") if self.paused else ("at speed 0 %", "speed 100")
-            raise NotReady(f"motion is {what}; robotd {advice} allows it again")
+            raise NotReady(self.rejection)
         return scale
 
     def on_change(self, listener: SpeedListener) -> None:

@@ -164,6 +164,7 @@ class HeldDrive:
                 _clipped(twist.angular, limits.angular),
                 _clipped(twist.lateral, limits.lateral),
                 timeout_s,
+                source=f"{self._sender}, hold {self._hold}",  # each press is a new command
             )
 
     def _end(self, reason: str, *, is_silent: bool = False) -> None:

@@ -6,7 +6,6 @@ import math
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Literal
@@ -163,8 +162,10 @@ class HeldJog:
                 return
             stream, command = hold.stream, hold.command
         if stream is not None and command is not None:
-            with suppress(NotReady):  # it has just ended; the worker says why
+            try:
                 command(stream)
+            except NotReady as error:
+                stream.end(str(error))  # no effect where it has just ended; the worker says why
 
     def release(self, number: int, reason: str) -> None:
         """End a hold; the joint slows to rest."""
@@ -237,6 +238,7 @@ class HeldJog:
             owner=self._owner,
             ends_when_silent=True,
             max_velocity=[speed],
+            source=group.stream.source(self._owner, self._timeout_s),  # each press is a new command
         )
         return stream, command
 

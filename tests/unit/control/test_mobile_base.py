@@ -180,13 +180,17 @@ def test_a_servo_that_goes_off_stops_both_wheels_and_is_logged_once(harness: Bas
     harness.drive(0.5, 0.0, 1.0)
     with capture_logs() as logs:
         harness.robot.axes.servo(0, False)
+        harness.step()
+        harness.settle()
         for _ in range(20):
-            harness.base.command(0.5, 0.0)
+            with pytest.raises(NotReady, match="left wheel: servo is off"):
+                harness.base.command(0.5, 0.0)
             harness.settle()
             harness.run(COMMAND_S)
         assert np.abs(harness.robot.image.velocity).max() < 1e-6
         harness.robot.axes.servo(0, True)
         harness.step()
+        harness.base.command(0.0, 0.0)
         harness.drive(0.5, 0.0, 1.0)
     told = [(log["event"], log.get("reason")) for log in logs]
     assert told == [
@@ -348,7 +352,7 @@ def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(
     harness.robot.axes.stop_latch.release()
     for _ in range(20):  # the client goes on as before
         harness.run(COMMAND_S)
-        with pytest.raises(NotReady, match=r"send a zero twist, or none for 0\.5 s, first"):
+        with pytest.raises(NotReady, match=r"send nothing for 0\.5 s\), or send a zero twist"):
             harness.base.command(0.8, 0.4)
     assert not harness.base.moving
     harness.base.command(0.0, 0.0)

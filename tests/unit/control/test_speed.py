@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,7 +18,7 @@ from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.motion.profile import Profile
 
-FAR, BACK = (1.0, -0.6, 0.3), (-0.5, 0.4, 0.9)
+HOME, FAR, BACK = (0.0, 0.0, 0.0), (1.0, -0.6, 0.3), (-0.5, 0.4, 0.9)
 
 
 class Recorded:
@@ -160,6 +162,44 @@ def test_a_goal_from_rest_waits_for_the_end_of_a_pause(harness: Harness) -> None
     with harness.goal(FAR) as execution:
         harness.run(1.0)
         assert np.abs(harness.setpoints.position).max() == 0.0
+        harness.robot.resume()
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED
+    largest_acceleration(harness)
+
+
+@pytest.mark.parametrize("waits_behind_a_goal", [False, True])
+@pytest.mark.parametrize(("before", "then"), [(1.0, 0.0), (1.0, 0.1), (0.1, 1.0), (0.0, 0.3)])
+def test_a_goal_that_waits_for_its_start_begins_with_the_speed_then_in_force(
+    harness: Harness, before: float, then: float, waits_behind_a_goal: bool
+) -> None:
+    """Moved 0.26 rad at up to 0.8 rad/s although it was paused 4 s before; 0.194 rad/s at 10 %."""
+    harness.robot.set_speed(before)
+    with ExitStack() as goals:
+        if waits_behind_a_goal:
+            goals.enter_context(harness.goal(HOME, seconds=0.05))
+        execution = goals.enter_context(harness.goal(FAR, seconds=1.0, start_in_s=5.0))
+        harness.run(1.0)
+        harness.robot.set_speed(then)
+        harness.run(3.99)
+        begin = len(harness.setpoints.rows)
+        assert execution.rate == then
+        harness.run(3.0)
+        fastest = float(np.abs(execution.trajectory.evaluate(np.linspace(0, 1, 200))[1]).max())
+        velocity = np.abs(harness.setpoints.velocity[begin:])
+        assert velocity.max() <= then * fastest * 1.001
+        assert (velocity.max() > 0.5 * then * fastest) or not then
+        harness.robot.set_speed(1.0)
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED
+    assert largest_acceleration(harness) > 0.0
+
+
+@pytest.mark.parametrize("early_periods", [2, 1])
+def test_a_pause_just_before_the_start_moves_nothing(harness: Harness, early_periods: int) -> None:
+    with harness.goal(FAR, seconds=1.0, start_in_s=1.0) as execution:
+        harness.run(1.0 - early_periods * PERIOD_S)
+        harness.robot.pause()
+        harness.run(2.0)
+        assert np.abs(harness.image.position_command).max() < 1e-4
         harness.robot.resume()
         assert harness.end(execution).outcome is Outcome.SUCCEEDED
     largest_acceleration(harness)

@@ -215,6 +215,7 @@ def streams(harness: Harness, joints: Any) -> TorqueStreams:
         robot.follower.limits,
         MonotonicClock(),
         TorqueAxes(),
+        robot.rearming,
     )
 
 

@@ -8,6 +8,7 @@ import pytest
 from tests.unit.control.base_harness import BaseHarness
 
 from robotd.descriptor import load_robot_descriptor
+from robotd.errors import NotReady
 from robotd.page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
 from robotd.page.control_jog import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
 from robotd.robot import Robot, build_robot
@@ -121,14 +122,15 @@ def test_a_client_that_has_gone_and_a_stop_end_the_hold(client: Client) -> None:
     ],
 )
 def test_each_base_has_the_directions_that_it_can_go(robot: str, names: list[str]) -> None:
-    made: Robot = build_robot(robot, "sim")
+    made: Robot = build_robot(robot, "sim")  # not started: the directions are judged before
     limits = drive_limits(made)
     assert made.base is not None
     assert limits is not None
     motions = [*drive_motions(made.base, limits)]
     assert [each["name"] for each in motions] == names
     for motion in motions:
-        made.base.command(motion["linear"], motion["angular"], motion["lateral"])
+        with pytest.raises(NotReady, match="engine is not ready"):
+            made.base.command(motion["linear"], motion["angular"], motion["lateral"])
 
 
 def test_a_robot_without_a_base_rejects_to_drive() -> None:

@@ -7,8 +7,10 @@ from contextlib import nullcontext
 from typing import Any
 
 import pytest
+from structlog.testing import capture_logs
 
-from robotd.errors import OperationError
+from robotd.control.open_stream import StreamClient
+from robotd.errors import NotReady, OperationError
 from robotd.ros.nodes.topic_stream import TopicStream
 
 
@@ -35,6 +37,10 @@ class Stream(nullcontext[Any]):
         pass
 
 
+def client(open_stream: Callable[[], Any]) -> Any:
+    return StreamClient(Stream(), open_stream)  # type: ignore[arg-type]
+
+
 def command(stream: Stream) -> None:
     stream.commands += 1
 
@@ -47,7 +53,7 @@ def test_a_message_while_all_workers_are_busy_does_not_block_the_topic() -> None
         return opened[-1]
 
     host: Any = Host()
-    topic: Any = TopicStream(open_stream, host, "positions")
+    topic: Any = TopicStream(client(open_stream), host, "positions")
     host.is_full = True
     topic.apply(command)
     assert not opened
@@ -67,11 +73,31 @@ def test_an_unexpected_error_does_not_block_the_topic(fails: str) -> None:
         return opened[-1]
 
     def fail(stream: Stream) -> None:
-        raise ZeroDivisionError
+        if opened:
+            raise ZeroDivisionError
 
     host: Any = Host()
-    topic: Any = TopicStream(open_stream, host, "positions")
+    topic: Any = TopicStream(client(open_stream), host, "positions")
     with pytest.raises(ZeroDivisionError):
         topic.apply(fail)
     topic.apply(command)
     assert opened[-1].commands == 1
+
+
+def test_no_stream_is_opened_for_a_command_that_is_rejected() -> None:
+    opened: list[Stream] = []
+
+    def reject(stream: Stream) -> None:
+        raise NotReady("the client has to begin anew")
+
+    def open_stream() -> Any:
+        opened.append(Stream())
+        return opened[-1]
+
+    host: Any = Host()
+    topic: Any = TopicStream(client(open_stream), host, "positions")
+    with capture_logs() as logs:
+        for _ in range(3):
+            topic.apply(reject)
+    assert not opened
+    assert [each["reason"] for each in logs] == ["the client has to begin anew"]

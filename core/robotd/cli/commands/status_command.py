@@ -71,7 +71,8 @@ def _readiness(report: RobotReport) -> str:
         return warning("not ready")
     if any(each.prevents for each in report.hindrances):
         return warning("cannot move")
-    return warning("ready, a joint is outside its limits") if report.hindrances else "ready"
+    outside = any(each.kind == "outside limits" for each in report.hindrances)
+    return warning("ready, a joint is outside its limits") if outside else "ready"
 
 
 def _level(on: bool | None) -> str:

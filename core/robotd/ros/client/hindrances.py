@@ -42,8 +42,8 @@ class Hindrance:
 
     @property
     def prevents(self) -> bool:
-        """False for a joint outside its limits, which may come back."""
-        return self.kind != ProblemKind.OUTSIDE_LIMITS
+        """False for a joint outside its limits, and for a source that is not armed."""
+        return self.kind not in (ProblemKind.OUTSIDE_LIMITS, ProblemKind.SOURCE)
 
     @property
     def forbids(self) -> bool:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
+from operator import methodcaller
 from typing import Any
 
 from robotd.clock import NANOSECONDS
-from robotd.control.joint_stream import JointStream
 from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
@@ -15,6 +14,7 @@ from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes import axis_conversions
+from robotd.ros.nodes.axis_motion import NO_VELOCITY, AxisSources
 from robotd.ros.nodes.topic_stream import TopicStream
 
 log = get_logger("commands")
@@ -40,9 +40,12 @@ class AxisJog:
         self._robot, self._host = robot, host
         self._timeout_ns = round(timeout_s * NANOSECONDS)
         self._streams = [
-            (group, TopicStream(group.stream.ends_when_silent(topic, timeout_s), host, topic))
+            (group, TopicStream(group.stream.client(topic, timeout_s), host, topic))
             for group in robot.groups.values()
         ]
+        self._sources = AxisSources(
+            robot, topic, CommandMode.VELOCITY, NO_VELOCITY, timeout_s, any_mode=robot.joint_axes
+        )
         self._deadlines: dict[int, int] = {}  # of axes in velocity mode
         rate_hz = min(CHECK_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "axis jog", self.check)
@@ -51,6 +54,7 @@ class AxisJog:
         """Move as an AxisVelocity says that was sent at ``sent_ns``. Raises RobotdError."""
         jogs = axis_conversions.jogs(message)
         axes, image = self._robot.axes, self._robot.image
+        self._sources.admit([(jog.axis, jog.profile.velocity != 0.0) for jog in jogs])
         axes.check_axes([jog.axis for jog in jogs])
         streamed = [jog for jog in jogs if self._is_streamed(jog.axis, image)]
         others = [jog for jog in jogs if jog not in streamed]
@@ -61,8 +65,7 @@ class AxisJog:
         for group, stream in self._streams:
             if any(jog.axis in group.joint_axes for jog in streamed):
                 velocity = [_velocity(axis, streamed) for axis in group.joint_axes]
-                command = partial(JointStream.send_velocity, velocity=velocity, sent_ns=sent_ns)
-                stream.apply(command)
+                stream.apply(methodcaller("send_velocity", velocity, sent_ns=sent_ns))
 
     def check(self, image: ProcessImage) -> None:
         """Stop the axes whose messages have stopped."""

@@ -107,7 +107,8 @@ class BaseController(Node):
         with self._rejections.noting(self._topic):
             twist = message.twist if self._is_stamped else message
             lateral = twist.linear.y if self._base.wheels.moves_sideways else 0.0
-            self._base.command(twist.linear.x, twist.angular.z, lateral, sent_ns=sent_ns)
+            x, z = twist.linear.x, twist.angular.z
+            self._base.command(x, z, lateral, sent_ns=sent_ns, source=self._topic)
             if self._echo:
                 self._echo.publish(twist)
 

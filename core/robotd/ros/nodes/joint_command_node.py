@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 from control_msgs.msg import JointJog
@@ -54,7 +53,8 @@ class JointCommandNode(Node):
         """Offer the topics and the service of one joint group."""
         robot, host = self._robot, self._host
         if topics.trajectory:
-            stream = self._stream(group, topics.trajectory, OWNER)
+            client = group.stream.client(OWNER, self._timeout_s, topics.trajectory)
+            stream = TopicStream(client, host, topics.trajectory)
             TrajectoryTopic(self, robot, group, host, topics.trajectory, stream, self._timeout_s)
         for topic, message_type, command in (
             (topics.position, Float64MultiArray, _positions_or_efforts),
@@ -62,12 +62,11 @@ class JointCommandNode(Node):
             (topics.jog, JointJog, _jog),
         ):
             if topic:
-                self._forward(topic, message_type, self._stream(group, topic, topic), command)
+                streams = TopicStream(group.stream.client(topic, self._timeout_s), host, topic)
+                self._forward(topic, message_type, streams, command)
         if topics.effort:
-            open_stream = partial(
-                group.torque_stream, timeout_s=self._timeout_s, owner=topics.effort
-            )
-            efforts = TopicStream(open_stream, host, topics.effort)
+            torques = group.torque_stream.client(topics.effort, self._timeout_s)
+            efforts = TopicStream(torques, host, topics.effort)
             self._forward(topics.effort, Float64MultiArray, efforts, _positions_or_efforts)
         if topics.state:
             publisher = ControllerStateTopic(self, robot, group, topics.state)
@@ -95,9 +94,6 @@ class JointCommandNode(Node):
             STREAM,
             self._timeout_s,
         )
-
-    def _stream(self, group: JointGroup, topic: str, owner: str) -> TopicStream[JointStream]:
-        return TopicStream(group.stream.ends_when_silent(owner, self._timeout_s), self._host, topic)
 
 
 def named_values(

@@ -13,8 +13,9 @@ from robotd.clock import NANOSECONDS
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
 from robotd.control.open_stream import chosen_columns
+from robotd.control.rearming import Admission
 from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.errors import InvalidArgument
+from robotd.errors import InvalidArgument, NotReady, RobotdError
 from robotd.log import get_logger
 from robotd.motion.rejection import reject
 from robotd.robot import Robot
@@ -66,6 +67,7 @@ class TrajectoryTopic:
     ) -> None:
         self._group, self._clock, self._ros_clock = group, robot.clock, node.get_clock()
         self._host, self._topic, self._stream = host, topic, stream
+        self._source = group.follower.source(topic, robot.rearming)
         self._rejections = RejectionLog()
         self._lock = threading.Lock()
         self._execution: TrajectoryExecution | None = None  # of the ticket that follows
@@ -87,6 +89,7 @@ class TrajectoryTopic:
         points = message.points
         if not points:
             self._stream.stop()
+            self._source.admit(moves=False)
             with self._lock:
                 self._stopped = self._group.motion.ticket()
                 if self._execution is not None:
@@ -94,7 +97,7 @@ class TrajectoryTopic:
         elif _is_streamed(message):
             self._stream.apply(lambda stream: self._send(message, stream, sent_ns))
         else:
-            self._host.submit(self._follow, message, self._group.motion.ticket())
+            self._execute(message)
 
     def _send(self, message: Any, stream: JointStream, sent_ns: int) -> None:
         """Send the only point of ``message``; joints that it does not name hold."""
@@ -117,9 +120,19 @@ class TrajectoryTopic:
             raise InvalidArgument("effort in the point is not supported; leave it empty")
         stream.send(position, velocity if any(velocity) else None, sent_ns=sent_ns)
 
-    def _follow(self, message: Any, ticket: int) -> None:
+    def _execute(self, message: Any) -> None:
+        """Let a worker execute a trajectory; a rejection is logged."""
+        try:
+            admission = self._source.admit(moves=True)
+            self._host.submit(self._follow, message, self._group.motion.ticket(), admission)
+        except RobotdError as error:
+            self._rejections.rejected(self._topic, (), str(error))
+
+    def _follow(self, message: Any, ticket: int, admission: Admission) -> None:
         """Worker: execute a trajectory until it has ended; one that was stopped before ends."""
         with self._rejections.noting(self._topic):
+            if not admission.holds:
+                raise NotReady("motion was rejected before the trajectory could begin")
             request = trajectory_request(message)
             start_ns = start_time_ns(message, self._ros_clock, self._clock)
             if start_ns is not None and start_ns - self._clock.now_ns() > MAX_AHEAD_S * NANOSECONDS:

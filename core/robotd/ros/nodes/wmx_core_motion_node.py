@@ -22,6 +22,7 @@ from robotd.ros.host import RosHost
 from robotd.ros.middleware import HotPublisher, StampClock
 from robotd.ros.nodes import axis_conversions
 from robotd.ros.nodes.axis_jog import AxisJog
+from robotd.ros.nodes.axis_motion import POSITION, RELATIVE, VELOCITY, AxisMotion
 from robotd.ros.nodes.command_subscription import add_command_subscription
 from robotd.ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd.ros.nodes.node_parameters import read_settings
@@ -66,17 +67,18 @@ class WmxCoreMotionNode(Node):
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_core_motion_node", context=host.context)
         prefix = read_settings(self, robot.descriptor, read_core_motion)
-        self._axes = robot.axes
+        self._axes, self._interruptions = robot.axes, robot.rearming.interruptions
         self._connection = robot.connection
         self._rejections = RejectionLog()
         self._add_axis_services(host)
         add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)
+        motion = AxisMotion(robot)
         jog = AxisJog(robot, host, JOG, JOG_TIMEOUT_S)
         for message_type, topic, command, qos, limit_s in (
-            (AxisVelocity, "wmx/axis/velocity", self._jog, DEPTH, _velocity_timeout_s),
-            (AxisPose, "wmx/axis/position", self._move, DEPTH, COMMAND_TIMEOUT_S),
-            (AxisPose, "wmx/axis/position/relative", self._move_relative, DEPTH, COMMAND_TIMEOUT_S),
+            (AxisVelocity, VELOCITY, motion.jog, DEPTH, _velocity_timeout_s),
+            (AxisPose, POSITION, motion.move, DEPTH, COMMAND_TIMEOUT_S),
+            (AxisPose, RELATIVE, motion.move_relative, DEPTH, COMMAND_TIMEOUT_S),
             (AxisVelocity, JOG, jog.take, STREAM, JOG_TIMEOUT_S),
         ):
             handler = self._execute_or_log(topic, command)
@@ -175,17 +177,9 @@ class WmxCoreMotionNode(Node):
     def _stop(self, request: Any, response: Any) -> None:
         axes = list(request.index)
         self._axes.check_axes(axes)
+        self._interruptions.add(axes, "stopped by wmx/axis/stop")
         self._axes.stop(axes)
         axis_conversions.fill_outcome(response, self._axes.names, dict.fromkeys(axes))
-
-    def _jog(self, message: Any, _: int) -> None:
-        self._axes.jog(axis_conversions.jogs(message))
-
-    def _move(self, message: Any, _: int) -> None:
-        self._axes.move(axis_conversions.moves(message))
-
-    def _move_relative(self, message: Any, _: int) -> None:
-        self._axes.move(axis_conversions.moves(message), relative=True)
 
 
 def _velocity_timeout_s(message: Any) -> float:
