@@ -27,6 +27,18 @@ from robotd.recording.message_encoders import (
 )
 from robotd.recording.recording_writer import INFO, RecordingInfo, templates_of
 
+WANTED = {
+    topics.LOOP,
+    topics.COMMANDS,
+    topics.JOINT_STATES,
+    topics.SETPOINTS,
+    topics.AXIS_STATES,
+    topics.EVENTS,
+    topics.GOALS,
+    topics.INPUTS,
+    topics.OUTPUTS,
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -65,8 +77,8 @@ class Recording:
 def read_recording(path: Path) -> Recording:
     """Read a recording of robotd whole.
 
-    Raises RecordingError: no such file, another file, or one that is damaged or was not closed:
-    then the text names the command that repairs it.
+    Raises RecordingError: no such file, another file, one that exceeds a limit, or one that is
+    damaged or was not closed: then the text names the command that repairs it.
     """
     from mcap.exceptions import McapError
     from mcap.stream_reader import CRCValidationError
@@ -77,7 +89,7 @@ def read_recording(path: Path) -> Recording:
             return _read(path, stream)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from error
-    except (McapError, CRCValidationError, ZstdError, struct.error) as error:
+    except (McapError, CRCValidationError, ZstdError, RuntimeError, struct.error) as error:
         text = f"{path}: not a complete MCAP file ({str(error) or type(error).__name__})"
         raise RecordingError(f"{text}; try: robotd record --recover {path}") from error
     except (ValueError, KeyError, TypeError) as error:
@@ -85,18 +97,31 @@ def read_recording(path: Path) -> Recording:
 
 
 def _read(path: Path, stream: IO[bytes]) -> Recording:
-    from mcap.reader import SeekingReader
+    from mcap.records import Channel, Message, Metadata
 
-    reader = SeekingReader(stream, validate_crcs=True)
-    info = next((each.metadata for each in reader.iter_metadata() if each.name == INFO), None)
+    from robotd.recording.mcap_records import max_content_bytes, read_records
+
+    info: dict[str, str] | None = None
+    wanted: dict[int, list[tuple[int, bytes]]] = {}
+    messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+    for record in read_records(path, stream):
+        match record:
+            case Message() if record.channel_id in wanted:
+                wanted[record.channel_id].append((record.log_time, record.data))
+            case Channel() if record.topic in WANTED:
+                wanted[record.id] = messages[record.topic]
+            case Metadata() if record.name == INFO and info is None:
+                info = record.metadata
     if info is None:
         raise ValueError("it has no metadata of robotd")
     origin = RecordingInfo.of_metadata(info)
-    messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
-    for _, channel, message in reader.iter_messages(log_time_order=False):
-        messages[channel.topic].append((message.log_time - origin.offset_ns, message.data))
-    for each in messages.values():
-        each.sort(key=lambda message: message[0])
+    for topic, found in messages.items():
+        found.sort(key=lambda message: message[0])
+        messages[topic] = [(log_time - origin.offset_ns, data) for log_time, data in found]
+    size = len(messages[topics.LOOP]) * frame_type(len(origin.axes)).itemsize
+    if size > (limit := max_content_bytes(stream)):
+        text = f"its periods take {size / 2**20:.0f} MiB, the limit is {limit / 2**20:.0f} MiB"
+        raise RecordingError(f"{path}: {text}")
     return Recording(
         path,
         origin,

@@ -37,18 +37,18 @@ def recover(path: Path) -> Recovery | None:
     """Replace ``path`` by a repaired file, and keep the original under another name.
 
     Also for MCAP files of other programs. Returns None for a complete file, which is left as it
-    is. Raises RecordingError: no message could be read, or a file cannot be written; then
-    ``path`` is unchanged.
+    is. Raises RecordingError: no message could be read, the file exceeds a limit, or one cannot be
+    written; then ``path`` is unchanged.
     """
     partial = path.with_name(path.name + PARTIAL)
     damaged = path.with_name(path.name + DAMAGED)
     try:
         with path.open("rb") as source:
-            if _is_complete(source):
+            if _is_complete(path, source):
                 return None
             source.seek(0)
             with partial.open("wb") as target:
-                topics = _copy(source, target)
+                topics = _copy(_records(path, source), target)
         if not topics:
             raise RecordingError(f"{path}: no complete chunk of messages in it")
         path.rename(damaged)
@@ -75,8 +75,8 @@ class _Topic:
         self.messages += 1
 
 
-def _copy(source: IO[bytes], target: IO[bytes]) -> list[_Topic]:
-    """Copy every record that is whole; return the topics that have messages."""
+def _copy(records: Iterator[Any], target: IO[bytes]) -> list[_Topic]:
+    """Copy ``records``; return the topics that have messages."""
     from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
     from mcap.writer import CompressionType, Writer
 
@@ -85,7 +85,7 @@ def _copy(source: IO[bytes], target: IO[bytes]) -> list[_Topic]:
     channels: dict[int, int] = {}
     topics: dict[int, _Topic] = {}
     has_begun = False
-    for record in _records(source):
+    for record in records:
         match record:
             case Header() if not has_begun:
                 writer.start(profile=record.profile, library=record.library)
@@ -126,21 +126,21 @@ def _copy(source: IO[bytes], target: IO[bytes]) -> list[_Topic]:
     return list(topics.values())
 
 
-def _is_complete(source: IO[bytes]) -> bool:
+def _is_complete(path: Path, source: IO[bytes]) -> bool:
     """Return True for a file without damage that was closed."""
     try:
-        deque(_read(source), maxlen=0)
+        deque(_read(path, source), maxlen=0)
     except _Damage:
         return False
     return True
 
 
-def _records(source: IO[bytes]) -> Iterator[Any]:
+def _records(path: Path, source: IO[bytes]) -> Iterator[Any]:
     """Yield records up to the first that is cut off or damaged."""
     from mcap.records import DataEnd
 
     try:
-        for record in _read(source):
+        for record in _read(path, source):
             if isinstance(record, DataEnd):
                 return  # the summary behind it is written anew
             yield record
@@ -152,13 +152,22 @@ class _Damage(Exception):
     """A record is cut off or damaged."""
 
 
-def _read(source: IO[bytes]) -> Iterator[Any]:
+def _read(path: Path, source: IO[bytes]) -> Iterator[Any]:
     """Yield all records. Raises _Damage, also where the end of the file is missing."""
     from mcap.exceptions import McapError
-    from mcap.stream_reader import StreamReader
     from zstandard import ZstdError
 
+    from robotd.recording.mcap_records import read_records
+
     try:
-        yield from StreamReader(source, validate_crcs=True).records
-    except (McapError, ZstdError, struct.error, EOFError, ValueError, KeyError) as error:
+        yield from read_records(path, source)
+    except (
+        McapError,
+        ZstdError,
+        struct.error,
+        EOFError,
+        ValueError,
+        KeyError,
+        RuntimeError,
+    ) as error:  # RuntimeError: of lz4
         raise _Damage from error

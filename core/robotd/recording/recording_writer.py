@@ -11,6 +11,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 import numpy as np
 
 from robotd.arrays import IntArray
+from robotd.descriptor.section import MAX_AXES
 from robotd.device.process_image import VALUES
 from robotd.events import Event, EventKind
 from robotd.recording import message_types as types
@@ -104,6 +105,8 @@ class RecordingInfo:
         values: dict[str, Any] = {key: json.loads(text) for key, text in data.items()}
         if values.get("format") != FORMAT:
             raise ValueError(f"recording format {values.get('format')} is not {FORMAT}")
+        if len(values["axes"]) > MAX_AXES:
+            raise ValueError(f"{len(values['axes'])} axes, the limit is {MAX_AXES}")
         for key in ("axes", "joints"):
             values[key] = tuple(values[key])
         values["limits"] = {name: tuple(limits) for name, limits in values["limits"].items()}
