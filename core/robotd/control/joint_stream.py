@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
-from robotd.clock import Clock
+from robotd.clock import NANOSECONDS, Clock
 from robotd.control.joint_motion import JointMotion
 from robotd.control.open_stream import (
     OpenStream,
@@ -20,12 +21,13 @@ from robotd.control.open_stream import (
 )
 from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.stream_motion import StreamMotion
-from robotd.control.stream_setpoints import StreamCommand, StreamMode
+from robotd.control.stream_setpoints import PointWindow, StreamCommand, StreamMode
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, Unsupported
 from robotd.motion import JointLimits, MotionState
+from robotd.motion.sliding_window import WIDTH_S
 
 OWNER = "stream"
 NEUTRAL = "the present position or a velocity of 0"
@@ -85,11 +87,43 @@ class JointChecks(StreamChecks):
         self.source.admit(moves=bool(speed.any()))
         return speed
 
+    def send_points(
+        self,
+        times_ns: Sequence[int],
+        position: FloatArray | Sequence[Sequence[float]],
+        velocity: FloatArray | Sequence[Sequence[float]] | None = None,
+        *,
+        sent_ns: int | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Check and admit as ``JointStream.send_points``; return both as arrays."""
+        if not times_ns or any(later <= each for each, later in pairwise(times_ns)):
+            raise InvalidArgument("times of the points must increase, and there must be one")
+        positions = self._rows("position", position, len(times_ns))
+        if velocity is None:
+            speeds = _slopes(times_ns, positions)
+        else:
+            speeds = self._rows("velocity", velocity, len(times_ns))
+        stands = bool((np.abs(positions[-1] - self._present()) <= self._tolerance).all())
+        self.source.admit(moves=not stands or bool(speeds.any()))
+        return positions, speeds
+
+    def _rows(
+        self, what: str, rows: FloatArray | Sequence[Sequence[float]], count: int
+    ) -> FloatArray:
+        """Return (n, k) finite values. Raises InvalidArgument."""
+        if len(rows) != count:
+            raise InvalidArgument(f"{what}: {len(rows)} points for {count} times")
+        if {len(row) for row in rows} == {len(self.joints)}:
+            values: FloatArray = np.array(rows, np.float64)
+            if np.isfinite(values).all():
+                return values
+        return np.array([self.values(what, row) for row in rows])  # raises, with the reason
+
 
 class JointStream(OpenStream[StreamMotion]):
     """Open stream of some joints, made by ``Robot.stream``; a context that closes it.
 
-    ``send`` and ``send_velocity`` may be called by any thread and never block.
+    ``send``, ``send_velocity`` and ``send_points`` may be called by any thread and never block.
 
     Args:
         checks: of its commands.
@@ -159,6 +193,47 @@ class JointStream(OpenStream[StreamMotion]):
         speed = self._checks.send_velocity(velocity)
         self._put(None, self._clip("velocity", speed, *self._velocity_limits, self._units), sent_ns)
 
+    def send_points(
+        self,
+        times_ns: Sequence[int],
+        position: FloatArray | Sequence[Sequence[float]],
+        velocity: FloatArray | Sequence[Sequence[float]] | None = None,
+        *,
+        sent_ns: int | None = None,
+    ) -> None:
+        """Move along points of the near past and future, as MoveIt Servo sends them.
+
+        They replace those of the call before from the first one on, and the motion goes on from
+        one call to the next. After the last one the joints continue with its velocity until the
+        next call, or ``timeout_s`` after ``sent_ns``. Points in the past are passed over. What is
+        beyond a limit is clipped and counted. Not in the mode ``smooth``.
+
+        Args:
+            times_ns: (n,) increasing, on the robot's clock.
+            position: (n, k) for each of ``joints``, in rad or m.
+            velocity: (n, k) in rad/s or m/s; None: those of a curve through the points, 0 at the
+                last.
+            sent_ns: as of ``send``.
+
+        Raises as ``send``.
+        """
+        if self._motion.mode is StreamMode.SMOOTH:
+            raise InvalidArgument("points: a smooth stream takes positions only")
+        self._require_open()
+        positions, velocities = self._checks.send_points(times_ns, position, velocity)
+        positions = self._clip("position", positions, *self._position_limits, self._units)
+        velocities = self._clip("velocity", velocities, *self._velocity_limits, self._units)
+        sent_ns = self._clock.now_ns() if sent_ns is None else sent_ns
+        # All points are passed before the time-out; the end of a motion is rounded off.
+        end_ns = times_ns[-1]
+        if not velocities[-1].any():
+            end_ns += round(WIDTH_S * NANOSECONDS)
+        time_ns = max(sent_ns, end_ns - self._motion.timeout_ns)
+        window = PointWindow(times_ns, self._all(positions), self._all(velocities))
+        self._commands += 1
+        last = window.position[-1], window.velocity[-1]
+        self._motion.put(StreamCommand(*last, time_ns, window))
+
     def _counts(self) -> dict[str, int]:
         return {**super()._counts(), "timeouts": self._motion.timeouts}
 
@@ -167,14 +242,18 @@ class JointStream(OpenStream[StreamMotion]):
     ) -> None:
         self._commands += 1
         time_ns = self._clock.now_ns() if sent_ns is None else sent_ns
-        self._motion.put(StreamCommand(self._all(position), self._all(velocity), time_ns))
+        self._motion.put(
+            StreamCommand(
+                None if position is None else self._all(position),
+                None if velocity is None else self._all(velocity),
+                time_ns,
+            )
+        )
 
-    def _all(self, values: FloatArray | None) -> FloatArray | None:
-        """Return (m,) values of all joints, NaN for those of others."""
-        if values is None:
-            return None
-        every: FloatArray = np.full(len(self._names), np.nan)
-        every[self._columns] = values
+    def _all(self, values: FloatArray) -> FloatArray:
+        """Return (..., m) values of all joints, NaN for those of others."""
+        every: FloatArray = np.full((*values.shape[:-1], len(self._names)), np.nan)
+        every[..., self._columns] = values
         return every
 
 
@@ -309,6 +388,15 @@ class JointStreams:
         names = [self._limits.names[column] for column in columns]
         tolerance = self._tolerance[columns]
         return JointChecks(names, source, lambda: self._motion.command()[columns], tolerance)
+
+
+def _slopes(times_ns: Sequence[int], position: FloatArray) -> FloatArray:
+    """Return velocities (n, k) of a curve through the points that ends at rest."""
+    velocity: FloatArray = np.zeros_like(position)
+    if len(times_ns) > 1:
+        seconds = (np.array(times_ns) - times_ns[0]) / NANOSECONDS
+        velocity[:-1] = np.gradient(position, seconds, axis=0)[:-1]
+    return velocity
 
 
 def _limited(limits: JointLimits, columns: IntArray, velocity: Sequence[float]) -> JointLimits:

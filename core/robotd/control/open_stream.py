@@ -126,19 +126,19 @@ class OpenStream(Generic[Motion]):
         high: FloatArray,
         units: Sequence[str],
     ) -> FloatArray:
-        """Return ``values`` within the limits; what is beyond is counted, the first one logged."""
+        """Return (..., k) values within the limits; what is beyond is counted, the first logged."""
         clipped: FloatArray = np.minimum(np.maximum(values, low), high)
         beyond = np.flatnonzero(clipped != values)
         if len(beyond):
             self._clipped += 1
             if self._clipped == 1:
-                joint = int(beyond[0])
+                joint = int(beyond[0]) % len(self.joints)
                 log.warning(
                     "a command beyond a limit is clipped",
                     quantity=what,
                     joint=self.joints[joint],
-                    value=float(values[joint]),
-                    limit=float(clipped[joint]),
+                    value=float(values.flat[beyond[0]]),
+                    limit=float(clipped.flat[beyond[0]]),
                     unit=units[joint],
                 )
         return clipped

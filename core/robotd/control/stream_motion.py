@@ -45,6 +45,7 @@ class StreamMotion(JointSource):
 
     Attributes:
         mode: as above.
+        timeout_ns: age of the last command at which the joints slow to rest.
         timeouts: number of times that the joints slowed to rest without a command.
     """
 
@@ -73,7 +74,7 @@ class StreamMotion(JointSource):
         self._speed = speed
         self._setpoints = StreamSetpoints(limits, mode, period_s)
         self._setpoints.reset(state)
-        self._timeout_ns = round(timeout_s * NANOSECONDS)
+        self.timeout_ns = round(timeout_s * NANOSECONDS)
         self._timeout_s, self._ends_when_silent = timeout_s, ends_when_silent
         self._commands: deque[StreamCommand] = deque(maxlen=MAX_WAITING)
         self._commanded_ns = start_ns
@@ -144,7 +145,7 @@ class StreamMotion(JointSource):
                 command = self._commands.popleft()
                 self._setpoints.follow(command)
                 self._commanded_ns, self._silent = command.time_ns, False
-            if time_ns - self._commanded_ns > self._timeout_ns and not self._silent:
+            if time_ns - self._commanded_ns > self.timeout_ns and not self._silent:
                 self._silent = True
                 self.timeouts += 1
                 self._setpoints.stop()

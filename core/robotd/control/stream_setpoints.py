@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.motion import JointLimits, MotionState
 from robotd.motion.limiter import SetpointLimiter
+from robotd.motion.sliding_window import SlidingWindow
 from robotd.motion.target_spline import TargetSpline
 
 
@@ -21,6 +24,19 @@ class StreamMode(StrEnum):
     SMOOTH = "smooth"  # on a curve through the targets, 1.75 input periods behind them
 
 
+class PointWindow(NamedTuple):
+    """Points that replace those of the window before from the first on.
+
+    Attributes:
+        times_ns: (n,) increasing, on the clock of the control loop.
+        position, velocity: (n, m).
+    """
+
+    times_ns: Sequence[int]
+    position: FloatArray
+    velocity: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class StreamCommand:
     """Command of a stream's client; arrays (m,), NaN for joints that it does not command.
@@ -29,11 +45,13 @@ class StreamCommand:
         position: target in rad or m; None: the command is ``velocity`` alone.
         velocity: at ``position`` and after it, or to move with; None: the target stands still.
         time_ns: at which it was sent.
+        window: points on the way to ``position``.
     """
 
     position: FloatArray | None
     velocity: FloatArray | None
     time_ns: int
+    window: PointWindow | None = None
 
 
 class StreamSetpoints:
@@ -50,6 +68,8 @@ class StreamSetpoints:
         self._mode, self._period_s = mode, period_s
         self._command: StreamCommand | None = None
         self._spline: TargetSpline | None = None
+        self._window: SlidingWindow | None = None
+        self._velocity_limit = limits.velocity
 
     @property
     def at_rest(self) -> bool:
@@ -62,13 +82,19 @@ class StreamSetpoints:
         ``strongest`` is that of ``SetpointLimiter.reset``.
         """
         self._limiter.reset(state, strongest)
-        if self._command is not None and self._spline is None:
+        if self._command is not None and self._spline is None and self._window is None:
             self._go(self._command)
 
     def follow(self, command: StreamCommand) -> None:
         """Take a command, at once or on the curve."""
         self._command = command
-        if self._mode is StreamMode.TARGET or command.position is None:
+        if command.window is not None:
+            self._spline = None
+            if self._window is None:
+                self._window = SlidingWindow(*command.window)
+            else:
+                self._window.replace(*command.window)
+        elif self._mode is StreamMode.TARGET or command.position is None:
             self._go(command)
         elif self._spline is None:
             position, velocity, _ = self._limiter.state
@@ -78,7 +104,7 @@ class StreamSetpoints:
 
     def stop(self) -> None:
         """Slow to rest in minimal time, and forget the last command."""
-        self._command = self._spline = None
+        self._command = self._spline = self._window = None
         self._limiter.stop()
 
     def settle(self) -> None:
@@ -87,7 +113,8 @@ class StreamSetpoints:
         if command is None or command.position is None:
             self.stop()
         elif self._spline is not None or command.velocity is not None:
-            self._command, self._spline = replace(command, velocity=None), None
+            self._command = replace(command, velocity=None, window=None)
+            self._spline = self._window = None
             self._limiter.approach(command.position)
 
     def after(self, seconds: float) -> MotionState:
@@ -99,6 +126,12 @@ class StreamSetpoints:
         if self._spline is not None:
             reference = self._spline.advance(self._period_s)
             return self._limiter.track(reference, self._spline.newest, self._spline.stands)
+        if (window := self._window) is not None:
+            reference = window.at(due_ns)
+            velocities = window.velocity_range(
+                reference, self._limiter.state[0], self._velocity_limit
+            )
+            return self._limiter.track(reference, window.newest, window.stands, velocities)
         command = self._command
         if command is None or command.position is None or command.velocity is None:
             return self._limiter.step()
@@ -108,7 +141,7 @@ class StreamSetpoints:
         return self._limiter.track(reference, position.tolist(), (velocity == 0.0).tolist())
 
     def _go(self, command: StreamCommand) -> None:
-        self._spline = None
+        self._spline = self._window = None
         if command.velocity is None and command.position is not None:
             self._limiter.approach(command.position)
         elif command.velocity is not None and command.position is None:

@@ -62,6 +62,7 @@ class SetpointLimiter:
         self._anywhere, self._rest = [math.nan] * joints, [0.0] * joints
         self._target, self._velocity = self._anywhere, self._rest  # of the plan
         self._elapsed_s = 0.0
+        self._range_of_velocity = self._bounds.lowest_velocity, self._bounds.highest_velocity
         self._strongest = [math.inf] * joints
         self.stop()
 
@@ -120,7 +121,13 @@ class SetpointLimiter:
         """Return the setpoint ``seconds`` after the last one; not while tracking or at limits."""
         return np.array(self._planner.at(self._elapsed_s + seconds))
 
-    def track(self, reference: FloatArray, target: Row, stands: list[bool]) -> FloatArray:
+    def track(
+        self,
+        reference: FloatArray,
+        target: Row,
+        stands: list[bool],
+        velocity_range: tuple[Row, Row] | None = None,
+    ) -> FloatArray:
         """Return the next setpoint, ``state``, on ``reference`` or on the way to it.
 
         Args:
@@ -129,7 +136,13 @@ class SetpointLimiter:
             target: where the reference leads; a joint whose reference exceeds the limits moves
                 there by itself. Clipped to the limits. NaN: the joint slows to rest.
             stands: targets that stand still and are not overshot.
+            velocity_range: lowest and highest velocity, within the limits; None: the limits.
         """
+        bounds = self._bounds
+        self._range_of_velocity = velocity_range or (
+            bounds.lowest_velocity,
+            bounds.highest_velocity,
+        )
         carefree = True not in stands and self._is_carefree(reference)
         start = self.state.copy()
         deviation = start - self._back.dot(reference)
@@ -138,7 +151,9 @@ class SetpointLimiter:
             return self.state
         if carefree:
             self._follow(start, reference, deviation, self._rest)
-            if self._is_carefree(self.state):
+            if self._is_carefree(self.state) and (
+                velocity_range is None or True not in self._too_fast(self.state.tolist())
+            ):
                 return self.state
         target, tracked = self._within_limits(target), self._trackable(reference)
         if not carefree:
@@ -240,10 +255,10 @@ class SetpointLimiter:
         the deviation, which is limited.
         """
         _, velocity, acceleration = reference.tolist()
-        bounds = self._bounds
+        bounds, (slowest, fastest) = self._bounds, self._range_of_velocity
         relative = Bounds(
-            _difference(bounds.lowest_velocity, velocity),
-            _difference(bounds.highest_velocity, velocity),
+            _difference(slowest, velocity),
+            _difference(fastest, velocity),
             _difference(bounds.lowest_acceleration, acceleration),
             _difference(bounds.highest_acceleration, acceleration),
             self._jerk(start[2].tolist()),
@@ -272,12 +287,12 @@ class SetpointLimiter:
         ]
 
     def _too_fast(self, state: Sequence[Row]) -> list[bool]:
-        """Return the joints whose acceleration cannot end before the velocity limit."""
+        """Return the joints whose acceleration cannot end within the range of velocities."""
         _, velocity, acceleration = state
-        limits = self._bounds.highest_velocity, self._bounds.jerk
+        limits = *self._range_of_velocity, self._bounds.jerk
         return [
-            abs(v + a * abs(a) / (2.0 * jerk)) > limit
-            for v, a, limit, jerk in zip(velocity, acceleration, *limits, strict=True)
+            not slowest <= v + a * abs(a) / (2.0 * jerk) <= fastest
+            for v, a, slowest, fastest, jerk in zip(velocity, acceleration, *limits, strict=True)
         ]
 
     def _unstoppable(self, state: Sequence[Row], lower: Row, upper: Row) -> list[bool]:

@@ -117,6 +117,7 @@ def add_timed_subscription(
     topic: str,
     handler: Callable[[Any, int], None],
     qos: QoSProfile | int,
+    share: float = HANDLER_SHARE,
 ) -> Subscription:
     """As ``add_subscription``, with ``handler(message, source_ns)``.
 
@@ -126,9 +127,9 @@ def add_timed_subscription(
     An exception that reaches the EventsExecutor also costs it the messages that arrived together
     with the offending one. Here it is logged and the next message is handled. That executor keeps
     an event for each message, so one that it cannot follow would answer services later and later:
-    a handler gets ``HANDLER_SHARE`` of the time, and what is beyond is dropped undecoded.
+    a handler gets ``share`` of the time, and what is beyond is dropped undecoded.
     """
-    rate_limit = RateLimit(HANDLER_SHARE)
+    rate_limit = RateLimit(share)
 
     def on_message(data: bytes, info: Mapping[str, Any]) -> None:
         with host.callback_guard():

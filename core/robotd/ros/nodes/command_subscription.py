@@ -22,7 +22,7 @@ from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.trajectory_conversions import stamp_ns
-from robotd.ros.services import add_timed_subscription
+from robotd.ros.services import HANDLER_SHARE, add_timed_subscription
 
 log = get_logger("commands")
 
@@ -49,6 +49,7 @@ def add_command_subscription(
     qos: QoSProfile | int,
     timeout_s: float | Callable[[Any], float],
     sent_at_ns: Callable[[Any], int] = header_stamp_ns,
+    share: float = HANDLER_SHARE,
 ) -> Subscription:
     """Create a subscription of commands, ``handler(message, sent_ns)``; see ``CommandTimes``.
 
@@ -61,6 +62,7 @@ def add_command_subscription(
         handler: executor thread; may raise.
         timeout_s: age at which a command is dropped, or a function of the message.
         sent_at_ns: time in the message, by the node's clock; 0: it says none.
+        share: highest of the executor's time.
     """
     times, rejections = CommandTimes(node, robot.clock), RejectionLog()
     dropped = 0
@@ -81,7 +83,7 @@ def add_command_subscription(
         rejections.accepted(topic, ())
         handler(message, sent_ns)
 
-    return add_timed_subscription(node, host, message_type, topic, on_message, qos)
+    return add_timed_subscription(node, host, message_type, topic, on_message, qos, share)
 
 
 class CommandTimes:

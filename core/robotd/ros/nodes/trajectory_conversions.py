@@ -43,6 +43,11 @@ def duration_s(message: Any) -> float:
     return float(message.sec + message.nanosec / NANOSECONDS)
 
 
+def duration_ns(message: Any) -> int:
+    """Nanoseconds of a builtin_interfaces/Duration."""
+    return int(message.sec) * NANOSECONDS + int(message.nanosec)
+
+
 def stamp_ns(message: Any) -> int:
     """Nanoseconds of a builtin_interfaces/Time."""
     return int(message.sec) * NANOSECONDS + int(message.nanosec)

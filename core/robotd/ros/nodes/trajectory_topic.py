@@ -6,6 +6,7 @@ import math
 import threading
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
@@ -24,7 +25,7 @@ from robotd.ros.nodes.command_subscription import add_command_subscription, head
 from robotd.ros.nodes.rejection_log import RejectionLog
 from robotd.ros.nodes.topic_stream import TopicStream
 from robotd.ros.nodes.trajectory_conversions import (
-    duration_s,
+    duration_ns,
     start_time_ns,
     trajectory_request,
 )
@@ -32,7 +33,8 @@ from robotd.ros.nodes.trajectory_conversions import (
 log = get_logger("trajectory")
 
 DEPTH = 10
-STREAM_S = 0.25  # a single point at most that far ahead is a streamed one
+HANDLER_SHARE = 0.4  # a message of 50 points takes 1 ms, and MoveIt Servo sends up to 250 a second
+STREAM_S = 0.25  # points at most that far ahead are streamed
 TIMEOUT_S = 1.0  # age at which a trajectory is dropped; a long one takes a while on a slow network
 MAX_AHEAD_S = 60.0  # start of a trajectory; its stamp may be of another clock
 
@@ -40,9 +42,10 @@ MAX_AHEAD_S = 60.0  # start of a trajectory; its stamp may be of another clock
 class TrajectoryTopic:
     """Executes each trajectory of a topic in place of the running one.
 
-    - Several points, or one that is further ahead than ``STREAM_S``: as a goal of the action,
-      without a result.
-    - One point without or with a short time, as MoveIt Servo sends them: a target of a stream.
+    - Points that end further ahead than ``STREAM_S``: as a goal of the action, without a result.
+    - One point with a short time, as MoveIt Servo of Humble sends it: a target of a stream.
+    - Several in a short time, as it does since Jazzy: points of one motion, each message replaces
+      the rest of the one before.
     - No point: the motion that this topic has started comes to rest.
 
     Args:
@@ -67,6 +70,7 @@ class TrajectoryTopic:
     ) -> None:
         self._group, self._clock, self._ros_clock = group, robot.clock, node.get_clock()
         self._host, self._topic, self._stream = host, topic, stream
+        self._timeout_s = timeout_s
         self._source = group.follower.source(topic, robot.rearming)
         self._rejections = RejectionLog()
         self._lock = threading.Lock()
@@ -81,8 +85,9 @@ class TrajectoryTopic:
             topic,
             self._take,
             DEPTH,
-            lambda message: _timeout_s(message, timeout_s),
-            lambda message: header_stamp_ns(message) if _is_streamed(message) else 0,
+            self._timeout,
+            self._judged_ns,
+            share=HANDLER_SHARE,
         )
 
     def _take(self, message: Any, sent_ns: int) -> None:
@@ -94,31 +99,40 @@ class TrajectoryTopic:
                 self._stopped = self._group.motion.ticket()
                 if self._execution is not None:
                     self._execution.cancel()
-        elif _is_streamed(message):
+        elif self._is_streamed(message):
             self._stream.apply(lambda stream: self._send(message, stream, sent_ns))
         else:
             self._execute(message)
 
     def _send(self, message: Any, stream: JointStream, sent_ns: int) -> None:
-        """Send the only point of ``message``; joints that it does not name hold."""
-        point = message.points[0]
+        """Send the points of ``message``; joints that it does not name hold."""
+        points = message.points
         columns = chosen_columns(message.joint_names or None, stream.joints).tolist()
-        if len(point.positions) != len(columns):
-            raise InvalidArgument(
-                f"{len(point.positions)} positions for {len(columns)} joints; a streamed point"
-                " needs positions"
-            )
-        if len(point.velocities) not in (0, len(columns)):
-            raise InvalidArgument(f"{len(point.velocities)} velocities for {len(columns)} joints")
-        position = self._group.motion.command().tolist()
-        velocity = [0.0] * len(position)
-        for index, column in enumerate(columns):
-            position[column] = point.positions[index]
-            if len(point.velocities):
-                velocity[column] = point.velocities[index]
-        if point.effort:
+        if any(point.effort for point in points):
             raise InvalidArgument("effort in the point is not supported; leave it empty")
-        stream.send(position, velocity if any(velocity) else None, sent_ns=sent_ns)
+        moves = len(points[0].velocities) > 0
+        for point in points:
+            if len(point.positions) != len(columns):
+                raise InvalidArgument(
+                    f"{len(point.positions)} positions for {len(columns)} joints; a streamed point"
+                    " needs positions"
+                )
+            if len(point.velocities) != len(columns) * moves:
+                raise InvalidArgument(
+                    f"{len(point.velocities)} velocities for {len(columns)} joints"
+                )
+        position = np.tile(self._group.motion.command(), (len(points), 1))
+        position[:, columns] = [point.positions for point in points]
+        velocity = np.zeros_like(position)
+        if moves:
+            velocity[:, columns] = [point.velocities for point in points]
+        if len(points) == 1:
+            target = velocity[0].tolist() if velocity.any() else None
+            stream.send(position[0].tolist(), target, sent_ns=sent_ns)
+            return
+        begin_ns = start_time_ns(message, self._ros_clock, self._clock) or sent_ns
+        times_ns = [begin_ns + duration_ns(point.time_from_start) for point in points]
+        stream.send_points(times_ns, position, velocity if moves else None, sent_ns=sent_ns)
 
     def _execute(self, message: Any) -> None:
         """Let a worker execute a trajectory; a rejection is logged."""
@@ -149,15 +163,34 @@ class TrajectoryTopic:
                 execution.wait()
             log.info("trajectory ended", topic=self._topic, reason=execution.message)
 
+    def _timeout(self, message: Any) -> float:
+        """Return the age at which a message is dropped: never where it stops the joints."""
+        if not message.points:
+            return math.inf
+        return self._timeout_s if self._is_streamed(message) else TIMEOUT_S
 
-def _timeout_s(message: Any, stream_s: float) -> float:
-    """Return the age at which a message is dropped: never where it stops the joints."""
-    if not message.points:
-        return math.inf
-    return stream_s if _is_streamed(message) else TIMEOUT_S
+    def _judged_ns(self, message: Any) -> int:
+        """Return the time in a message from which its age counts; 0: it has none.
 
+        The stamp of a trajectory is its beginning, which may be past or to come. So is that of
+        streamed points, until the last of them is past.
+        """
+        stamp = header_stamp_ns(message)
+        if not stamp or not self._is_streamed(message):
+            return 0
+        if len(message.points) == 1:
+            return stamp
+        end_ns = stamp + duration_ns(message.points[-1].time_from_start)
+        return end_ns if end_ns < self._ros_clock.now().nanoseconds else 0
 
-def _is_streamed(message: Any) -> bool:
-    """Return True for one point with a short time: a target of the stream."""
-    points = message.points
-    return len(points) == 1 and duration_s(points[0].time_from_start) <= STREAM_S
+    def _is_streamed(self, message: Any) -> bool:
+        """Return True for points of the near past and future."""
+        if not message.points:
+            return False
+        last_ns = duration_ns(message.points[-1].time_from_start)
+        stamp = header_stamp_ns(message)
+        ahead_ns = last_ns
+        if stamp and len(message.points) > 1:
+            ahead_ns += stamp - self._ros_clock.now().nanoseconds
+        longest_ns = STREAM_S * NANOSECONDS
+        return ahead_ns <= longest_ns and last_ns <= 2 * longest_ns
