@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from tests.independent.conftest import NODE, START_RAD, OpenBench
+from tests.independent.conftest import COUNTS_PER_RAD, NODE, START_RAD, OpenBench
 
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.axes import Move
 from robotd.errors import ConnectError
+from robotd.motion.profile import Profile
 
 
 def fault_of_node(bench: object) -> str:
@@ -37,3 +40,49 @@ def test_a_second_node_with_the_id_that_is_connected_in_operation(open_bench: Op
         bench.until(lambda: not bench.robot.connection.ready)  # its boot-up message
         with pytest.raises(ConnectError, match="duplicate node id"):
             bench.robot.recover()
+
+
+OPTIONAL = (0x6007, 0x605A, 0x605D, 0x60C2, 0x1016, 0x6085)
+
+
+@pytest.mark.parametrize("rejection", ["ro", "abort"])
+def test_optional_objects_that_cannot_be_written(
+    open_bench: OpenBench, rejection: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open_bench(rejected=OPTIONAL, rejection=rejection) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        bench.robot.connection.stop_communication()
+        bench.robot.connection.start_communication()
+    assert capsys.readouterr().out.count("object not written") == len(OPTIONAL)  # once each
+
+
+def test_objects_that_the_descriptor_does_not_write(
+    open_bench: OpenBench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    skipped = [f"0x{index:04X}" for index in OPTIONAL]
+    with open_bench(axis={"skip_writes": skipped}, rejected=OPTIONAL, rejection="abort") as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+    assert "object not written" not in capsys.readouterr().out
+
+
+def test_a_drive_with_one_ramp_stops_with_it(open_bench: OpenBench) -> None:
+    with open_bench(absent=(0x6084,)) as bench:
+        bench.robot.start()
+        bench.robot.axes.move([Move(0, 2.0, Profile(1.0, 2.0, 5.0))])
+        ramp = bench.robot.fieldbus.read_object(0, NODE, 0x6083)
+        assert int.from_bytes(ramp, "little") == pytest.approx(5.0 * COUNTS_PER_RAD, rel=0.01)
+        bench.until(lambda: abs(float(bench.image.position[0]) - 2.0) < 1e-3)
+
+
+@pytest.mark.parametrize("knobs", [{"supported_modes": 0}, {"absent": (0x6502,)}])
+def test_a_drive_that_does_not_state_its_modes(
+    open_bench: OpenBench, knobs: dict[str, object]
+) -> None:
+    with open_bench(axis={"check_modes": False}, **knobs) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+    if "absent" not in knobs:
+        with open_bench(**knobs) as bench, pytest.raises(ConnectError, match="check_modes: false"):
+            bench.robot.start()

@@ -8,6 +8,7 @@ from robotd.api import OperationError, wait_until
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import Node
+from robotd_canopen.object_dictionary import variable
 from robotd_canopen.pdo import Pdo
 from robotd_canopen.rpdo_writer import RpdoWriter
 from robotd_cia402.axis import Axis
@@ -64,8 +65,9 @@ class CanopenObjects:
     def values(self) -> Sequence[int]:
         return self._feedback.values[self._number]
 
-    def has(self, index: int) -> bool:
-        return self._layout.index(index) in self._node.sdo.dictionary
+    def writable(self, index: int, sub: int) -> bool:
+        found = variable(self._node.sdo.dictionary, self._layout.index(index), sub)
+        return found is not None and found.writable
 
     def read(self, index: int, sub: int = 0) -> int:
         return self._node.sdo.read(self._layout.index(index), sub)

@@ -35,7 +35,8 @@ from robotd_cia402.object_numbers import on_axis
 from robotd_cia402.options import StreamMode, missing_and_unknown, parse_object, with_robot_ramps
 
 _SECTION = "backends.canopen"
-_NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6502)  # without these it is no CiA 402 drive
+_NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064)  # without these it is no CiA 402 drive
+_SUPPORTED_MODES = 0x6502
 _BY_PDO = {0x6040: "controlword", 0x6060: "modes of operation", 0x607A: "target position"}
 _INTERPOLATED = {0x60C1: "interpolation data"}
 _FROM_PDO = {0x6041: "statusword", 0x6061: "modes of operation display", 0x6064: "position"}
@@ -140,7 +141,7 @@ def _axis(
     if not dictionary:  # unreadable: what it lacks is no problem of its own
         return AxisLayout(drive, dictionary, (), ())
     receive, transmit = axis_pdos(drive)
-    for base in _NEEDED:
+    for base in (*_NEEDED, *([_SUPPORTED_MODES] if drive.check_modes else [])):
         index = on_axis(base, drive.axis_offset)
         if variable(dictionary, index, 0) is None:
             problems.append(_error(robot, key, f"object 0x{index:04X} is not in the EDS"))

@@ -7,21 +7,23 @@ from contextlib import contextmanager
 
 from canopen.objectdictionary import ObjectDictionary
 
-from robotd.api import Clock, OperationError, RobotdError, wait_until
+from robotd.api import Clock, OperationError, RobotdError, get_logger, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.duplicate_id import ANSWERS, HEARTBEATS, HeartbeatRate
 from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
-from robotd_canopen.object_dictionary import startup_writes
+from robotd_canopen.object_dictionary import startup_writes, variable
 from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
 from robotd_canopen.sdo import Sdo
 from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_cia402.emcy import Emergency, EmergencyLog
 
+log = get_logger("canopen")
+
 _IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 _EMCY, _HEARTBEAT = 0x080, 0x700
 _START_S = 2.0  # for the first heartbeat in state OPERATIONAL
-_UNKNOWN_OBJECT = 0x06020000
+_CONSUMER = 0x1016
 RESET = "it was reset and has lost its configuration; start communication again"
 """Cause of the loss of a node that has booted by itself."""
 MISSED = "it may have sent event-driven PDOs while it was lost; start communication again"
@@ -61,6 +63,8 @@ class Node:
         self.configured = False
         self.identity: tuple[int, ...] = ()
         self.startup = startup_writes(options)
+        self._skipped = set(options.skip_writes)
+        self._supervision_reported = False
         self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
         self._rate = HeartbeatRate()
         self._has_booted = False
@@ -82,6 +86,7 @@ class Node:
     def share(self, options: NodeOptions) -> None:
         """A further axis of the drive."""
         self.startup += startup_writes(options)
+        self._skipped.update(options.skip_writes)
 
     def identify(self) -> None:
         """Profile and identity. Raises OperationError or DeviceTimeout naming step and object."""
@@ -138,12 +143,22 @@ class Node:
 
     def watch_master(self, *, watch: bool) -> None:
         """Make the node supervise our heartbeat, if it can (object 0x1016)."""
+        if _CONSUMER in self._skipped:
+            return
         limit_ms = round(self._common.heartbeat_timeout_s * 1000) if watch else 0
-        try:
-            self.sdo.write(0x1016, 1, self._common.master_node << 16 | limit_ms)
-        except SdoAbort as error:
-            if error.code != _UNKNOWN_OBJECT:
-                raise
+        found = variable(self.sdo.dictionary, _CONSUMER, 1)
+        reason = "0x1016 is missing or read-only"
+        if found is not None and found.writable:
+            try:
+                self.sdo.write(_CONSUMER, 1, self._common.master_node << 16 | limit_ms)
+            except SdoAbort as error:
+                reason = error.reason
+            else:
+                return
+        if not self._supervision_reported:
+            self._supervision_reported = True
+            effect = "the node does not notice that robotd is lost"
+            log.warning("object not written", node=self.name, reason=reason, effect=effect)
 
     def missing(self, period_ns: int, limit_ns: int) -> str:
         """Return why the node is lost, ``period_ns`` later; "" if it is not. Control loop."""

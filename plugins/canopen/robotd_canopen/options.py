@@ -20,6 +20,7 @@ from robotd_cia402.options import (
     Positive,
     SdoWrite,
     Section,
+    StartupWrite,
     given_twice,
     with_axis_defaults,
 )
@@ -72,6 +73,9 @@ class NodeOptions(Section):
     eds: Path | None = Field(None, description="EDS file, relative to the robot's; null: generic.")
     identity: Identity = Field(Identity(), description="Identity that the node must have.")
     startup: tuple[SdoWrite, ...] = Field((), description="Objects written at start, in order.")
+    skip_writes: tuple[StartupWrite, ...] = Field(
+        (), description="Objects that are not written at start, such as `0x1016`."
+    )
 
 
 class AxisOptions(DriveOptions, NodeOptions):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from robotd.api import (
@@ -181,7 +182,7 @@ class Commands:
             self._require_power()
             self._recover()
             axis.activity.complete = False
-            self._write_profile(profile)
+            profile = self._write_profile(profile)
             self._require_no_stop(stops)
             axis.begin_move(target, profile)
             self._require_no_stop(stops)
@@ -193,12 +194,11 @@ class Commands:
         with axis.lock:
             self._require_power()
             self._recover()
-            setpoint = axis.setpoint
+            mode, setpoint = VELOCITY_MODES[axis.options.velocity_mode], axis.setpoint
+            if mode is OperationMode.PROFILE_VELOCITY:
+                profile = self._write_ramps(profile)
             setpoint.acceleration = profile.acceleration
             setpoint.deceleration = profile.deceleration
-            mode = VELOCITY_MODES[axis.options.velocity_mode]
-            if mode is OperationMode.PROFILE_VELOCITY:
-                self._write_ramps(profile)
             if axis.mode.requested is not mode:
                 setpoint.target_velocity = setpoint.velocity = 0.0
                 self._enter(mode)
@@ -376,15 +376,21 @@ class Commands:
                 text = f"the drive remains in quick stop, {self._status()}"
                 raise self._error(DeviceTimeout, text)
 
-    def _write_profile(self, profile: Profile) -> None:
+    def _write_profile(self, profile: Profile) -> Profile:
         speed = abs(self._axis.scaling.velocity_units(profile.velocity))
         self._axis.objects.write(0x6081, 0, speed)
-        self._write_ramps(profile)
+        return self._write_ramps(profile)
 
-    def _write_ramps(self, profile: Profile) -> None:
+    def _write_ramps(self, profile: Profile) -> Profile:
+        """Write the ramps; return the profile with those that the drive has.
+
+        Without 0x6084, which is optional, it has one ramp: that which stops in time.
+        """
         scaling, objects = self._axis.scaling, self._axis.objects
+        if not objects.write_optional(0x6084, scaling.ramp_units(profile.deceleration)):
+            profile = replace(profile, acceleration=profile.deceleration)
         objects.write(0x6083, 0, scaling.ramp_units(profile.acceleration))
-        objects.write(0x6084, 0, scaling.ramp_units(profile.deceleration))
+        return profile
 
     def _require_power(self) -> None:
         self.require_online()

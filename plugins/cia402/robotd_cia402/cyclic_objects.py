@@ -80,8 +80,8 @@ class CyclicObjects(Protocol):
         0 before an object has come, and for one that the frames do not hold.
         """
 
-    def has(self, index: int) -> bool:
-        """Return True if the drive has the optional object ``index``. Worker."""
+    def writable(self, index: int, sub: int) -> bool:
+        """Return False for an object that is missing or read-only. Worker."""
 
     def read(self, index: int, sub: int = 0) -> int:
         """Read an object by SDO. Worker. Raises SdoAbort, DeviceTimeout, OperationError."""

@@ -4,40 +4,39 @@ from __future__ import annotations
 
 import math
 
-from robotd.api import OperationError
+from robotd.api import OperationError, get_logger
 from robotd_cia402.axis import Axis
+from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_cia402.modes import needed_modes
 
-_HALT_RAMP, _QUICK_STOP_STAYS, _FAULT_ON_LOSS = 1, 6, 1  # 0x605D, 0x605A, 0x6007
+log = get_logger("cia402")
+
+_SUPPORTED_MODES, _QUICK_STOP_RAMP, _PERIOD = 0x6502, 0x6085, 0x60C2
+_OPTION_CODES = {
+    0x6007: (1, "the drive may go on when robotd is lost"),
+    0x605A: (6, "a quick stop may end with the servo off"),
+    0x605D: (1, "the halt of a move may have another ramp"),
+}
+"""Object → value, and effect of another one."""
 
 
 def set_up(axis: Axis, period_s: float) -> None:
     """Check the supported modes and write the option codes. Nothing moves. Worker.
 
+    The objects in ``STARTUP_WRITES`` are optional: one that is missing, cannot be written or is
+    skipped keeps the value of the drive, which is logged once.
+
     Args:
         axis: its node is configured; what is known of its state is forgotten.
         period_s: between two cyclic frames, the interpolation time period (object 0x60C2).
 
-    Raises OperationError naming the option that needs a mode, SdoAbort and DeviceTimeout.
+    Raises OperationError naming the option that needs a mode, and DeviceTimeout.
     """
-    options, drive = axis.options, axis.drive
-    supported = drive.read(0x6502)
-    for mode, what in needed_modes(options).items():
-        if not supported & mode.support_bit:
-            raise OperationError(
-                f"modes: {what} needs {mode.name.lower()}, which object 0x6502"
-                f" (0x{supported:08X}) does not offer"
-            )
-    value, exponent = interpolation_period(period_s)
-    for index, sub, number in (
-        (0x6007, 0, _FAULT_ON_LOSS),
-        (0x605A, 0, _QUICK_STOP_STAYS),
-        (0x605D, 0, _HALT_RAMP),
-        (0x60C2, 1, value),
-        (0x60C2, 2, exponent),
-    ):
-        if drive.has(index):
-            drive.write(index, sub, number)
+    if axis.options.check_modes:
+        _check_modes(axis)
+    for index, (value, otherwise) in _OPTION_CODES.items():
+        _write(axis, index, 0, value, otherwise)
+    _write_period(axis, period_s)
     write_quick_stop_ramp(axis)
     axis.forget()
 
@@ -47,9 +46,8 @@ def write_quick_stop_ramp(axis: Axis) -> None:
 
     Raises as ``set_up``.
     """
-    if axis.drive.has(0x6085):
-        ramp = axis.scaling.ramp_units(axis.options.quick_stop_deceleration_rad_s2)
-        axis.drive.write(0x6085, 0, ramp)
+    ramp = axis.scaling.ramp_units(axis.options.quick_stop_deceleration_rad_s2)
+    _write(axis, _QUICK_STOP_RAMP, 0, ramp, "a quick stop has the ramp that is set in the drive")
 
 
 def interpolation_period(period_s: float) -> tuple[int, int]:
@@ -62,3 +60,47 @@ def interpolation_period(period_s: float) -> tuple[int, int]:
         if value <= 255 and math.isclose(value, round(value), rel_tol=1e-6):
             return round(value), exponent
     return max(1, min(255, round(period_s * 1000))), -3
+
+
+def _check_modes(axis: Axis) -> None:
+    try:
+        supported = axis.drive.read(_SUPPORTED_MODES)
+    except SdoAbort as error:
+        raise OperationError(f"modes: {error.reason}; {_WITHOUT_MODES}") from error
+    if not supported:
+        raise OperationError(f"modes: object 0x6502 is 0; {_WITHOUT_MODES}")
+    for mode, what in needed_modes(axis.options).items():
+        if not supported & mode.support_bit:
+            raise OperationError(
+                f"modes: {what} needs {mode.name.lower()}, which object 0x6502"
+                f" (0x{supported:08X}) does not offer"
+            )
+
+
+_WITHOUT_MODES = "if its manual lists the modes that are needed, set check_modes: false"
+
+
+def _write_period(axis: Axis, period_s: float) -> None:
+    """Write the interpolation period; the power first, because it gives the value its meaning."""
+    value, exponent = interpolation_period(period_s)
+    otherwise = f"the drive must expect a frame each {period_s * 1000:g} ms by its own setting"
+    if _write(axis, _PERIOD, 2, exponent, otherwise):
+        _write(axis, _PERIOD, 1, value, otherwise)
+
+
+def _write(axis: Axis, index: int, sub: int, value: int, otherwise: str) -> bool:
+    """Write an optional object; False, with ``otherwise`` in the log, where it is not written."""
+    drive = axis.drive
+    if index in axis.options.skip_writes:
+        return False
+    reason = f"0x{index:04X} is missing or read-only"
+    if drive.writable(index, sub):
+        try:
+            drive.write(index, sub, value)
+        except SdoAbort as error:
+            reason = error.reason
+        else:
+            return True
+    if axis.objects.is_news(index):
+        log.warning("object not written", node=drive.name, reason=reason, effect=otherwise)
+    return False

@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -30,6 +31,20 @@ Integer = Annotated[int, BeforeValidator(_from_hexadecimal)]
 """Whole number that may be written in hexadecimal."""
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{4}(:[0-9]{1,3})?$")]
+
+
+STARTUP_WRITES = (0x1016, 0x6007, 0x605A, 0x605D, 0x6085, 0x60C2)
+"""Objects that are written at start and that a drive can do without."""
+
+
+def _one_of_startup_writes(index: int) -> int:
+    if index not in STARTUP_WRITES:
+        known = ", ".join(f"0x{each:04X}" for each in STARTUP_WRITES)
+        raise ValueError(f"0x{index:04X} is not written at start; these are: {known}")
+    return index
+
+
+StartupWrite = Annotated[Integer, AfterValidator(_one_of_startup_writes)]
 
 
 class Section(BaseModel):
@@ -106,6 +121,13 @@ class DriveOptions(Section):
         " joint, the wheel or the steering in the robot's file.",
     )
     quick_stop_deceleration_rad_s2: Positive = Field(40.0, description="Ramp of a quick stop.")
+    check_modes: bool = Field(
+        True,
+        description="Require the modes in object 0x6502; false: for a drive without it, or with 0.",
+    )
+    skip_writes: tuple[StartupWrite, ...] = Field(
+        (), description="Objects that are not written at start, such as `0x605A`."
+    )
     simulated_position_rad: float | None = Field(
         None,
         allow_inf_nan=False,

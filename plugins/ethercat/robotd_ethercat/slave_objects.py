@@ -66,8 +66,10 @@ class SlaveObjects:
         found: Sequence[int] = self._pick_inputs((*self._image.inputs, 0))
         return found
 
-    def has(self, index: int) -> bool:
-        return self._slave.has(on_axis(index, self._offset))
+    def writable(self, index: int, sub: int) -> bool:
+        return self._slave.has(
+            on_axis(index, self._offset)
+        )  # whether it is read-only shows when it is written
 
     def read(self, index: int, sub: int = 0) -> int:
         return self._slave.read(on_axis(index, self._offset), sub)

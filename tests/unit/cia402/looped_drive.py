@@ -67,6 +67,9 @@ class LoopedObjects:
     def awaited(self) -> str:
         return "nothing received yet"
 
+    def writable(self, index: int, sub: int) -> bool:
+        return self.has(index)
+
     def forget(self) -> None:
         self._complete = False
 
