@@ -6,7 +6,7 @@ from enum import Enum, auto
 
 from robotd_cia402.state_machine import Control, Status
 
-_LOW_FRAMES = 2  # frames with the bit low before it may rise again
+_LOW_FRAMES = 2  # frames in the mode, with the target and the bit low, before it may rise
 _LIMIT_S = 1.0
 
 _IMMEDIATELY = int(Control.CHANGE_IMMEDIATELY)
@@ -33,7 +33,7 @@ class Handshake:
     def __init__(self) -> None:
         self.phase = Phase.DONE
         self.bits = 0
-        self._frames = 0
+        self._frames = self._low_frames = 0
         self._halted = 0
 
     def begin(self, *, halted: bool) -> None:
@@ -50,14 +50,16 @@ class Handshake:
     def advance(self, status: int, *, in_mode: bool, period_s: float) -> None:
         """Advance by one frame, with the statusword of the drive.
 
-        ``in_mode``: the drive displays profile position mode.
+        ``in_mode``: the drive displays profile position mode, from when on the target is sent. It
+        comes some frames before the bit: a drive may read the controlword of a frame first.
         """
         if self.phase in (Phase.DONE, Phase.FAILED):
             return
         self._frames += 1
+        self._low_frames = self._low_frames + 1 if in_mode else 0
         acknowledged = bool(status & Status.ACKNOWLEDGE)
         match self.phase:
-            case Phase.ENTERING if in_mode and not acknowledged and self._frames > _LOW_FRAMES:
+            case Phase.ENTERING if self._low_frames > _LOW_FRAMES and not acknowledged:
                 self.bits |= Control.NEW_SET_POINT
                 self._enter(Phase.ASKING)
             case Phase.ASKING if acknowledged:
@@ -73,4 +75,4 @@ class Handshake:
 
     def _enter(self, phase: Phase) -> None:
         self.phase = phase
-        self._frames = 0
+        self._frames = self._low_frames = 0

@@ -67,9 +67,8 @@ class SlaveObjects:
         return found
 
     def writable(self, index: int, sub: int) -> bool:
-        return self._slave.has(
-            on_axis(index, self._offset)
-        )  # whether it is read-only shows when it is written
+        # Whether it is read-only shows when it is written.
+        return self._slave.has(on_axis(index, self._offset))
 
     def read(self, index: int, sub: int = 0) -> int:
         return self._slave.read(on_axis(index, self._offset), sub)
