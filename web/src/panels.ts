@@ -192,7 +192,11 @@ export class EventPanel {
 function readiness({ ready, device, problems }: State): [string, string] {
   if (problems.some((each) => each.is_fault)) return ["fault", "bad"];
   if (!ready) return [`${device}, not ready`, "warn"];
-  return problems.some((each) => each.kind !== "source") ? ["not ready for motion", "warn"] : ["ready", "good"];
+  const kinds = new Set(problems.map((each) => each.kind));
+  const outside = kinds.delete("outside limits");
+  kinds.delete("source");
+  if (kinds.size) return ["not ready for motion", "warn"];
+  return outside ? ["ready, a joint is outside its limits", "warn"] : ["ready", "good"];
 }
 
 function goalText({ joints, duration_s, sender, ending }: Goal): string {

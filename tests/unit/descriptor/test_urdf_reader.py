@@ -44,8 +44,8 @@ def problems(body: str) -> list[str]:
          "arm.urdf:2: a: a revolute joint needs <limit lower= upper= effort= velocity=>"),
         (joint("a", "base", "tip", '<limit lower="0" upper="1"/>') + links("base", "tip"),
          "arm.urdf:2: a: <limit> has no velocity"),
-        (joint("a", "base", "tip", LIMIT.replace('"2"', '"0"')) + links("base", "tip"),
-         "arm.urdf:2: a: velocity='0' must be above 0"),
+        (joint("a", "base", "tip", LIMIT.replace('"2"', '"-1"')) + links("base", "tip"),
+         "arm.urdf:2: a: velocity='-1' is below 0"),
         (joint("a", "base", "tip", LIMIT.replace('"2"', '"nan"')) + links("base", "tip"),
          "arm.urdf:2: a: velocity='nan' is not a finite number"),
         (joint("a", "base", "tip", LIMIT.replace('"-1"', '"2"')) + links("base", "tip"),
@@ -155,6 +155,11 @@ def test_the_tighter_of_hard_and_soft_limits_applies(
     body = joint("a", "base", "tip", LIMIT + safety) + links("base", "tip")
     found = parse_urdf(f"<robot>{body}</robot>", PATH).joint["a"]
     assert (found.lower, found.upper) == limits
+
+
+def test_a_velocity_of_0_is_none() -> None:
+    body = joint("a", "base", "tip", LIMIT.replace('"2"', '"0.0"')) + links("base", "tip")
+    assert parse_urdf(f"<robot>{body}</robot>", PATH).joint["a"].velocity is None
 
 
 @pytest.mark.parametrize("number", ["2", " 2.0 ", "+2.", ".2e1", "2E+0"])

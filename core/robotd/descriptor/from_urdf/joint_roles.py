@@ -249,7 +249,7 @@ def _check(arm: Sequence[UrdfJoint], fingers: Fingers | None, path: Path) -> Non
             problems.append(DescriptorError(what, path=path, line=joint.line, key=joint.name))
     for joint in arm:
         if joint.velocity is None:
-            what = "a driven joint needs a speed: <limit effort= velocity=>"
+            what = "a driven joint needs a speed above 0: <limit effort= velocity=>"
             problems.append(DescriptorError(what, path=path, line=joint.line, key=joint.name))
     if problems:
         raise DescriptorError.join(problems)

@@ -52,7 +52,7 @@ class UrdfJoint:
         origin: frame of the joint in that of its parent; shape (4, 4).
         axis: unit vector in the frame of the joint; shape (3,).
         lower, upper: -inf and inf for a continuous joint; the tighter of hard and soft limits.
-        velocity, effort: None where the file has none.
+        velocity, effort: None where the file has none; a velocity of 0 is none.
         soft: limits of its <safety_controller>; None without.
     """
 

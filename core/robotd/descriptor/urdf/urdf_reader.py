@@ -166,7 +166,8 @@ class _Reader:
                 text = f"a {kind} joint needs <limit lower= upper= effort= velocity=>"
                 self._problem(text, element, name)
             return _NO_LIMITS
-        velocity = self._number(limit, "velocity", name, required=bounded, above=0.0)
+        # Exporters write 0 where they know no speed; who drives the joint asks for one.
+        velocity = self._number(limit, "velocity", name, required=bounded, minimum=0.0) or None
         effort = self._number(limit, "effort", name, minimum=0.0)
         if not bounded:
             return _Limits(-math.inf, math.inf, velocity, effort, None)
@@ -243,7 +244,6 @@ class _Reader:
         default: float | None = None,
         required: bool = False,
         minimum: float | None = None,
-        above: float | None = None,
     ) -> float | None:
         """Return a finite attribute; ``default`` where it is absent, None where it is wrong."""
         text = None if element is None else element.get(key)
@@ -256,8 +256,6 @@ class _Reader:
             self._problem(f"{key}={text!r} is not a finite number", element, name)
         elif minimum is not None and value < minimum:
             self._problem(f"{key}={text!r} is below {minimum:g}", element, name)
-        elif above is not None and value <= above:
-            self._problem(f"{key}={text!r} must be above {above:g}", element, name)
         else:
             return value
         return None
