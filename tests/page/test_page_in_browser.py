@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +130,20 @@ def test_a_fault_turns_its_joint_red_and_names_cause_and_remedy(arm: Observed, p
     expect(banner).to_be_hidden()
     expect(page.locator("tbody.faulty")).to_have_count(0)
     assert np.abs(picture(page) - before).mean() < 2.0
+
+
+def test_a_joint_outside_its_limits_is_a_notice(arm: Observed, page: Page) -> None:
+    axes = arm.robot.axes
+    limits = axes.limits
+    axes.limits = (*limits[:2], replace(limits[2], lower=0.5), *limits[3:])
+    arm.step(0.1)
+    expect(page.locator("#ready")).to_have_text("ready, a joint is outside its limits")
+    notice = page.get_by_text("joint3: at 0 rad, outside its limits 0.5 to 2.86 rad")
+    expect(notice.first).to_be_visible()
+    expect(page.get_by_text("Jog it back inside, or correct its").first).to_be_visible()
+    axes.limits = limits
+    arm.step(0.1)
+    expect(page.locator("#ready")).to_have_text("ready")
 
 
 def test_the_page_shows_everything_else(arm: Observed, page: Page) -> None:
