@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from structlog.testing import capture_logs
 from tests.independent.conftest import COUNTS_PER_RAD, NODE, START_RAD, OpenBench
 
+from robotd.cli import main
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Move
-from robotd.errors import ConnectError
+from robotd.errors import ConnectError, DeviceTimeout
 from robotd.motion.profile import Profile
 
 
@@ -94,3 +96,35 @@ def test_a_drive_that_does_not_state_its_modes(
     if "absent" not in knobs:
         with open_bench(**knobs) as bench, pytest.raises(ConnectError, match="check_modes: false"):
             bench.robot.start()
+
+
+SAVE = 0x65766173
+STORE = ["0x1010", "1", hex(SAVE), "--size", "4"]
+
+
+@pytest.mark.parametrize("timeout_s", [0.3, 3.0])
+def test_a_store_that_takes_a_second_is_sent_once(open_bench: OpenBench, timeout_s: float) -> None:
+    with open_bench(store_s=1.0) as bench:
+        command = ["canopen", "sdo", "write", *bench.bus, "--timeout", str(timeout_s)]
+        result = CliRunner().invoke(main, [*command, str(NODE), *STORE])
+        assert bench.drive["writes"]["1010:1"] == 1
+        if timeout_s < 1.0:
+            assert "may have been executed" in result.output
+        else:
+            assert result.exit_code == 0, result.output
+
+
+def test_a_store_by_the_running_robot_is_sent_once(open_bench: OpenBench) -> None:
+    with open_bench(store_s=1.0) as bench:
+        bench.robot.start(enable=False)
+        with pytest.raises(DeviceTimeout, match="may have been executed"):
+            bench.robot.fieldbus.write_object(0, NODE, 0x1010, 1, SAVE.to_bytes(4, "little"))
+        assert bench.drive["writes"]["1010:1"] == 1
+
+
+def test_an_empty_string_is_named(open_bench: OpenBench) -> None:
+    with open_bench(empty_strings=True) as bench:
+        result = CliRunner().invoke(
+            main, ["canopen", "sdo", "read", *bench.bus, str(NODE), "0x1008"]
+        )
+        assert result.output == "(empty)\n"

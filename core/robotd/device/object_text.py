@@ -7,6 +7,8 @@ from robotd.errors import InvalidArgument
 
 def object_text(data: bytes) -> str:
     """Format data as ``37 02 (0x0237, 567)``, with the text where it is printable."""
+    if not data:
+        return "(empty)"
     parts = [data.hex(" ")]
     if len(data) in (1, 2, 4, 8):
         number = int.from_bytes(data, "little")

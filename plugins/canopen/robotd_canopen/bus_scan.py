@@ -138,12 +138,14 @@ def scan_sections(
 
 
 @contextmanager
-def sdo_of(interface: str, channel: str, bitrate: int, node: int) -> Iterator[Sdo]:
+def sdo_of(
+    interface: str, channel: str, bitrate: int, node: int, timeout_s: float = 0.3
+) -> Iterator[Sdo]:
     """Yield an SDO client of one node on a bus of its own. Raises ConnectError."""
     bus = _bus(interface, channel, bitrate)
     bus.open()
     try:
-        yield Sdo(bus, node, f"node {node}", empty_dictionary())
+        yield Sdo(bus, node, f"node {node}", empty_dictionary(), timeout_s)
     finally:
         bus.close()
 

@@ -33,6 +33,16 @@ def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+_answer_timeout = click.option(
+    "--timeout",
+    "timeout_s",
+    type=NumberRange(0.001, 60),
+    default=0.3,
+    show_default=True,
+    help="Seconds to wait for an answer.",
+)
+
+
 @click.group()
 def canopen() -> None:
     """CANopen networks: scan, objects, simulated drives."""
@@ -69,20 +79,24 @@ def sdo() -> None:
 
 @sdo.command("read")
 @_bus_options
+@_answer_timeout
 @click.argument("node", type=IntegerRange(1, 127))
 @click.argument("index", type=ObjectNumber())
 @click.argument("sub", type=ObjectNumber(), default=0)
-def read(interface: str, channel: str, bitrate: int, node: int, index: int, sub: int) -> None:
+def read(
+    interface: str, channel: str, bitrate: int, timeout_s: float, node: int, index: int, sub: int
+) -> None:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
     from robotd.api import object_text
     from robotd_canopen.bus_scan import sdo_of
 
-    with sdo_of(interface, channel, bitrate, node) as client:
+    with sdo_of(interface, channel, bitrate, node, timeout_s) as client:
         click.echo(object_text(client.upload(index, sub)))
 
 
 @sdo.command("write", context_settings={"ignore_unknown_options": True})  # -5 is a value
 @_bus_options
+@_answer_timeout
 @click.argument("node", type=IntegerRange(1, 127))
 @click.argument("index", type=ObjectNumber())
 @click.argument("sub", type=ObjectNumber())
@@ -92,17 +106,21 @@ def write(
     interface: str,
     channel: str,
     bitrate: int,
+    timeout_s: float,
     node: int,
     index: int,
     sub: int,
     value: int,
     size: int | None,
 ) -> None:
-    """Write VALUE to object INDEX:SUB of NODE, and print the value read back."""
+    """Write VALUE to object INDEX:SUB of NODE, and print the value read back.
+
+    It is sent once: without an answer it may have been executed. A store takes seconds: --timeout.
+    """
     from robotd.api import object_bytes, object_text
     from robotd_canopen.bus_scan import sdo_of
 
-    with sdo_of(interface, channel, bitrate, node) as client:
+    with sdo_of(interface, channel, bitrate, node, timeout_s) as client:
         length = size or len(client.upload(index, sub))
         client.download(index, sub, object_bytes(value, length))
         click.echo(object_text(client.upload(index, sub)))

@@ -120,7 +120,7 @@ class Node:
                 configure(self.sdo, pdo)
         with _step("start-up objects"):
             for index, sub, value in self.startup:
-                self.sdo.write(index, sub, value)
+                self.sdo.write(index, sub, value, retry=False)
 
     def start(self) -> None:
         """Start the node and wait for a heartbeat in state OPERATIONAL. Raises OperationError."""

@@ -1,6 +1,6 @@
 """SDO client of one node; errors name node, object and abort code.
 
-A transfer without a response is repeated as a whole, never in parts.
+A transfer without a response is repeated as a whole, never in parts, unless it may have an effect.
 """
 
 from __future__ import annotations
@@ -67,11 +67,16 @@ class Sdo:
 
     def upload(self, index: int, sub: int = 0) -> bytes:
         """The raw value. Raises SdoAbort, DeviceTimeout, OperationError."""
-        return self._transfer("reading", index, sub, None)
+        return self._transfer("reading", index, sub, None, self._tries)
 
-    def download(self, index: int, sub: int, data: bytes) -> None:
-        """Write the raw value. Raises SdoAbort, DeviceTimeout, OperationError."""
-        self._transfer("writing", index, sub, data)
+    def download(self, index: int, sub: int, data: bytes, *, retry: bool = False) -> None:
+        """Write the raw value. Raises SdoAbort, DeviceTimeout, OperationError.
+
+        Args:
+            retry: repeat it where no answer comes. The node may have executed it all the same,
+                and a command such as a store takes seconds: only for values.
+        """
+        self._transfer("writing", index, sub, data, self._tries if retry else 1)
 
     def read(self, index: int, sub: int = 0) -> int:
         """Read an integer, signed if its type in the dictionary is."""
@@ -79,8 +84,11 @@ class Sdo:
         signed = found is not None and found.data_type in SIGNED_TYPES
         return int.from_bytes(self.upload(index, sub), "little", signed=signed)
 
-    def write(self, index: int, sub: int, value: int) -> None:
-        """Write an integer of its size in the dictionary (4 bytes for an unknown object)."""
+    def write(self, index: int, sub: int, value: int, *, retry: bool = True) -> None:
+        """Write an integer of its size in the dictionary (4 bytes for an unknown object).
+
+        ``retry``: as of ``download``.
+        """
         found = variable(self.dictionary, index, sub)
         size = len(found) // 8 if found is not None else 4
         limit = 1 << 8 * size
@@ -89,7 +97,7 @@ class Sdo:
             raise OperationError(
                 f"{self._path}: {where}: value {value} does not fit in {size} bytes"
             )
-        self.download(index, sub, (value % limit).to_bytes(size, "little"))
+        self.download(index, sub, (value % limit).to_bytes(size, "little"), retry=retry)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send a request frame of the library's client. Raises can.CanOperationError."""
@@ -99,11 +107,11 @@ class Sdo:
             answers.requested_s = time.monotonic()
         self._bus.send_message(can_id, data, remote)
 
-    def _transfer(self, verb: str, index: int, sub: int, data: bytes | None) -> bytes:
+    def _transfer(self, verb: str, index: int, sub: int, data: bytes | None, tries: int) -> bytes:
         where = f"{self._path}: {verb} {describe(self.dictionary, index, sub)}"
         reason = ""
         with self._lock:
-            for _ in range(self._tries):
+            for _ in range(tries):
                 try:
                     if data is None:
                         return bytes(self._client.upload(index, sub))
@@ -120,9 +128,10 @@ class Sdo:
                 else:
                     return b""
         if "No SDO response" in reason:
-            raise DeviceTimeout(
-                f"{where}: no answer within {self._timeout_s:g} s, {self._tries} tries"
-            )
+            after = f"{tries} tries" if tries > 1 else "not repeated"
+            acted = "" if data is None else "; it may have been executed, read the object back"
+            hint = acted if tries == 1 else ""
+            raise DeviceTimeout(f"{where}: no answer within {self._timeout_s:g} s, {after}{hint}")
         raise OperationError(f"{where}: {reason}")
 
     def _on_response(self, data: bytearray) -> None:

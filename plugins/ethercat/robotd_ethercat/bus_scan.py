@@ -29,7 +29,7 @@ class SlaveAccess:
         return self._bus.upload(self._slave, index, sub)
 
     def download(self, index: int, sub: int, data: bytes) -> None:
-        self._bus.download(self._slave, index, sub, data)
+        self._bus.download(self._slave, index, sub, data, retry=False)
 
     def unsigned(self, index: int, sub: int = 0) -> int:
         """Return an object as an unsigned number. Raises OperationError, DeviceTimeout."""

@@ -72,7 +72,7 @@ class EthercatFieldbus(FieldbusDriver):
     def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
         slave = self._slave(node)
         try:
-            slave.download(index, subindex, data)
+            slave.download(index, subindex, data, retry=False)
         finally:  # a write without an answer may have been executed
             for axis, owner in self._master.drives:
                 if owner is slave:

@@ -106,17 +106,22 @@ class Slave:
         """Write the start-up objects of the options. Raises OperationError."""
         for options in self.options:
             for write in options.startup:
-                self.write(*parse_object(write.object), write.value)
+                self.write(*parse_object(write.object), write.value, retry=False)
 
     def upload(self, index: int, sub: int = 0) -> bytes:
         """Read an object, raw. Raises SdoAbort, DeviceTimeout, OperationError."""
         return self._named("reading", index, sub, lambda: self._bus.upload(self.number, index, sub))
 
-    def download(self, index: int, sub: int, data: bytes) -> None:
-        """Write an object, raw. Raises SdoAbort, DeviceTimeout, OperationError."""
-        self._named(
-            "writing", index, sub, lambda: self._bus.download(self.number, index, sub, data)
-        )
+    def download(self, index: int, sub: int, data: bytes, *, retry: bool = True) -> None:
+        """Write an object, raw. Raises SdoAbort, DeviceTimeout, OperationError.
+
+        ``retry``: as of ``Soem.download``.
+        """
+
+        def write() -> None:
+            self._bus.download(self.number, index, sub, data, retry=retry)
+
+        self._named("writing", index, sub, write)
 
     def read(self, index: int, sub: int = 0) -> int:
         """Read an integer, signed if its type is known to be."""
@@ -124,7 +129,7 @@ class Slave:
         signed = code is not None and code.islower()
         return int.from_bytes(self.upload(index, sub), "little", signed=signed)
 
-    def write(self, index: int, sub: int, value: int) -> None:
+    def write(self, index: int, sub: int, value: int, *, retry: bool = True) -> None:
         """Write an integer of its known size, else of the size that it reads with."""
         code = object_format(index, sub)
         size = _SIZES[code.lower()] if code else len(self.upload(index, sub))
@@ -133,7 +138,7 @@ class Slave:
             raise OperationError(
                 f"{self.name}: object 0x{index:04X}:{sub:02X}: {value} does not fit in {size} bytes"
             )
-        self.download(index, sub, (value % limit).to_bytes(size, "little"))
+        self.download(index, sub, (value % limit).to_bytes(size, "little"), retry=retry)
 
     def has(self, index: int) -> bool:
         """Return True if the slave has the object. Raises DeviceTimeout, OperationError."""

@@ -25,6 +25,7 @@ INSTALL = "pip install 'robotd[ethercat]' (docs/how-to/ethercat.md)"
 NO_FRAME = -1  # working counter of a frame that did not come back
 MAX_OBJECT_BYTES = 4096
 _MICROSECONDS = 1_000_000
+_WATCHDOG_REGISTER = 0x0420  # process data watchdog (ETG.1000.4)
 _TRIES = 3  # of a mailbox transfer, and of a register
 _REGISTER_RETRY_S = 0.02  # outlasts a short stall of the computer
 _FRAME_TIMEOUT_US = 2000  # of SOEM
@@ -195,9 +196,12 @@ class Soem:
 
     def set_watchdog(self, slave: int, milliseconds: float) -> None:
         """Set the process data watchdog of a slave. Raises OperationError."""
+        one = self._slave(slave)
         try:
-            self._slave(slave).set_watchdog("processdata", milliseconds)
-        except (AttributeError, self._pysoem.WkcError) as error:
+            self._register(
+                _WATCHDOG_REGISTER, lambda _: one.set_watchdog("processdata", milliseconds)
+            )
+        except (AttributeError, DeviceTimeout) as error:
             raise OperationError(f"watchdog_ms {milliseconds:g} was not taken: {error}") from error
 
     @property
@@ -264,9 +268,20 @@ class Soem:
             )
         )
 
-    def download(self, slave: int, index: int, sub: int, data: bytes) -> None:
-        """Write an object by SDO. Raises SdoAbort, DeviceTimeout, OperationError."""
-        self._transfer(lambda one: one.sdo_write(index, sub, data, release_gil=True), slave)
+    def download(
+        self, slave: int, index: int, sub: int, data: bytes, *, retry: bool = True
+    ) -> None:
+        """Write an object by SDO. Raises SdoAbort, DeviceTimeout, OperationError.
+
+        Args:
+            retry: repeat it where no answer comes. The slave may have executed it all the same,
+                and a command such as a store takes seconds: only for values.
+        """
+
+        def write(one: Any) -> None:
+            one.sdo_write(index, sub, data, release_gil=True)
+
+        self._transfer(write, slave, _TRIES if retry else 1)
 
     def poll_mailbox(self, slave: int) -> None:
         """Receive an emergency that waits in the mailbox of a slave, for its callbacks."""
@@ -315,10 +330,10 @@ class Soem:
                 time.sleep(_REGISTER_RETRY_S)
         raise DeviceTimeout(f"register 0x{address:04X}: no answer, {_TRIES} tries")
 
-    def _transfer(self, action: Callable[[Any], Any], slave: int) -> Any:
+    def _transfer(self, action: Callable[[Any], Any], slave: int, tries: int = _TRIES) -> Any:
         library = self._pysoem
         with self._mailbox:
-            for _ in range(_TRIES):
+            for _ in range(tries):
                 try:
                     return action(self._slave(slave))
                 except library.SdoError as error:
@@ -328,7 +343,9 @@ class Soem:
                 except library.WkcError:  # a frame was lost, or no answer came in time
                     self._drop_late_answers(slave)
         limit_s = self._sdo_timeout_us / _MICROSECONDS
-        raise DeviceTimeout(f"no answer of the mailbox within {limit_s:g} s, {_TRIES} tries")
+        once = "not repeated; it may have been executed, read the object back"
+        after = f"{tries} tries" if tries > 1 else once
+        raise DeviceTimeout(f"no answer of the mailbox within {limit_s:g} s, {after}")
 
     def _drop_late_answers(self, slave: int) -> None:
         """Empty the mailbox: SOEM would take a late answer as that of another subindex."""

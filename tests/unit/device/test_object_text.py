@@ -12,6 +12,7 @@ from robotd.device.object_text import object_text
     [
         (b"\x37\x02", "37 02 (0x0237, 567)"),
         (b"A", "41 (0x41, 65)"),
+        (b"", "(empty)"),
         (b"CR3", "43 52 33 'CR3'"),
         (b"\xfb\xff\xff\xff", "fb ff ff ff (0xFFFFFFFB, 4294967291)"),
     ],

@@ -252,7 +252,9 @@ class FakeBus:
         size = self._size(index, sub)
         return (one.values[index, sub] % (1 << 8 * size)).to_bytes(size, "little")
 
-    def download(self, slave: int, index: int, sub: int, data: bytes) -> None:
+    def download(
+        self, slave: int, index: int, sub: int, data: bytes, *, retry: bool = True
+    ) -> None:
         one = self._mailbox(slave)
         one.written.append((index, sub, data))
         signed = _KINDS.get((index, sub), (8, False))[1]

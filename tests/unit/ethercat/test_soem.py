@@ -67,8 +67,37 @@ def test_registers_without_an_answer() -> None:
         bus.read_register(0, 0x0300, 2)
     with pytest.raises(DeviceTimeout, match="register 0x0300: no answer"):
         bus.write_register(0, 0x0300, b"\0")
-    with pytest.raises(OperationError, match="watchdog_ms 20 was not taken"):
+    with pytest.raises(OperationError, match=r"watchdog_ms 20 was not taken: .*no answer, 3 tries"):
         bus.set_watchdog(0, 20.0)
+
+
+def test_a_watchdog_whose_first_frame_is_lost_is_written_again() -> None:
+    bus = bus_of(pysoem.WkcError())
+    written: list[float] = []
+
+    def set_watchdog(kind: str, milliseconds: float) -> None:
+        written.append(milliseconds)
+        if len(written) == 1:
+            raise pysoem.WkcError
+
+    bus.slaves[0].set_watchdog = set_watchdog
+    bus.set_watchdog(0, 20.0)
+    assert written == [20.0, 20.0]
+
+
+@pytest.mark.parametrize(("retry", "times"), [(False, 1), (True, 3)])
+def test_a_command_without_an_answer_is_not_repeated(retry: bool, times: int) -> None:
+    bus = bus_of(pysoem.WkcError())
+    written: list[int] = []
+
+    def sdo_write(index: int, *_: object, **__: object) -> None:
+        written.append(index)
+        raise pysoem.WkcError
+
+    bus.slaves[0].sdo_write = sdo_write
+    with pytest.raises(DeviceTimeout, match="3 tries" if retry else "may have been executed"):
+        bus.download(0, 0x1010, 1, b"save", retry=retry)
+    assert written == [0x1010] * times
 
 
 @pytest.mark.parametrize(
