@@ -6,7 +6,10 @@ Logs go to standard error; standard output is for the output of commands.
 from __future__ import annotations
 
 import logging
+import re
 import sys
+import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from enum import StrEnum
@@ -25,6 +28,11 @@ class LogFormat(StrEnum):
     CONSOLE = "console"
     JSON = "json"
 
+
+FOREIGN_PERIOD_S = 10.0
+MAX_FOREIGN_CHARACTERS = 300
+# Control characters but tab, and those that reorder or separate lines.
+_CONTROL = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 LEVELS = ("debug", "info", "warning", "error")
 
@@ -62,6 +70,7 @@ def configure_logging(
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
         structlog.processors.StackInfoRenderer(),
+        _escape,
         _pass_on,
     ]
     if log_format is LogFormat.JSON:
@@ -75,12 +84,62 @@ def configure_logging(
             structlog.processors.TimeStamper(fmt="%H:%M:%S.%f", utc=False),
             structlog.dev.ConsoleRenderer(colors=stream.isatty(), pad_event_to=0),
         ]
+    _take_foreign_logs()
     structlog.configure(
         processors=[*shared, *tail],
         wrapper_class=structlog.make_filtering_bound_logger(logging.getLevelName(level.upper())),
         logger_factory=structlog.PrintLoggerFactory(lossy(stream)),
         cache_logger_on_first_use=False,
     )
+
+
+def printable(text: str) -> str:
+    """Return ``text`` as one line, with control characters escaped.
+
+    What comes from other programs could otherwise forge lines, or command the terminal.
+    """
+    line = "; ".join(part.strip() for part in text.split("\n") if part.strip())
+    return _CONTROL.sub(lambda found: ascii(found.group())[1:-1], line)
+
+
+def _escape(logger: Any, method: str, fields: EventDict) -> EventDict:
+    for key, value in fields.items():
+        if isinstance(value, str):
+            fields[key] = printable(value)
+    return fields
+
+
+class _ForeignLogs(logging.Handler):
+    """Takes what libraries log: one line for each logger in ``FOREIGN_PERIOD_S``, no traceback.
+
+    A client of a port can make a library log as often as it likes.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._next_s: dict[str, float] = {}
+        self._hidden: Counter[str] = Counter()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        name, now_s = record.name, time.monotonic()
+        if now_s < self._next_s.get(name, 0.0):
+            self._hidden[name] += 1
+            return
+        self._next_s[name] = now_s + FOREIGN_PERIOD_S
+        fields: dict[str, Any] = {}
+        if record.exc_info and record.exc_info[1] is not None:
+            fields["reason"] = repr(record.exc_info[1])[:MAX_FOREIGN_CHARACTERS]
+        if hidden := self._hidden.pop(name, 0):
+            fields["hidden"] = hidden
+        # Never an error: an error makes the flight recorder save a file.
+        get_logger(name).warning(record.getMessage()[:MAX_FOREIGN_CHARACTERS], **fields)
+
+
+def _take_foreign_logs() -> None:
+    root = logging.getLogger()
+    for handler in [each for each in root.handlers if isinstance(each, _ForeignLogs)]:
+        root.removeHandler(handler)
+    root.addHandler(_ForeignLogs())
 
 
 def add_listener(listener: Listener) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,14 +13,23 @@ from typing import TextIO
 import pytest
 import structlog
 
-from robotd.log import LogFormat, configure_logging, get_logger, lossy
+from robotd.log import (
+    LogFormat,
+    add_listener,
+    configure_logging,
+    get_logger,
+    lossy,
+    remove_listener,
+)
 
 
 @pytest.fixture(autouse=True)
 def restored() -> Iterator[None]:
     before = structlog.get_config()
+    handlers = logging.root.handlers[:]
     yield
     structlog.configure(**before)
+    logging.root.handlers[:] = handlers
 
 
 def full() -> TextIO:
@@ -59,3 +70,36 @@ def test_what_can_be_written_is_written() -> None:
     configure_logging("info", LogFormat.JSON, stream)
     get_logger("test").info("kept", axis=2)
     assert '"axis": 2' in stream.getvalue()
+
+
+HOSTILE = "\x1b[2J\x1b]0;title\x07\r\u202e\x9b31m\n12:00:00 [info     ] ready"
+HARMLESS = r"\x1b[2J\x1b]0;title\x07\r\u202e\x9b31m; 12:00:00 [info     ] ready"
+
+
+@pytest.mark.parametrize("field", ["event", "reason"])
+def test_no_client_can_forge_a_line_or_command_the_terminal(field: str) -> None:
+    stream, lines = io.StringIO(), []  # type: ignore[var-annotated]
+    configure_logging("info", LogFormat.CONSOLE, stream)
+    add_listener(lines.append)
+    try:
+        get_logger("test").warning(**{"event": "rejected", field: HOSTILE})
+    finally:
+        remove_listener(lines.append)
+    text = stream.getvalue()
+    assert text.count("\n") == 1
+    assert not any(character < " " or "\x7f" <= character < "\xa0" for character in text[:-1])
+    assert HARMLESS in lines[0].text
+
+
+def test_a_library_cannot_flood_the_log() -> None:
+    stream = io.StringIO()
+    configure_logging("info", LogFormat.JSON, stream)
+    for _ in range(1000):
+        cause = ValueError(HOSTILE)
+        logging.getLogger("aiohttp.server").error("Error handling request", exc_info=cause)
+        logging.getLogger("other").debug("hidden")
+    (line,) = map(json.loads, stream.getvalue().splitlines())
+    assert (line["event"], line["component"]) == ("Error handling request", "aiohttp.server")
+    assert line["level"] == "warning"  # an error saves a recording
+    assert line["reason"].startswith("ValueError(")
+    assert "exception" not in line

@@ -1,7 +1,8 @@
-"""Rejection of HTTP requests by their headers: only this computer's own pages may ask."""
+"""Limits of what other programs ask of a port: connections, and headers of HTTP requests."""
 
 from __future__ import annotations
 
+MAX_CONNECTIONS = 64  # of each port: page, metrics, Foxglove
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+import sys
 import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 import numpy as np
@@ -27,11 +30,13 @@ from robotd.clock import NANOSECONDS
 from robotd.errors import OperationError
 from robotd.events import OWN_PROCESS, EventKind
 from robotd.observation.flight_recorder import FlightRecorder
-from robotd.observation.foreign_requests import rejection
+from robotd.observation.foreign_requests import MAX_CONNECTIONS, rejection
 from robotd.observation.tap import Tap
 
 if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
+
+foreign = logging.getLogger("metrics")  # limited: see ``robotd.log``
 
 ADDRESS = "127.0.0.1"
 REQUEST_TIMEOUT_S = 10.0
@@ -163,8 +168,9 @@ class Metrics:
         )
 
 
-def serve_metrics(made: CollectorRegistry, port: int) -> int:
-    """Serve ``/metrics`` on the loopback interface until the process ends; return the port.
+@contextmanager
+def serve_metrics(made: CollectorRegistry, port: int) -> Iterator[int]:
+    """Serve ``/metrics`` on the loopback interface during the block; the value is the port.
 
     Requests with a foreign Host or Origin header are answered 403, as by the page.
 
@@ -179,11 +185,44 @@ def serve_metrics(made: CollectorRegistry, port: int) -> int:
         return answer_metrics(environ, start_response)
 
     try:
-        server = make_server(ADDRESS, port, answer, ThreadingWSGIServer, _RequestHandler)
+        server = make_server(ADDRESS, port, answer, _Server, _RequestHandler)
     except OSError as error:
         raise OperationError(f"--metrics {port}: {error.strerror or error}") from error
-    threading.Thread(target=server.serve_forever, name="robotd-metrics", daemon=True).start()
-    return server.server_port
+    thread = threading.Thread(target=server.serve_forever, name="robotd-metrics", daemon=True)
+    thread.start()
+    try:
+        yield server.server_port
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+class _Server(ThreadingWSGIServer):
+    """Server of at most ``MAX_CONNECTIONS``, each with a thread; closes those beyond."""
+
+    block_on_close = False  # a client that sends nothing keeps its thread ``REQUEST_TIMEOUT_S``
+    request_queue_size = MAX_CONNECTIONS
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._free = threading.Semaphore(MAX_CONNECTIONS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.close_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Log one line instead of a traceback: any client can cause it."""
+        foreign.warning("request failed: %r", sys.exception())
 
 
 class _RequestHandler(WSGIRequestHandler):

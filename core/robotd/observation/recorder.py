@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -69,10 +69,11 @@ def observed(
     flight = FlightRecorder(tap, kept, settings.after_s)
     continuous = ContinuousRecorder(tap, recorded, settings.split_mib * MIB, settings.split_s)
     tap.add_reader(flight.check)
-    metrics = None
-    if metrics_port is not None or count_metrics:
-        metrics = _metrics(tap, flight, metrics_port)
-    with tap:
+    with ExitStack() as stack:
+        metrics = None
+        if metrics_port is not None or count_metrics:
+            metrics = _metrics(tap, flight, metrics_port, stack)
+        stack.enter_context(tap)
         try:
             if record_folder is not None:
                 continuous.start()
@@ -82,8 +83,13 @@ def observed(
             flight.close()
 
 
-def _metrics(tap: Tap, flight: FlightRecorder, port: int | None) -> Callable[[], bytes] | None:
-    """Count metrics, and serve them at ``port``; None: prometheus_client is not needed there."""
+def _metrics(
+    tap: Tap, flight: FlightRecorder, port: int | None, stack: ExitStack
+) -> Callable[[], bytes] | None:
+    """Count metrics, and serve them at ``port`` until ``stack`` is closed.
+
+    None: prometheus_client is not there, and not needed.
+    """
     try:
         from prometheus_client import generate_latest
 
@@ -95,5 +101,6 @@ def _metrics(tap: Tap, flight: FlightRecorder, port: int | None) -> Callable[[],
         raise OperationError(text) from error
     made = registry(tap, flight)
     if port is not None:
-        log.info("metrics", url=f"http://127.0.0.1:{serve_metrics(made, port)}/metrics")
+        served = stack.enter_context(serve_metrics(made, port))
+        log.info("metrics", url=f"http://127.0.0.1:{served}/metrics")
     return partial(generate_latest, made)

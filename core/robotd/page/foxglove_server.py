@@ -15,6 +15,7 @@ from robotd.descriptor.urdf import JointFrames, UrdfJoint, parse_urdf
 from robotd.errors import OperationError
 from robotd.log import get_logger
 from robotd.observation.tap import Tap
+from robotd.page.limited_port import LimitedPort
 from robotd.page.mesh_files import mesh_files
 from robotd.page.page_state import Goals, state_of
 from robotd.recording.message_encoders import joint_state, log_message, string_message
@@ -30,6 +31,8 @@ END_TIMEOUT_S = 2.0
 
 class FoxgloveServer:
     """Server for Foxglove: ``with FoxgloveServer(...):``. Its thread is ``robotd-foxglove``.
+
+    Clients reach it through a ``LimitedPort``, whose thread is ``robotd-foxglove-port``.
 
     Nothing is computed for a topic without subscribers. Clients can only read.
 
@@ -65,17 +68,25 @@ class FoxgloveServer:
             self._server = foxglove.start_server(
                 name=tap.robot.descriptor.name,
                 host=ADDRESS,
-                port=port,
+                port=0,
                 context=context,
                 asset_handler=read_mesh,
             )
         except Exception as error:
-            raise OperationError(f"foxglove {port}: {error}; choose another port") from error
-        self.url = f"ws://{ADDRESS}:{self._server.port}"
+            raise OperationError(f"foxglove: {error}") from error
+        try:
+            # foxglove-sdk takes any number of connections, and one that sends nothing for ever.
+            self._port = LimitedPort(port, self._server.port)
+        except OSError as error:
+            self._server.stop()
+            text = f"foxglove {port}: {error.strerror or error}; choose another port"
+            raise OperationError(text) from error
+        self.url = f"ws://{ADDRESS}:{self._port.number}"
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robotd-foxglove", daemon=True)
 
     def __enter__(self) -> Self:
+        self._port.start()
         self._thread.start()
         log.info("foxglove", url=self.url)
         return self
@@ -83,6 +94,7 @@ class FoxgloveServer:
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join(END_TIMEOUT_S)
+        self._port.stop()
         self._server.stop()
 
     def _run(self) -> None:

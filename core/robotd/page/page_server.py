@@ -14,6 +14,7 @@ from aiohttp import WSCloseCode, web
 
 from robotd.errors import OperationError
 from robotd.log import get_logger
+from robotd.observation.foreign_requests import MAX_CONNECTIONS
 from robotd.page.channel import Channel, PageSource
 from robotd.page.connection_guard import ConnectionGuard
 from robotd.page.control_server import PageControl
@@ -25,7 +26,6 @@ log = get_logger("page")
 
 ADDRESS = "127.0.0.1"
 MAX_VIEWERS = 8
-MAX_CONNECTIONS = 64
 HEARTBEAT_S = 5.0  # a viewer that does not answer within 1.5 of it is dropped
 REQUEST_TIMEOUT_S = 10.0
 START_TIMEOUT_S = 5.0

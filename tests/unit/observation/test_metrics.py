@@ -3,7 +3,10 @@ from __future__ import annotations
 import errno
 import re
 import socket
+import struct
+import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -13,9 +16,11 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 from tests.unit.observation.harness import Observed
 
+from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import OperationError
 from robotd.events import sent_by
 from robotd.motion import TrajectoryRejected
+from robotd.observation.foreign_requests import MAX_CONNECTIONS
 from robotd.observation.metrics import registry, serve_metrics
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "metrics.md"
@@ -89,21 +94,56 @@ def test_every_metric_is_on_its_page(arm: Observed) -> None:
     "headers", [{"Host": "evil.example"}, {"Origin": "http://evil.example"}], ids=str
 )
 def test_foreign_requests_are_rejected(arm: Observed, headers: dict[str, str]) -> None:
-    port = serve_metrics(registry(arm.tap, arm.flight), 0)
-    request = Request(f"http://127.0.0.1:{port}/metrics", headers=headers)
-    with pytest.raises(HTTPError, match="403") as raised:
-        urlopen(request, timeout=10)
+    with serve_metrics(registry(arm.tap, arm.flight), 0) as port:
+        request = Request(f"http://127.0.0.1:{port}/metrics", headers=headers)
+        with pytest.raises(HTTPError, match="403") as raised:
+            urlopen(request, timeout=10)
     assert b"evil.example' is rejected" in raised.value.read()
 
 
 def test_metrics_are_served_on_the_loopback_interface_only(arm: Observed) -> None:
     made = registry(arm.tap, arm.flight)
-    port = serve_metrics(made, 0)
-    with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
-        assert b"robotd_ready 1.0" in answer.read()
-    with pytest.raises(OperationError, match=f"--metrics {port}: Address already in use"):
-        serve_metrics(made, port)
-    own = socket.gethostbyname(socket.gethostname())
-    if not own.startswith("127."):
-        with pytest.raises(OSError, match=f"Errno {errno.ECONNREFUSED}"):
-            socket.create_connection((own, port), timeout=5).close()
+    with serve_metrics(made, 0) as port:
+        with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+            assert b"robotd_ready 1.0" in answer.read()
+        used = pytest.raises(OperationError, match=f"--metrics {port}: Address already in use")
+        with used, serve_metrics(made, port):
+            pass
+        own = socket.gethostbyname(socket.gethostname())
+        if not own.startswith("127."):
+            with pytest.raises(OSError, match=f"Errno {errno.ECONNREFUSED}"):
+                socket.create_connection((own, port), timeout=5).close()
+    assert not [each for each in threading.enumerate() if each.name == "robotd-metrics"]
+
+
+def test_connections_are_limited(arm: Observed) -> None:
+    with serve_metrics(registry(arm.tap, arm.flight), 0) as port, ExitStack() as stack:
+        address = ("127.0.0.1", port)
+        silent = [
+            stack.enter_context(socket.create_connection(address, timeout=10))
+            for _ in range(MAX_CONNECTIONS)
+        ]
+        with socket.create_connection(address, timeout=10) as another:
+            assert another.recv(1) == b""  # closed at once
+        silent[0].close()
+
+        def answers() -> bool:
+            try:
+                with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+                    return bool(answer.status == 200)
+            except OSError:
+                return False
+
+        assert wait_until(answers, 10.0, MonotonicClock(), 0.02)
+
+
+def test_a_request_that_breaks_off_is_one_warning(
+    arm: Observed, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serve_metrics(registry(arm.tap, arm.flight), 0) as port:
+        with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            client.sendall(b"GET /metrics HTTP/1.1\r\nHost: localhost")
+        assert wait_until(lambda: bool(caplog.records), 10.0, MonotonicClock(), 0.02)
+    assert [each.getMessage()[:15] for each in caplog.records] == ["request failed:"]
+    assert "Traceback" not in capsys.readouterr().err
