@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,6 +13,7 @@ from structlog.testing import capture_logs
 from tests.ethercat.robot import EthercatRobot, started
 from tests.rearming_checks import check_recovery
 
+from robotd.clock import MonotonicClock
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.state import ConnectionState
 
@@ -155,6 +157,20 @@ def test_frames_keep_their_phase_while_the_reference_clock_drifts(robot: Etherca
     robot.until(lambda: len(phases_ns) > 2000)
     assert in_the_middle()
     assert master.observer.drift_ppm == pytest.approx(200, abs=100)
+
+
+@pytest.mark.parametrize("delay_s", [0.01, 0.06, 0.3])
+def test_recover_at_once_waits_for_what_follows_an_alarm(
+    robot: EthercatRobot, delay_s: float
+) -> None:
+    """The alarm of a drive that has left Op comes with the next frame, before its AL state."""
+    robot.inject("2 al 0x1B")
+    robot.until(lambda: robot.image.amp_alarm[1] or robot.image.offline[1])
+    MonotonicClock().sleep_until_ns(time.monotonic_ns() + round(delay_s * 1e9))
+    lines: list[str] = []
+    robot.robot.recover(lines.append)
+    assert lines[-1].startswith("verified: 2 axes on, no alarm"), lines
+    assert robot.device.state() is ConnectionState.COMMUNICATING
 
 
 def test_a_slave_that_answers_complete_access_badly_is_mapped_by_plain_sdo(

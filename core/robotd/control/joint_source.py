@@ -149,11 +149,16 @@ class JointSource(SetpointSource):
             for name, axis in zip(self._limits.names, self._axes, strict=True):
                 if failed[axis]:
                     if fault := image.controller_fault:
-                        return f"{fault} at {time_s:.3f} s"
+                        return f"{fault} {_when(time_s)}"
                     reason = f" ({image.reason[axis]})" if image.reason[axis] else ""
                     said = f"{text}{reason}" if text else image.fault(axis)
-                    return f"{name} at {time_s:.3f} s: {said}"
+                    return f"{name} {_when(time_s)}: {said}"
         return "a drive does not follow"
+
+
+def _when(time_s: float) -> str:
+    """Return a time of the motion for people; a waiting goal has negative ones."""
+    return f"{-time_s:.3f} s before the start" if time_s < 0.0 else f"at {time_s:.3f} s"
 
 
 def _stop_reason(pause_ns: int) -> str:

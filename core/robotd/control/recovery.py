@@ -37,7 +37,7 @@ class Recovery:
     Cause → connection → rest → alarms → servos → verification. The first step that fails ends it.
     Servos are switched on as at start: at the measured position, without a jump. What goes off or
     is lost during verification, without an alarm, is brought back once more: drives that are lost
-    together are not noticed together.
+    together are not noticed together. So is a device that is lost before.
 
     Args:
         connection, axes, fieldbus: of the robot.
@@ -101,7 +101,16 @@ class Recovery:
             report(line)
         if not found:
             return
-        before = self._bring_back(report)
+        was_ready = self._connection.ready
+        try:
+            before = self._bring_back(report)
+        except RobotdError as error:
+            self._connection.update_ready()
+            if not was_ready or self._connection.ready or self._connection.ending:
+                raise
+            # The alarm of a drive was the first sign that the device is being lost.
+            report(f"lost meanwhile: {self._connection.reason or error}")
+            before = self._bring_back(report)
         left = self._watch()
         if left and not any(problem.kind in _NOT_TWICE for problem in left):
             report(f"not stable yet: {'; '.join(map(str, left))}")

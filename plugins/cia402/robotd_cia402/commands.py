@@ -303,7 +303,10 @@ class Commands:
             raise self._error(OperationError, "stopped before the motion began")
 
     def _error(self, kind: type[RobotdError], text: str) -> RobotdError:
-        """Return an error of this axis that names its node."""
+        """Return an error of this axis that names its node, or why that is lost."""
+        drive = self._axis.drive
+        if kind is DeviceTimeout and not drive.online:
+            kind, text = NotReady, drive.fault or "offline"
         return kind(f"{self._axis.drive.name}: {text}", axis=self._axis.number)
 
     def _was_sent(self, word: int) -> bool:

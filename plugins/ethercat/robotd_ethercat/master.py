@@ -79,7 +79,7 @@ class Master:
         self._live = threading.Lock()
         self._state = ConnectionState.IDLE
         self._identified = False
-        self._cycles = 0
+        self._cycles = self._alarms = 0
         self._stream = StreamTimeout(clock, self.options.stream_timeout_s)
 
     @property
@@ -159,6 +159,10 @@ class Master:
             self.supervision.stop(problem)
         for axis in self.axes:
             axis.observe(image)
+        alarms = sum([axis.report.in_alarm for axis in self.axes])
+        if alarms > self._alarms:
+            self.supervision.note_alarm()
+        self._alarms = alarms
 
     def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
         """Control loop: take setpoints for the axes that stream; the next frame carries them.

@@ -104,6 +104,13 @@ class Supervision:
         elif self.is_incomplete and self._exchange.bad_in_row == _INCOMPLETE_FRAMES:
             self._wake.set()
 
+    def note_alarm(self) -> None:
+        """Control loop: read the AL states soon, a drive reports an alarm.
+
+        It may have left Op, which no working counter shows.
+        """
+        self._wake.set()
+
     def stop(self, reason: str) -> None:
         """Stop all axes, each with its own ramp, and remember why. Any thread."""
         log.error("motion stopped", reason=reason)

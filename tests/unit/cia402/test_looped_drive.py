@@ -535,3 +535,22 @@ def test_the_interpolation_period_is_exact_where_it_can_be() -> None:
         assert value * 10.0**exponent == pytest.approx(period_s)
     assert interpolation_period(1 / 300) == (3, -3)
     assert interpolation_period(0.004) == (4, -3)
+
+
+def test_a_drive_that_is_lost_during_a_command_is_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Not an alarm that is still there after 5 s, said after a tenth of them."""
+    looped = LoopedDrive()
+    looped.faults.statusword = 0x0208  # fault, whatever the controlword
+    looped.run(0.05)
+    exchange, last = looped._exchange, looped.objects.frames + 100
+
+    def exchange_until_lost() -> None:
+        exchange()
+        if looped.objects.frames == last:
+            looped.objects.online, looped.objects.fault = False, "it went to SafeOp by itself"
+
+    monkeypatch.setattr(looped, "_exchange", exchange_until_lost)
+    with pytest.raises(NotReady, match="node 1: it went to SafeOp by itself"):
+        looped.commands.clear_alarm(5.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,15 @@ def test_a_servo_that_is_switched_off_is_a_fault(harness: Harness) -> None:
     assert_fault(execution, "joint2 at 0.4")
     assert execution.message.endswith("servo went off")
     assert_works(harness)
+
+
+def test_a_fault_of_a_waiting_goal_is_before_its_start(harness: Harness) -> None:
+    with harness.goal(FAR, start_in_s=1.0) as execution:
+        harness.run(0.41)
+        harness.robot.axes.servo(1, False)
+        harness.end(execution)
+    assert execution.outcome is Outcome.FAULT
+    assert re.search(r"joint2 0\.5\d+ s before the start: servo went off$", execution.message)
 
 
 def test_a_servo_cannot_be_switched_on_under_a_running_goal(harness: Harness) -> None:

@@ -69,6 +69,27 @@ def test_a_lost_device_is_opened_as_far_as_needed(harness: Harness, fault: str) 
     assert lines[3] == "servos on: joint1, joint2, joint3"
 
 
+def test_a_device_that_is_lost_while_it_is_recovered_is_opened_once_more(
+    harness: Harness,
+) -> None:
+    """A drive told of the loss by an alarm, before the device did."""
+    harness.faults.trip(1, 17)
+    harness.run(0.1)
+    driver = harness.robot.axes._driver
+    clear = driver.clear_alarm
+
+    def lose(axis: int, timeout_s: float) -> None:
+        driver.clear_alarm = clear  # type: ignore[method-assign]
+        harness.faults.drop_communication()
+        raise NotReady("no frame came back", axis=axis)
+
+    driver.clear_alarm = lose  # type: ignore[method-assign]
+    lines = recover(harness)
+    assert lines[1].startswith("lost meanwhile: ")
+    assert lines[2] == "reconnecting"
+    assert lines[-1].startswith("verified: 3 axes on, no alarm")
+
+
 def test_a_device_without_fresh_values_is_closed_and_opened(harness: Harness) -> None:
     harness.faults.freeze(True)
     harness.run(0.3)
