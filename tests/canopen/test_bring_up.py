@@ -29,6 +29,27 @@ def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
         assert harness.robot.connection.ready
 
 
+def test_a_node_that_does_not_start_says_what_it_knows(
+    open_rig: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with open_rig(SMALL, enable=False) as harness:
+        harness.robot.connection.stop_communication()
+        drive = harness.drive(2)
+        harness.inject("2 reboot")
+        harness.network.call(lambda: drive.emergency(0x8130, 0x11))
+        obey = drive.on_nmt
+        monkeypatch.setattr(
+            drive, "on_nmt", lambda data, now_ns: obey(data, now_ns) if data[0] != 1 else None
+        )
+        expected = (
+            r"NMT start: not operational within 2 s: it is pre-operational, its last boot-up"
+            r" message came \d\.\d s ago, error register 0x1001 is 0x11 \(generic, communication\),"
+            r" latest error 0x1003:01 is 0x8130 life guard or heartbeat error"
+        )
+        with pytest.raises(ConnectError, match=expected):
+            harness.robot.connection.start_communication()
+
+
 def test_a_wrong_identity_is_rejected(open_rig: OpenRig) -> None:
     identity = {"vendor_id": 0x1234}
     defaults = {"counts_per_rad": 1e5, "identity": identity}

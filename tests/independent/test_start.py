@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -128,3 +129,13 @@ def test_an_empty_string_is_named(open_bench: OpenBench) -> None:
             main, ["canopen", "sdo", "read", *bench.bus, str(NODE), "0x1008"]
         )
         assert result.output == "(empty)\n"
+
+
+def test_an_alarm_without_a_code_is_told_by_statusword_and_register(open_bench: OpenBench) -> None:
+    with open_bench(code_in_603f=False) as bench:
+        bench.drive.do("fault", code=0x3210)  # its emergency is sent before robotd listens
+        bench.drive.wait(lambda measured: measured["power"] == "FAULT")
+        bench.robot.start(enable=False)
+        bench.until(lambda: bool(bench.image.amp_alarm[0]))
+        expected = r"no error code, statusword 0x\w{4} \(fault\), error register 0x\w\w \(generic"
+        assert re.search(expected, bench.image.reason[0]), bench.image.reason[0]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from canopen.objectdictionary import ObjectDictionary
 
-from robotd.api import Clock, OperationError, RobotdError, get_logger, wait_until
+from robotd.api import NANOSECONDS, Clock, OperationError, RobotdError, get_logger, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.duplicate_id import ANSWERS, HEARTBEATS, HeartbeatRate
 from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
@@ -16,7 +16,7 @@ from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
 from robotd_canopen.sdo import Sdo
 from robotd_cia402.cyclic_objects import SdoAbort
-from robotd_cia402.emcy import Emergency, EmergencyLog
+from robotd_cia402.emcy import Emergency, EmergencyLog, error_text, register_text
 
 log = get_logger("canopen")
 
@@ -128,14 +128,25 @@ class Node:
         self._emergencies.forget_before(self.id, self._boot_ns)
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self.clock):
-            raise OperationError(
-                f"NMT start: the node is {self.state.name.lower()}, not operational,"
-                f" after {_START_S:g} s"
-            )
+            raise OperationError(f"NMT start: {self._start_failure()}")
 
     def enter(self) -> None:
         """Take the node, which has started, into operation."""
         self.fault, self.online, self.configured = "", True, True
+
+    def _start_failure(self) -> str:
+        """Return the state and the errors of a node that does not start."""
+        silent = self.state in (NmtState.UNKNOWN, NmtState.BOOT_UP)
+        state = self.state.name.lower().replace("_", "-")
+        parts = ["no heartbeat" if silent else f"it is {state}"]
+        if self._boot_ns:
+            age_s = (self.clock.now_ns() - self._boot_ns) / NANOSECONDS
+            parts.append(f"its last boot-up message came {age_s:.1f} s ago")
+        with suppress(RobotdError):
+            parts.append(f"error register 0x1001 is {register_text(self.sdo.read(0x1001))}")
+            latest = self.sdo.read(0x1003, 1) & 0xFFFF if self.sdo.read(0x1003) else 0
+            parts += [f"latest error 0x1003:01 is {error_text(latest)}"] if latest else []
+        return f"not operational within {_START_S:g} s: {', '.join(parts)}{self.emergency_text()}"
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node alone."""

@@ -109,6 +109,7 @@ class Commands:
             axis.power.command(Control.DISABLE_VOLTAGE)
             axis.power.lost = ""
             if not cleared:
+                axis.report.read_error_register()
                 text = f"the alarm is still there after {timeout_s:g} s: {axis.report.alarm_text}"
                 raise self._error(DeviceTimeout, text)
 
@@ -405,6 +406,7 @@ class Commands:
     def _require_no_alarm(self) -> None:
         report = self._axis.report
         if report.in_alarm:
+            report.read_error_register()
             raise self._error(NotReady, f"the drive is in alarm: {report.alarm_text}")
 
     def _status(self) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from robotd.api import RobotdError
 from robotd_cia402.cyclic_objects import CyclicObjects
-from robotd_cia402.emcy import error_text
+from robotd_cia402.emcy import error_text, register_text
 from robotd_cia402.object_numbers import DEMAND
 from robotd_cia402.scaling import Scaling, wrapped
 from robotd_cia402.state_machine import FAULTY, POWERED, DriveState, drive_state
@@ -19,6 +20,7 @@ class DriveReport:
         state: UNKNOWN while the drive is not ``known``.
         powered, in_alarm: the power stage is on, the drive reports a fault.
         statusword, displayed_mode, error_code: objects 0x6041, 0x6061, 0x603F.
+        error_register: object 0x1001, read at start and after a failed command; 0: not known.
         position: measured, rad or m; an endless axis runs over 32 bits.
         velocity: measured, rad/s or m/s.
         torque: measured, N·m; NaN where the rated torque is not known.
@@ -30,6 +32,7 @@ class DriveReport:
         self.state = DriveState.UNKNOWN
         self.powered = self.in_alarm = False
         self.statusword = self.displayed_mode = self.error_code = self.digital_inputs = 0
+        self.error_register = 0
         self.position = self.velocity = self.torque = 0.0
         self._drive, self._scaling = drive, scaling
         self._counts = self._raw = 0  # position without and with the wrap of the encoder
@@ -37,9 +40,15 @@ class DriveReport:
 
     @property
     def alarm_text(self) -> str:
-        """Cause of an alarm: the emergency in force, else object 0x603F."""
+        """Cause of an alarm: the emergency in force, else object 0x603F, else what is known."""
         active = self._drive.emergency
-        return active.text if active is not None else f"error code {error_text(self.error_code)}"
+        if active is not None:
+            return active.text
+        if self.error_code:
+            return f"error code {error_text(self.error_code)}"
+        register = self.error_register
+        named = f", error register {register_text(register)}" if register else ""
+        return f"no error code, statusword 0x{self.statusword:04X} ({self.state.value}){named}"
 
     @property
     def frames(self) -> int:
@@ -68,6 +77,15 @@ class DriveReport:
             self.statusword, self.known = word, known
             self.state = state = drive_state(word) if known else DriveState.UNKNOWN
             self.powered, self.in_alarm = state in POWERED, state in FAULTY
+            if known and not self.in_alarm:
+                self.error_register = 0
+
+    def read_error_register(self) -> None:
+        """Worker: read object 0x1001, where the drive answers."""
+        try:
+            self.error_register = self._drive.read(0x1001) & 0xFF
+        except RobotdError:
+            self.error_register = 0
 
     def rebase(self) -> None:
         """Worker: restart the count at a position that the drive has set."""

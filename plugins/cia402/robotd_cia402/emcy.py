@@ -76,6 +76,17 @@ _CODES = {
 }
 
 
+_REGISTER = {
+    0x01: "generic",
+    0x02: "current",
+    0x04: "voltage",
+    0x08: "temperature",
+    0x10: "communication",
+    0x20: "device profile",
+    0x80: "manufacturer",
+}
+
+
 def error_text(code: int) -> str:
     """``0x3210 DC link over-voltage``; of the vendor's range only the number is known."""
     if code >= 0xFF00:
@@ -91,6 +102,12 @@ def class_text(code: int) -> str:
         return "vendor specific"
     family = code >> 8 & 0xF0
     return _CLASSES.get(code >> 8) or (_CLASSES.get(family, "") if family else "")
+
+
+def register_text(register: int) -> str:
+    """``0x21 (generic, device profile)``: error register, object 0x1001."""
+    named = ", ".join(name for bit, name in _REGISTER.items() if register & bit)
+    return f"0x{register:02X} ({named or 'no error'})"
 
 
 def known_texts() -> dict[int, str]:
