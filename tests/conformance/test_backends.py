@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from tests.conformance.conftest import InstallPlugin
 from tests.conformance.kit import CHECKS, run_kit
@@ -9,12 +11,13 @@ from tests.conformance.whole_arm import ArmAxes
 
 from robotd.descriptor import list_robots
 
+BESIDE_ZERO = Path(__file__).parent / "limits_beside_zero.yaml"
 WHOLE_KIT = ("cr3a", "standalone", "baymax")  # robots of different kinds; the others are like them
 ROBOTS = sorted(robot.name for robot in list_robots())
 MOTION = ("test_profiles.py", "test_stopping.py", "test_trajectories.py", "test_units.py")
 
 
-@pytest.mark.parametrize("robot", [None, *WHOLE_KIT])
+@pytest.mark.parametrize("robot", [None, *WHOLE_KIT, str(BESIDE_ZERO)])
 def test_the_simulation_passes(robot: str | None) -> None:
     outcome = run_kit("sim", robot=robot)
     assert not outcome.failed

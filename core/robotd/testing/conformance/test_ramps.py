@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from math import isfinite
 
 import numpy as np
 import pytest
@@ -84,14 +85,17 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle:
     fresh.set_velocity_mode()
     profiles = [uneven(fresh, axis, gentle) for axis in fresh.all]
     speeds = JOG_SHARE * np.array([profile.velocity for profile in profiles])
+    limits = fresh.robot.axes.limits
+    middles = [(each.lower + each.upper) / 2 if isfinite(each.upper) else 0.0 for each in limits]
     stops: list[Callable[[], None]] = [
         lambda: fresh.robot.axes.stop(fresh.all),
         lambda: jog(fresh, 0.0 * speeds, profiles),
     ]
     for stop in stops:
         with fresh.recording() as recording:
-            # Towards zero, away from the position limits.
-            jog(fresh, np.where(fresh.image.position > 0.0, -speeds, speeds), profiles)
+            # Towards the middle of the range, away from the position limits.
+            beyond = fresh.image.position > middles
+            jog(fresh, np.where(beyond, -speeds, speeds), profiles)
             fresh.pass_time(0.45)
             stop()
             fresh.rest()
@@ -152,8 +156,14 @@ def test_a_short_move_is_made(harness: Harness) -> None:
 @pytest.mark.needs(Capability.SIMULATED)
 def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) -> None:
     limits = harness.robot.axes.limits
+    inner = [
+        (each.lower + 0.025 * room, each.upper - 0.025 * room)
+        if isfinite(room := each.upper - each.lower)
+        else (each.lower, each.upper)
+        for each in limits
+    ]
     for far in (0.8, 2.5, 4.0, 9.0, -4.0, 0.0):
-        targets = np.array([min(max(far, 0.95 * each.lower), 0.95 * each.upper) for each in limits])
+        targets = np.array([min(max(far, lower), upper) for lower, upper in inner])
         ramps = [min(0.9 * each.acceleration, 20.0) for each in limits]
         profiles = [
             Profile(min(0.9 * each.velocity, 8.0), ramp, ramp)
