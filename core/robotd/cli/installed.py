@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,9 +57,11 @@ def load_installed() -> Installed:
     return Installed((*default_search_path(), *robots.folders), nodes, failures)
 
 
-def load_robot(robot: str, variant: str | None = None) -> RobotDescriptor:
+def load_robot(
+    robot: str, variant: str | None = None, overrides: Sequence[Override] = ()
+) -> RobotDescriptor:
     """Load a robot, also one of a plugin, by name or file. Raises DescriptorError."""
-    return load_robot_descriptor(robot, variant, load_installed().search_path)
+    return load_robot_descriptor(robot, variant, load_installed().search_path, overrides)
 
 
 def check_backend_overrides(overrides: Iterable[Override], backend: str) -> None:

@@ -14,9 +14,10 @@ import robotd
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
 from robotd.cli.options import FILE, log_options
+from robotd.descriptor import parse_override
 from robotd.errors import PluginError
 from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
-from robotd.plugin.manager import find_backend
+from robotd.plugin.manager import find_backend, load_backend
 
 PACKAGE = "robotd.testing.conformance"
 GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ctrl-C
@@ -62,10 +63,13 @@ def conform(
     """
     if find_spec("pytest") is None:
         raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
-    if is_foreign(find_backend(backend)[0]):
+    foreign = is_foreign(find_backend(backend)[0])
+    if foreign:
         probe_backend(backend)
     if robot is not None:
-        load_robot(robot)
+        descriptor = load_robot(robot, overrides=[parse_override(each) for each in overrides])
+        if not foreign:  # whose code runs in a process of its own only
+            load_backend(backend).context(descriptor)
     arguments = [
         f"--robotd-backend={backend}",
         *([f"--robotd-robot={robot}"] if robot else []),
