@@ -97,8 +97,41 @@ def test_tpdos_of_drives_that_start_by_themselves(open_rig: OpenRig) -> None:
             assert inject(harness.network, f"{node} emcy 0") == "ok"
             harness.network.call(partial(harness.drive(node).on_nmt, bytes([1, node]), 0))
             assert harness.drive(node).state == OPERATIONAL
-        send = harness.drive(2).send
         harness.master.open()
-        harness.network.call(partial(send, 0x182, bytes(2)))
+        for cob_id in (0x182, 0x190):  # of a drive, and of the I/O module
+            harness.network.call(partial(harness.drive(2).send, cob_id, b"\1"))
         harness.master.start()
         assert harness.master.bus.counters.malformed == 0
+
+
+def test_inputs_that_change_while_they_are_read_are_not_overwritten(
+    open_rig: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with open_rig(SMALL, enable=False) as harness:
+        harness.robot.connection.stop_communication()
+        node, module = harness.master.nodes[16], harness.module(16)
+        read = node.sdo.read
+
+        def slow(index: int, sub: int = 0) -> int:
+            value = read(index, sub)
+            if (index, sub) == (0x6000, 1):  # before the value is taken
+                received = harness.master.bus.counters.received
+                harness.network.call(partial(module.set_input, 0, 0x55))
+                harness.until(lambda: harness.master.io.inputs[0] == 0x55)
+                assert harness.master.bus.counters.received > received
+            return value
+
+        monkeypatch.setattr(node.sdo, "read", slow)
+        harness.robot.connection.start_communication()
+        assert harness.master.io.inputs[0] == 0x55
+
+
+def test_inputs_that_change_while_a_module_is_lost(open_rig: OpenRig) -> None:
+    with open_rig(SMALL, enable=False) as harness:
+        harness.inject("16 silence")
+        harness.until(lambda: not harness.robot.connection.ready)
+        harness.inject("16 input 0 3 1")
+        harness.inject("16 heal")
+        harness.until(lambda: "event-driven" in harness.robot.connection.fault)
+        harness.robot.connection.start_communication()
+        assert harness.master.io.inputs[0] == 0b1000

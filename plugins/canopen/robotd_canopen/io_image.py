@@ -25,9 +25,11 @@ class IoImage:
         self.outputs = bytearray(max((end for _, end in ends), default=0))
         self._lock = threading.Lock()
         self._known: set[Node] = set()  # modules whose levels were read
-        for _, module in modules:
+        self._received: set[Node] = set()  # modules that have sent inputs since they were read
+        self._reading = threading.Lock()  # between received inputs and those read by SDO
+        for node, module in modules:
             for pdo in module.tpdos:
-                bus.subscribe(pdo.cob_id, self._handler(module))
+                bus.subscribe(pdo.cob_id, self._handler(node, module))
 
     def forget(self, nodes: Collection[Node]) -> None:
         """Worker: the ``nodes`` are started again; what is known of them may be old."""
@@ -39,8 +41,11 @@ class IoImage:
             if node in self._known or not node.online:
                 continue
             options, sdo = module.options, node.sdo
-            for sub in range(1, options.input_length + 1):
-                self.inputs[options.input_byte + sub - 1] = sdo.read(_INPUTS, sub) & 0xFF
+            self._received.discard(node)
+            read = [sdo.read(_INPUTS, sub) & 0xFF for sub in range(1, options.input_length + 1)]
+            with self._reading:
+                if node not in self._received:  # else: what it has sent is newer
+                    self.inputs[options.input_byte : options.input_byte + len(read)] = bytes(read)
             for sub in range(1, options.output_length + 1):
                 self.outputs[options.output_byte + sub - 1] = sdo.read(_OUTPUTS, sub) & 0xFF
             self._known.add(node)
@@ -80,12 +85,16 @@ class IoImage:
             names = ", ".join(failed)
             raise OperationError(f"outputs were not sent to {names}: {self._bus.fault}")
 
-    def _handler(self, module: IoLayout) -> Handler:
+    def _handler(self, node: Node, module: IoLayout) -> Handler:
         first, length = module.options.input_byte, module.options.input_length
 
         def receive(data: bytearray) -> None:
+            if not node.configured:
+                return  # of a module that starts by itself, perhaps with another mapping
             if len(data) < length:
                 raise ValueError(f"inputs have {len(data)} bytes, {length} are mapped")
-            self.inputs[first : first + length] = data[:length]
+            with self._reading:
+                self._received.add(node)
+                self.inputs[first : first + length] = data[:length]
 
         return receive

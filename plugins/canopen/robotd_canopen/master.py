@@ -196,7 +196,7 @@ class Master:
 
     def _leave_all(self) -> None:
         for node in self.nodes.values():
-            node.online, node.fault = False, ""
+            node.online, node.configured, node.fault = False, False, ""
         for axis in self.axes:
             self.feedback.forget(axis.number)  # of this connection; the next one has new values
         self.supervision.begin()
