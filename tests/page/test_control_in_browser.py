@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 from tests.page.browser import (
     DESKTOP,
     PHONE,
@@ -19,49 +18,14 @@ from tests.page.browser import (
     needs_browser,
     open_page,
 )
+from tests.page.controlled_page import Served, light_page, press, says, serve, unlock
 from tests.page.viewer import TIMEOUT_S, wait_until
 
-from robotd.clock.simulated import PacedClock
 from robotd.motion import TrajectoryRequest
 from robotd.motion.planar import ZERO_TWIST
-from robotd.observation.recorder import observed
-from robotd.page.control_server import PageControl
-from robotd.page.page_server import PageServer
-from robotd.page.robot_source import RobotSource
-from robotd.robot import Robot, build_robot
 
-HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
-MOVING = 0.01  # rad/s
 DRAWING_TIMEOUT_MS = 120_000  # of a page that draws by the processor while a joint moves
 pytestmark = needs_browser
-
-
-class Served:
-    """A robot whose page can be unlocked."""
-
-    def __init__(self, robot: Robot, control: PageControl, url: str) -> None:
-        self.robot, self.url = robot, url
-        self.token, self.address = control.token, control.address(url)
-
-    def wait_until_moving(self, axis: int = 0) -> None:
-        wait_until(lambda: abs(self.robot.image.velocity[axis]) > MOVING)
-
-    def wait_until_free(self, axis: int = 0) -> None:
-        wait_until(lambda: self.robot.axes.owner(axis) == "")
-        assert abs(self.robot.image.velocity[axis]) < MOVING
-
-
-@contextmanager
-def serve(folder: Path, name: str = "cr3a") -> Iterator[Served]:
-    """A simulated robot in paced time, which no stall of the computer disturbs."""
-    robot = build_robot(name, "sim", clock=PacedClock(1.0))
-    with observed(robot, flight_folder=folder) as recorder:
-        control = PageControl(robot, hold_timeout_s=HOLD_TIMEOUT_S)
-        source = RobotSource(recorder.tap, robot.descriptor.nodes, has_control=True)
-        with PageServer(source, 0, control=control) as server:
-            robot.start()
-            yield Served(robot, control, server.url)
-        robot.shutdown()
 
 
 @pytest.fixture(scope="module")
@@ -92,36 +56,6 @@ def page(opened: Page) -> Page:
     opened.set_viewport_size(DESKTOP)
     opened.evaluate("scrollTo(0, 0)")
     return opened
-
-
-# A page without WebGL does not draw the robot, which costs most of its time here.
-NO_WEBGL = """
-const getContext = HTMLCanvasElement.prototype.getContext;
-HTMLCanvasElement.prototype.getContext = function (kind, ...options) {
-  return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...options);
-};
-"""
-
-
-def light_page(browser: Browser, errors: list[str]) -> Page:
-    page = open_page(browser, errors)
-    page.add_init_script(NO_WEBGL)
-    return page
-
-
-def unlock(page: Page, served: Served) -> None:
-    page.goto(served.address)
-    page.locator("body[data-control=yes]").wait_for()
-
-
-def press(page: Page, joint: str, side: str = "plus") -> None:
-    """Hold a jog button with the mouse."""
-    page.get_by_label(f"{joint} {side}", exact=True).hover()
-    page.mouse.down()
-
-
-def says(page: Page, text: str) -> None:
-    expect(page.locator("#answer")).to_contain_text(text)
 
 
 def test_the_token_is_taken_out_of_the_address(served: Served, page: Page) -> None:
@@ -240,6 +174,45 @@ def test_escape_stops_everything_and_a_rejected_jog_shows_the_reason(
     served.wait_until_moving()
     page.mouse.up()
     served.wait_until_free()
+
+
+def test_a_reset_held_up_on_its_way_does_not_undo_a_stop_that_came_meanwhile(
+    served: Served, browser: Browser
+) -> None:
+    latch, page = served.robot.axes.stop_latch, light_page(browser, [])
+    waiting: list[tuple[WebSocketRoute, str | bytes]] = []
+    is_slow = True
+
+    def tunnel(client: WebSocketRoute) -> None:
+        server = client.connect_to_server()
+
+        def carry(message: str | bytes) -> None:
+            if is_slow and '"reset"' in str(message):
+                waiting.append((server, message))
+            else:
+                server.send(message)
+
+        client.on_message(carry)
+
+    page.route_web_socket(re.compile("/control$"), tunnel)
+    unlock(page, served)
+    latch.engage("by the panel")
+    expect(page.locator("#notices")).to_contain_text("motion is stopped: by the panel")
+    reset = page.get_by_role("button", name="Reset", exact=True)
+    reset.click()
+    says(page, "Reset …")
+    latch.engage("by another panel")
+    for server, message in waiting:
+        server.send(message)
+    says(
+        page, "Reset rejected: motion stopped again: by another panel, after what this page showed"
+    )
+    assert latch.reason == "by the panel"
+    is_slow = False
+    expect(page.locator("#events")).to_contain_text("motion stopped again")  # so it is shown now
+    reset.click()
+    says(page, "Reset: motion is allowed again")
+    page.close()
 
 
 def test_every_command_works_and_a_rejected_one_shows_its_reason(

@@ -2,6 +2,7 @@
 
 import { axisColor } from "./colors";
 import { find, make, setClass, setText } from "./dom";
+import { nameElements } from "./joint_names";
 import type { AxisDescription, AxisState, Description, Sample } from "./messages";
 import { signed, type Units } from "./units";
 
@@ -35,7 +36,8 @@ export class AxesTable {
   describe(description: Description): void {
     this.description = description;
     for (const body of [...this.table.tBodies]) body.remove();
-    this.rows = description.axes.map((axis, index) => this.addRow(axis, index));
+    const names = nameElements(description.axes.map((axis) => axis.name));
+    this.rows = description.axes.map((axis, index) => this.addRow(axis, index, names[index]!));
   }
 
   show(sample: Sample): void {
@@ -69,8 +71,8 @@ export class AxesTable {
     });
   }
 
-  private addRow(axis: AxisDescription, index: number): Row {
-    const name = make("th", "", swatch(index), axis.name);
+  private addRow(axis: AxisDescription, index: number, nameElement: HTMLElement): Row {
+    const name = make("th", "", swatch(index), nameElement);
     name.scope = "row";
     const cell = (label: string, ...children: Node[]): HTMLTableCellElement => {
       const made = make("td", "", ...children);

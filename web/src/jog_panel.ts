@@ -1,8 +1,9 @@
 // Panel that jogs joints: a row with two buttons for each, speed, and steps.
 
-import { find, make, setText } from "./dom";
+import { find, make, setClass, setText } from "./dom";
 import type { Welcome } from "./control_messages";
 import type { HeldButtons, Motion } from "./held_button";
+import { nameElements } from "./joint_names";
 import type { AxisDescription, Description, Sample } from "./messages";
 import { signed, type Units } from "./units";
 
@@ -13,6 +14,8 @@ const STEPS: { rad: number; m: number; text: { rad: string; m: string } }[] = [
   { rad: Math.PI / 180, m: 0.001, text: { rad: "1°", m: "1 mm" } },
   { rad: Math.PI / 18, m: 0.01, text: { rad: "10°", m: "10 mm" } },
 ];
+
+const MANY = 12; // joints that fit beside the other parts of the panel
 
 export class JogPanel {
   private readonly slider = find<HTMLInputElement>("jog-speed");
@@ -35,7 +38,9 @@ export class JogPanel {
     this.rows = [];
     const joints = this.axes.flatMap((axis, index) => (axis.name in this.velocities ? [{ ...axis, index }] : []));
     find("jog").hidden = !joints.length;
-    find("jog-rows").replaceChildren(...joints.map((joint) => this.row(joint, joint.index)));
+    setClass(find("control-body"), "wide", joints.length > MANY);
+    const names = nameElements(joints.map((joint) => joint.name));
+    find("jog-rows").replaceChildren(...joints.map((joint, row) => this.row(joint, joint.index, names[row]!)));
     const units = [...new Set(joints.map((joint) => joint.unit as "rad" | "m"))];
     this.steps.replaceChildren(
       ...STEPS.map(({ text }, index) => {
@@ -69,7 +74,7 @@ export class JogPanel {
     );
   }
 
-  private row(joint: AxisDescription, axis: number): HTMLElement {
+  private row(joint: AxisDescription, axis: number, name: HTMLElement): HTMLElement {
     const position = make("output", "number");
     const buttons = [-1, 1].map((sign) => {
       const button = make("button", "jog-button", sign < 0 ? "−" : "+");
@@ -79,7 +84,7 @@ export class JogPanel {
       return button;
     });
     this.rows.push({ axis, position, buttons });
-    const row = make("li", "jog-row", make("b", "", joint.name), buttons[0]!, position, buttons[1]!);
+    const row = make("li", "jog-row", buttons[0]!, make("div", "joint", name, position), buttons[1]!);
     row.dataset["joint"] = joint.name;
     return row;
   }
