@@ -277,6 +277,10 @@ class Robot:
         """
         self._motion_stop.stop(reason, self.descriptor.engine.shutdown_s)
 
+    def wait_stopped(self) -> None:
+        """Wait for standstill after ``axes.stop_latch`` was engaged; raises as ``stop``."""
+        self._motion_stop.wait_at_rest(self.descriptor.engine.shutdown_s)
+
     def set_speed(self, speed: float) -> None:
         """Scale the time of all motion, by ramps; the paths stay. Any thread.
 

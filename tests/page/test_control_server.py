@@ -17,9 +17,11 @@ import pytest
 from tests.page.viewer import TIMEOUT_S, connected, served_page, wait_until
 from tests.unit.observation.harness import Observed
 
+from robotd.clock import NANOSECONDS
 from robotd.page.control_server import MAX_CONTROLLERS
 from robotd.page.page_server import PageServer
 from robotd.page.viewers import MAX_MESSAGE_BYTES
+from robotd.robot import Robot
 
 
 class Controller:
@@ -28,7 +30,13 @@ class Controller:
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self.socket = socket
         self.welcome: dict[str, Any] = {}
+        self.seen: dict[str, Any] | None = None
         self._id = 0
+
+    def see(self, robot: Robot) -> None:
+        """Take the present state of the robot for the one that the commands are given for."""
+        time_s = robot.clock.now_ns() / NANOSECONDS
+        self.seen = {"events": robot.events.added, "time_s": time_s}
 
     async def send(self, **message: Any) -> None:
         await self.socket.send_str(json.dumps(message))
@@ -41,7 +49,7 @@ class Controller:
     async def command(self, type_: str, **fields: Any) -> dict[str, Any]:
         """Send a command and return its answer."""
         self._id += 1
-        await self.send(id=self._id, type=type_, **fields)
+        await self.send(id=self._id, type=type_, seen=self.seen, **fields)
         while (answer := await self.receive())["type"] != "answer" or answer["id"] != self._id:
             pass
         return answer
@@ -185,6 +193,7 @@ def test_a_client_with_the_token_commands_and_gets_the_reason_of_a_rejection(
         async with controller(server) as client:
             assert client.welcome["name"] == "page 1"
             assert [*client.welcome["jog_velocities"]] == [*arm.robot.joint_names]
+            client.see(arm.robot)
             assert client.welcome["gripper"] is True
             assert "amp_alarm" in client.welcome["faults"]
             answer = await client.command("gripper", closed=True)
@@ -221,6 +230,7 @@ def test_wrong_messages_are_answered_and_change_nothing(tmp_path: Path) -> None:
             for text in WRONG:
                 await client.socket.send_str(text)
                 assert (await client.receive())["type"] == "error", text
+            client.see(arm.robot)
             assert (await client.command("speed", speed=1))["ok"]  # it goes on
         assert position_is_unchanged(arm)
 

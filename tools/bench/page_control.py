@@ -29,7 +29,7 @@ from robotd.page.control_jog import HEARTBEAT_S, jog_velocities
 from robotd.page.control_server import PageControl
 from robotd.page.page_server import PageServer
 from robotd.page.robot_source import RobotSource
-from robotd.robot import build_robot
+from robotd.robot import Robot, build_robot
 
 AT_REST = 1e-3  # rad/s
 VELOCITY_ROW = VALUES.index("velocity")
@@ -58,12 +58,13 @@ ENDS: dict[str, Callable[[Socket, int], Awaitable[None]]] = {
 }
 
 
-async def jog(url: str, token: str, joint: str, velocity: float, end: str) -> int:
+async def jog(robot: Robot, url: str, token: str, joint: str, velocity: float, end: str) -> int:
     """Hold a button, end as ``end`` says, and return the monotonic time of the last message."""
     async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}control") as socket:
         await socket.send_str(json.dumps({"token": token}))
         await socket.receive()
-        message = {"type": "jog", "hold": 1, "joint": joint, "velocity": velocity, "step": None}
+        seen = {"events": robot.events.added, "time_s": robot.clock.now_ns() / NANOSECONDS}
+        message = {"type": "jog", "hold": 1, "joint": joint, "velocity": velocity, "seen": seen}
         until_ns = time.monotonic_ns() + round(HELD_S * 1e9)
         last_ns = 0
         while last_ns < until_ns:
@@ -110,7 +111,7 @@ def main(name: str, rounds: int) -> None:
                 for number in range(rounds):
                     since, sign = recorder.tap.frames.written, 1 - 2 * (number % 2)
                     last_ns = asyncio.run(
-                        jog(server.url, control.token, joint, sign * velocity, end)
+                        jog(robot, server.url, control.token, joint, sign * velocity, end)
                     )
                     found.append(stop_times(recorder.tap, axis, since, last_ns))
                 report(end, np.array(found))

@@ -1,7 +1,7 @@
 // Control side of the page: unlocked by the token, it commands the robot and shows each answer.
 
 import { ControlLink, takeToken } from "./control_link";
-import type { Answer, Command, JogEnd, Welcome } from "./control_messages";
+import type { Answer, Command, JogEnd, Seen, Welcome } from "./control_messages";
 import { find, make, setClass, setText } from "./dom";
 import { DrivePanel } from "./drive_panel";
 import { FaultForm } from "./fault_form";
@@ -23,13 +23,16 @@ const BUTTONS: Record<string, Command> = {
 };
 
 export class Control {
-  private readonly link = new ControlLink({
-    onOpen: (welcome) => this.open(welcome),
-    onAnswer: (answer) => this.showAnswer(answer),
-    onJogEnd: (end) => this.showJogEnd(end),
-    onError: (text) => this.say(text, "bad"),
-    onClosed: (reason, isRejected) => this.close(reason, isRejected),
-  });
+  private readonly link = new ControlLink(
+    {
+      onOpen: (welcome) => this.open(welcome),
+      onAnswer: (answer) => this.showAnswer(answer),
+      onJogEnd: (end) => this.showJogEnd(end),
+      onError: (text) => this.say(text, "bad"),
+      onClosed: (reason, isRejected) => this.close(reason, isRejected),
+    },
+    () => this.seen(),
+  );
   private readonly held = new HeldButtons(this.link, ({ name, step }) =>
     this.say(`${name}: ${step === null ? "moving while held" : "one step"}`, "busy"),
   );
@@ -42,9 +45,13 @@ export class Control {
   private readonly pause = find<HTMLButtonElement>("pause");
   private readonly waiting = new Map<number, string>(); // names of commands, by id
   private description: Description | undefined;
+  private state: State | undefined;
   private isUnlocked = false;
 
-  constructor(units: Units) {
+  constructor(
+    units: Units,
+    private readonly newest: () => Sample | undefined,
+  ) {
     this.jog = new JogPanel(units, this.held);
     this.drive = new DrivePanel(this.held);
     for (const [id, command] of Object.entries(BUTTONS)) find(id).addEventListener("click", () => this.send(command));
@@ -72,6 +79,7 @@ export class Control {
   }
 
   update(state: State): void {
+    this.state = state;
     this.outputs.update(state);
     this.pause.setAttribute("aria-pressed", String(state.paused));
     if (document.activeElement !== this.speed) {
@@ -112,6 +120,11 @@ export class Control {
     find("control-name").hidden = !on;
     find("control-body").hidden = !on;
     document.body.dataset["control"] = on ? "yes" : "no";
+  }
+
+  private seen(): Seen | null {
+    const sample = this.newest();
+    return this.state && sample ? { events: this.state.seen, time_s: sample.time_s } : null;
   }
 
   private send(command: Command): void {

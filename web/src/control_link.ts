@@ -1,6 +1,6 @@
 // Connection of the control side: opened with the token, and again when it is lost.
 
-import type { Answer, Command, ControlMessage, JogEnd, ReleaseReason, Welcome } from "./control_messages";
+import type { Answer, Command, ControlMessage, JogEnd, ReleaseReason, Seen, Welcome } from "./control_messages";
 
 const RETRY_MS = 1000;
 const REJECTED = 1008; // WSCloseCode.POLICY_VIOLATION
@@ -30,7 +30,10 @@ export class ControlLink {
   private isOpen = false;
   private lastId = 0;
 
-  constructor(private readonly receiver: ControlReceiver) {}
+  constructor(
+    private readonly receiver: ControlReceiver,
+    private readonly seen: () => Seen | null, // what the page shows now
+  ) {}
 
   open(token: string): void {
     this.close();
@@ -62,16 +65,16 @@ export class ControlLink {
   send(command: Command): number {
     if (!this.isOpen) return 0;
     this.lastId += 1;
-    this.put({ id: this.lastId, ...command });
+    this.put({ id: this.lastId, seen: this.seen(), ...command });
     return this.lastId;
   }
 
   jog(hold: number, joint: string, velocity: number, step: number | null): void {
-    this.put({ type: "jog", hold, joint, velocity, step });
+    this.put({ type: "jog", seen: this.seen(), hold, joint, velocity, step });
   }
 
   drive(hold: number, linear: number, lateral: number, angular: number): void {
-    this.put({ type: "drive", hold, linear, lateral, angular });
+    this.put({ type: "drive", seen: this.seen(), hold, linear, lateral, angular });
   }
 
   release(hold: number, reason: ReleaseReason): void {

@@ -52,6 +52,12 @@ export interface RequestError {
 
 export type ControlMessage = Welcome | Answer | JogEnd | RequestError;
 
+// State that the page showed when a button was pressed: the robot rejects a command that came too late.
+export interface Seen {
+  events: number; // ``seen`` of its newest state
+  time_s: number; // of its newest sample, on the robot's clock
+}
+
 export type Command =
   | { type: "stop" | "reset" | "recover" }
   | { type: "servos"; on: boolean }

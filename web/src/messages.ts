@@ -1,6 +1,6 @@
 // Messages of the server; core/robotd/page makes them.
 
-export const PROTOCOL = 1;
+export const PROTOCOL = 2;
 
 export interface AxisDescription {
   name: string;
@@ -98,6 +98,7 @@ export interface State {
   buses: Bus[];
   missed: number;
   viewers: number;
+  seen: number; // of the newest event that reduces motion: see ``Seen``
 }
 
 export interface RobotEvent {

@@ -72,7 +72,12 @@ class MotionStop:
                 self._axes.stops.request(moved)
 
     def stop(self, reason: str, timeout_s: float) -> None:
-        """Engage the latch and wait for standstill. Any worker.
+        """Engage the latch and wait for standstill. Any worker; raises as ``wait_at_rest``."""
+        self._axes.stop_latch.engage(reason)
+        self.wait_at_rest(timeout_s)
+
+    def wait_at_rest(self, timeout_s: float) -> None:
+        """Wait until what the latch has stopped stands. Any worker.
 
         What does not stand in time, because its ramp is too gentle, gets a quick stop.
 
@@ -81,7 +86,6 @@ class MotionStop:
             OperationError: the axes are read-only.
         """
         self._axes.stop_latch.check_commandable()
-        self._axes.stop_latch.engage(reason)
         if not self._connection.ready:
             return
         self._axes.wait_for_motion()

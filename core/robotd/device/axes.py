@@ -23,7 +23,7 @@ from robotd.device.state import CommandMode, Operation
 from robotd.device.stop_latch import StopLatch
 from robotd.device.stop_requests import StopRequests
 from robotd.errors import DeviceTimeout, NotReady, RobotdError, Unsupported
-from robotd.events import EventLog, noted
+from robotd.events import EventKind, EventLog, noted
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.profile import Profile
@@ -94,9 +94,10 @@ class Axes:
         self.underrun, self.stream_buffer_s = driver.underrun, driver.stream_buffer_s
         self.names = tuple(names)
         self.arguments = AxisArguments(names)
-        self.stop_latch = StopLatch(driver.read_only)
+        self.stop_latch = StopLatch(driver.read_only, self._note_repeated_stop)
         self.stops = StopRequests(driver, names)
         self.speed = SpeedScale()
+        self.speed.on_change(self._note_speed)
         self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver
         self._connection = connection
@@ -107,6 +108,13 @@ class Axes:
         self._owners: dict[int, str] = {}  # of the axes that are claimed
         self._lock = threading.RLock()
         self._starts = MotionStarts(driver, self.stop_latch, self._effect, len(names))
+
+    def _note_speed(self, scale: float) -> None:
+        self.events.add(EventKind.STATE, "speed", f"speed of all motion: {self.speed.text}")
+
+    def _note_repeated_stop(self, reason: str) -> None:
+        text, data = f"motion stopped again: {reason}", {"outcome": "repeated"}
+        self.events.add(EventKind.STOP, "stop", text, data=data)
 
     @property
     def trajectories_on_device(self) -> bool:

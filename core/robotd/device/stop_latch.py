@@ -20,6 +20,7 @@ class StopLatch:
 
     Args:
         read_only: ``AxisDriver.read_only``.
+        repeated: called with the reason of a stop while motion is stopped already.
 
     Attributes:
         read_only: as above.
@@ -28,8 +29,9 @@ class StopLatch:
         servos_allowed: servos may be switched on.
     """
 
-    def __init__(self, read_only: str = "") -> None:
+    def __init__(self, read_only: str = "", repeated: StopListener = lambda reason: None) -> None:
         self.read_only = read_only
+        self._repeated = repeated
         self.reason = self.inactive = ""
         self.servos_allowed = True
         self._lock = threading.Lock()
@@ -75,7 +77,11 @@ class StopLatch:
     def engage(self, reason: str) -> None:
         """Forbid motion; a later reason does not replace the first. Read-only axes: no effect."""
         with self._lock:
-            if reason and not (self.read_only or self.reason):
+            if not reason or self.read_only:
+                return
+            if self.reason:
+                self._repeated(reason)
+            else:
                 self._change(reason)
 
     def release(self) -> None:

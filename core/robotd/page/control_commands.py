@@ -23,14 +23,35 @@ class Message(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=False)]
+
+
+class Seen(Message):
+    """State that a page showed when a button was pressed, by the robot's numbers.
+
+    Attributes:
+        events: ``seen`` of its newest state.
+        time_s: of its newest sample, on the robot's clock.
+    """
+
+    events: Annotated[int, Field(ge=0)]
+    time_s: Finite
+
+
 class Command(Message):
     """Base of the commands that a worker executes.
 
     Attributes:
         id: of the answer.
+        seen: the state for which it was given; needed unless it is always allowed.
     """
 
     id: int
+    seen: Seen | None = None
+
+    def is_always_allowed(self, robot: Robot) -> bool:
+        """Return True where it only reduces motion, so that it is never too late."""
+        return False
 
     @abstractmethod
     def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
@@ -42,8 +63,11 @@ class Stop(Command):
 
     type: Literal["stop"]
 
+    def is_always_allowed(self, robot: Robot) -> bool:
+        return True
+
     def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
-        robot.stop(STOP_REASON)
+        robot.wait_stopped()  # the latch is engaged already
         return "stopped, at rest"
 
 
@@ -72,6 +96,9 @@ class Servos(Command):
 
     type: Literal["servos"]
     on: bool
+
+    def is_always_allowed(self, robot: Robot) -> bool:
+        return not self.on
 
     def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
         if self.on:
@@ -106,6 +133,9 @@ class Speed(Command):
     type: Literal["speed"]
     speed: Annotated[float, Field(strict=False)]  # 1 is a number, too
 
+    def is_always_allowed(self, robot: Robot) -> bool:
+        return self.speed <= robot.axes.speed.speed
+
     def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
         robot.set_speed(self.speed)
         return f"speed {robot.axes.speed.text}"
@@ -116,6 +146,9 @@ class Pause(Command):
 
     type: Literal["pause"]
     paused: bool
+
+    def is_always_allowed(self, robot: Robot) -> bool:
+        return self.paused
 
     def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
         if self.paused:

@@ -13,8 +13,8 @@ from robotd.control.mobile_base import MobileBase
 from robotd.errors import NotReady, RobotdError, Unsupported
 from robotd.events import sent_by
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
-from robotd.page.control_commands import Message
-from robotd.page.control_jog import LATE_PERIODS, RELEASED, TIMEOUT_S, Finite, JogEnd
+from robotd.page.control_commands import Finite, Message, Seen
+from robotd.page.control_jog import LATE_PERIODS, RELEASED, TIMEOUT_S, JogEnd
 from robotd.robot import Robot
 
 MAX_VELOCITY_M_S = 0.25  # reduced speed of manual operation of industrial robots, ISO 10218-1
@@ -29,6 +29,7 @@ class Drive(Message):
         hold: number that the client counts up with each press, of a joint or of the base.
         linear, lateral: m/s ahead and to the left.
         angular: rad/s to the left.
+        seen: as in ``Jog``.
     """
 
     type: Literal["drive"]
@@ -36,6 +37,7 @@ class Drive(Message):
     linear: Finite
     lateral: Finite
     angular: Finite
+    seen: Seen | None = None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from robotd.control.joint_stream import JointStream
 from robotd.errors import InvalidArgument, NotReady, RobotdError, unknown_name
 from robotd.events import noted, sent_by
 from robotd.motion.stoppable_velocity import stoppable_velocity
-from robotd.page.control_commands import Message
+from robotd.page.control_commands import Finite, Message, Seen
 from robotd.robot import Robot
 
 HEARTBEAT_S = 0.02  # interval at which a page repeats the message of a button that is held
@@ -34,8 +34,6 @@ REACHED_TOLERANCE = 1e-6  # rad or m
 Command = Callable[[JointStream], None]
 """Sends a setpoint to a stream."""
 
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=False)]
-
 
 class Jog(Message):
     """Heartbeat of a button that is held, or of a step that is under way.
@@ -45,6 +43,7 @@ class Jog(Message):
         joint: name.
         velocity: signed, or positive with a step; rad/s or m/s.
         step: signed distance from where the joint is commanded now, rad or m; None: no end.
+        seen: as in ``Command``; that of the first heartbeat counts.
     """
 
     type: Literal["jog"]
@@ -52,6 +51,7 @@ class Jog(Message):
     joint: str
     velocity: Finite
     step: Finite | None = None
+    seen: Seen | None = None
 
 
 class Release(Message):

@@ -28,6 +28,7 @@ from robotd.page.control_jog import (
     jog_velocities,
 )
 from robotd.page.page_message import websocket_frames
+from robotd.page.seen_state import rejection
 from robotd.page.viewers import Viewer, accept
 from robotd.robot import Robot
 from robotd.scenario import FaultSchedule
@@ -201,6 +202,7 @@ class Controller:
         self._robot, self._faults, self._name, self._workers = robot, faults, name, workers
         self._loop = asyncio.get_running_loop()
         self._running = 0
+        self._newest_hold = self._rejected_hold = 0
         self._jog = HeldJog(robot, name, workers, self._jog_ended, hold_timeout_s)
         self._drive = HeldDrive(robot, name, self._put_end, hold_timeout_s)
 
@@ -212,9 +214,9 @@ class Controller:
             self._put({"type": "error", "text": _reasons(error)})
             return
         match request:
-            case Jog():
+            case Jog() if self._may_hold(request):
                 self._jog.beat(request)
-            case Drive():
+            case Drive() if self._may_hold(request):
                 self._drive.beat(request)
             case Release():  # the numbers of holds are common to both
                 self._jog.release(request.hold, request.reason)
@@ -227,11 +229,28 @@ class Controller:
         self._jog.close()
         self._drive.close()
 
+    def _may_hold(self, request: Jog | Drive) -> bool:
+        """Return False for a hold that came too late; its client is told once."""
+        if request.hold > self._newest_hold:
+            self._newest_hold = request.hold
+            if reason := rejection(self._robot, request.seen, self._name):
+                self._rejected_hold = request.hold
+                log.warning("jog of the page rejected", name=self._name, reason=reason)
+                self._put_end(JogEnd(request.hold, is_wanted=False, is_silent=False, reason=reason))
+        return request.hold != self._rejected_hold
+
     def _begin(self, command: commands.Command) -> None:
         is_stop = isinstance(command, commands.Stop)
         if is_stop:
             # At once: the control loop brings everything to rest, however busy the workers are.
-            self._robot.axes.stop_latch.engage(commands.STOP_REASON)
+            with sent_by(self._name):
+                self._robot.axes.stop_latch.engage(commands.STOP_REASON)
+        is_allowed = command.is_always_allowed(self._robot)
+        reason = "" if is_allowed else rejection(self._robot, command.seen, self._name)
+        if reason:
+            log.warning("command of the page rejected", name=self._name, reason=reason)
+            self._answer(command, False, reason)
+            return
         if self._running >= MAX_RUNNING:
             busy = f"{MAX_RUNNING} commands are still being executed"
             self._answer(command, is_stop, "motion is being stopped" if is_stop else busy)

@@ -15,7 +15,7 @@ from robotd.observation.io_sampler import MAX_IO_BYTES
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
 
-PROTOCOL = 1  # of the messages; the page asks to be loaded again when it has another one
+PROTOCOL = 2  # of the messages; the page asks to be loaded again when it has another one
 
 
 def describe(

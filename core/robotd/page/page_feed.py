@@ -11,6 +11,7 @@ from robotd.page.page_description import describe
 from robotd.page.page_message import Message, json_text
 from robotd.page.page_state import Goals, event_of, state_of
 from robotd.page.remedies import backend_tables
+from robotd.page.seen_state import reduces_motion
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
 STATE_LOOKS = 2  # calls of ``PageFeed.changes`` for one state
@@ -40,6 +41,7 @@ class PageFeed:
         backend_tables(tap.robot)  # imported now, not at the first alarm
         self._goals = Goals(tap.robot)
         self._cursor = self._looks = 0
+        self._seen = 0  # number of the newest event that reduces motion
         self._state: dict[str, Any] = {}
 
     def first(self, viewers: int) -> list[Message]:
@@ -98,8 +100,11 @@ class PageFeed:
 
     def _note(self, events: Sequence[Any], cursor: int) -> None:
         self._cursor = cursor
-        for event in events:
+        for number, event in enumerate(events, cursor - len(events) + 1):
             self._goals.note(event)
+            if reduces_motion(event):
+                self._seen = number
 
     def _read_state(self, viewers: int) -> dict[str, Any]:
-        return state_of(self._tap, self._goals.running(), viewers)
+        state = state_of(self._tap, self._goals.running(), viewers)
+        return {**state, "seen": self._seen}  # commands of a page return it
