@@ -128,6 +128,17 @@ class Velocities(TopicClient):
         self.send(0.0)
 
 
+class Windows(Positions):
+    """MoveIt Servo: points of the near past and future in each message."""
+
+    def send(self, speed: float) -> None:
+        now_ns, times_s = self.harness.clock.now_ns(), np.arange(-0.1, 0.095, 0.01)
+        position, velocity = np.zeros((2, len(times_s), 3))
+        position[:, 0], velocity[:, 0] = self.target + speed * times_s, speed
+        times_ns = [now_ns + round(each * NANOSECONDS) for each in times_s]
+        self.command(lambda stream: stream.send_points(times_ns, position, velocity))
+
+
 class Program(Client):
     """Python program that opens its stream again in a loop."""
 
@@ -250,6 +261,7 @@ CLIENTS = [
     Positions,
     MovingPositions,
     Velocities,
+    Windows,
     Program,
     AxisJogs,
     AxisVelocities,
