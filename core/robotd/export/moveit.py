@@ -1,11 +1,12 @@
-"""MoveIt 2: parameters of move_group for executing on this robot.
+"""MoveIt 2: parameters of move_group and MoveIt Servo for executing on this robot.
 
-The names are those of MoveItSimpleControllerManager, of the trajectory execution manager and of
-``robot_description_planning``.
+The names are those of MoveItSimpleControllerManager, of the trajectory execution manager, of
+``robot_description_planning`` and of ``moveit_servo``.
 """
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,6 +16,8 @@ from robotd.export.export_input import ExportInput
 
 SERVER = "follow_joint_trajectory_server"
 GRIPPER_NODE = "gripper_controller"
+COMMAND_NODE = "joint_command_node"
+TRAJECTORY_TOPIC = "joint_trajectory_topic"  # of a group
 
 # Longest time from the planned end of a trajectory to its result, beside goal_time_s: a device
 # may still be moving for 2 s, and a joint that creeps at the end is reported after 2 s more. The
@@ -39,6 +42,9 @@ def move_group_parameters(source: ExportInput) -> str:
         "trajectory_execution": _execution(source),
         "robot_description_planning": {"joint_limits": limits},
     }
+    topics = _servo_topics(source)
+    if len(topics) == 1:
+        content["moveit_servo"] = _servo(source, *topics)
     return source.document(_remarks(source), {"/**": {"ros__parameters": content}})
 
 
@@ -77,6 +83,29 @@ def _gripper_action(source: ExportInput) -> str:
     return source.topic(GRIPPER_NODE, "gripper_action") if has_node else ""
 
 
+def _servo_topics(source: ExportInput) -> list[str]:
+    """Return the topic of each joint group that takes the messages of MoveIt Servo."""
+    if COMMAND_NODE not in source.descriptor.nodes:
+        return []
+    prefixes = group_prefixes(source.descriptor).values()
+    topics = (source.topic(COMMAND_NODE, f"{prefix}{TRAJECTORY_TOPIC}") for prefix in prefixes)
+    return [topic for topic in topics if topic]
+
+
+def _servo(source: ExportInput, topic: str) -> dict[str, Any]:
+    """Return the parameters of MoveIt Servo that depend on the robot, and its periods."""
+    return {
+        "command_out_topic": topic,
+        "command_out_type": "trajectory_msgs/JointTrajectory",
+        "publish_joint_positions": True,
+        "publish_joint_velocities": True,
+        "publish_joint_accelerations": False,
+        "publish_period": 0.01,
+        "max_expected_latency": 0.1,
+        "joint_topic": posixpath.join(source.namespace, "joint_states"),
+    }
+
+
 def _execution(source: ExportInput) -> dict[str, Any]:
     """Return the start tolerance of the robot, and a margin within which its result comes."""
     rules = source.descriptor.trajectory
@@ -108,6 +137,13 @@ def _limits(joint: JointSettings) -> dict[str, Any]:
 
 def _remarks(source: ExportInput) -> list[str]:
     lines = ["Parameters of move_group (MoveIt 2), beside those of your MoveIt configuration."]
+    topics = _servo_topics(source)
+    if len(topics) == 1:
+        lines.append(
+            "And of MoveIt Servo, whose move_group_name is the planning group of your SRDF."
+        )
+    elif topics:
+        lines.append(f"MoveIt Servo: a node for each command_out_topic: {', '.join(topics)}.")
     gripper = source.descriptor.gripper
     if gripper and not _gripper_action(source):
         service = source.topic(SERVER, "wmx_gripper_topic")

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+import yaml
 from tests.ros.servo_emulator import Jog, ServoEmulator, TrajectoryController, run
 from tests.unit.control.harness import PERIOD_S, Harness
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.control.joint_stream import JointStream
+from robotd.descriptor import load_robot_descriptor
 from robotd.errors import InvalidArgument
+from robotd.export.export_input import ExportInput
+from robotd.export.moveit import move_group_parameters
 
 TIMEOUT_S = 0.1
 BEYOND_PEER = 0.01  # rad of following error
@@ -94,6 +98,16 @@ def test_windows_are_followed_as_by_the_peer(period_s: float, smoothing: bool, l
     assert followed.stream.statistics.clipped == 0
     assert followed.position[-1] == pytest.approx(jog.states[-1, 1:], abs=1e-3)
     assert followed.rested_s < 0.2
+
+
+def test_servo_is_followed_with_the_exported_configuration() -> None:
+    text = move_group_parameters(ExportInput(load_robot_descriptor("cr3a")))
+    servo = yaml.safe_load(text)["/**"]["ros__parameters"]["moveit_servo"]
+    assert servo["publish_joint_positions"]
+    assert servo["publish_joint_velocities"]
+    periods = {key: servo[key] for key in ("publish_period", "max_expected_latency")}
+    followed = Followed(run(ServoEmulator(**periods), steady, 2.5))
+    assert followed.error <= followed.error_of_peer + BEYOND_PEER
 
 
 @pytest.mark.parametrize("latency_s", [0.03, 0.05, 0.25])

@@ -109,6 +109,21 @@ def test_moveit_waits_longer_than_the_robot_takes_for_a_result(cr3a: RobotDescri
     }
 
 
+def test_moveit_servo_gets_the_topic_of_the_only_joint_group(cr3a: RobotDescriptor) -> None:
+    servo = move_group(ExportInput(cr3a, "/left"))["moveit_servo"]
+    assert servo["command_out_topic"] == (
+        "/left/movensys_manipulator_arm_controller/joint_trajectory"
+    )
+    assert servo["command_out_type"] == "trajectory_msgs/JointTrajectory"
+    assert servo["joint_topic"] == "/left/joint_states"
+    both = ExportInput(load_robot_descriptor("dual_cr3a"))
+    assert "moveit_servo" not in move_group(both)
+    topics = "/left_controller/joint_trajectory, /right_controller/joint_trajectory"
+    assert f"command_out_topic: {topics}." in EXPORTS["moveit"](both)
+    without = changed(cr3a, "joint_command_node", joint_trajectory_topic="")
+    assert "moveit_servo" not in move_group(without)
+
+
 def test_moveit_gets_the_gripper_s_action(cr3a: RobotDescriptor) -> None:
     manager = move_group(ExportInput(cr3a, "/left"))["moveit_simple_controller_manager"]
     name = manager["controller_names"][1]
