@@ -210,6 +210,19 @@ def test_message_handler_that_raises_gets_the_next_message(
     assert all(seen.acquire(timeout=WAIT_S) for _ in range(3))
 
 
+@pytest.mark.parametrize(
+    ("ros_args", "served"),
+    [((), False), (("--ros-args", "-p", "start_type_description_service:=true"), True)],
+)
+def test_types_are_described_only_on_request(ros_args: tuple[str, ...], served: bool) -> None:
+    """The service would write what its clients send to standard error."""
+    with RosHost(ros_args) as host:
+        node = rclpy.create_node("plain", context=host.context)
+        host.add_node(node)
+        services = node.get_service_names_and_types_by_node("plain", "/")
+    assert ("/plain/get_type_description" in dict(services)) == served
+
+
 def cycle_once(make_executor: Any) -> None:
     with RosHost(make_executor=make_executor) as host:
         node = rclpy.create_node("short", context=host.context)

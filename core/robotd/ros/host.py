@@ -29,6 +29,10 @@ _URGENT_WORKERS = 2
 _PENDING_LIMIT = 64
 
 
+# rcl writes what a client of this service asks for to standard error, as it is and every time.
+_OWN_ARGS = ("--ros-args", "-p", "start_type_description_service:=false", "--")
+
+
 class RosHost:
     """ROS side of a process: ``with RosHost(args) as host:``.
 
@@ -92,7 +96,7 @@ class RosHost:
             # Always our own context: signal handlers stay with the process, and a test may
             # have two hosts.
             rclpy.init(
-                args=self.args,
+                args=[*_OWN_ARGS, *self.args],
                 context=self._context,
                 domain_id=self._domain_id,
                 signal_handler_options=SignalHandlerOptions.NO,
