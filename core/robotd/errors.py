@@ -111,11 +111,19 @@ class PluginError(RobotdError):
 class ConnectError(RobotdError):
     """Opening failed. ``failures`` maps the path of each failing child to its reason.
 
-    The text has a line for each reason, with all children that failed for it.
+    The text has a line for each reason, with all children that failed for it. ``permanent``:
+    another try cannot help before the computer is changed, so that the start-up makes none.
     """
 
-    def __init__(self, message: str, failures: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        failures: dict[str, str] | None = None,
+        *,
+        permanent: bool = False,
+    ) -> None:
         self.failures = failures or {}
+        self.permanent = permanent
         children: dict[str, list[str]] = {}
         for path, reason in self.failures.items():
             children.setdefault(reason, []).append(path)

@@ -154,7 +154,8 @@ class Connection:
     def start(self) -> None:
         """The whole start-up: open with retries, scan, start communication.
 
-        Raises the last error when every try has failed; returns early when it is asked to end.
+        Raises the last error when every try has failed, or after one that is permanent; returns
+        early when it is asked to end.
         """
         self._wanted, tries = True, self.settings.open_tries
         for attempt in range(1, tries + 1):
@@ -163,6 +164,8 @@ class Connection:
                     self.open()
                 break
             except ConnectError as error:
+                if error.permanent:
+                    raise
                 log.warning("open failed", attempt=attempt, of=tries, reason=str(error))
                 if attempt == tries:
                     raise

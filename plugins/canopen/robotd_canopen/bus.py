@@ -14,10 +14,11 @@ from dataclasses import dataclass
 
 import can
 
-from robotd.api import NANOSECONDS, ConnectError, get_logger, request_realtime
+from robotd.api import NANOSECONDS, get_logger, request_realtime
 from robotd_canopen.bus_load import wire_bits
 from robotd_canopen.error_frame import error_frame_text
 from robotd_canopen.frame import Frame
+from robotd_canopen.open_failure import open_failure
 from robotd_canopen.options import BusOptions
 
 log = get_logger("canopen")
@@ -94,9 +95,7 @@ class Bus:
                 **options.options,
             )
         except Exception as error:
-            reason = f"{type(error).__name__}: {error}"
-            path = f"canopen → {options.interface}:{options.channel}"
-            raise ConnectError("the CAN bus cannot be opened", {path: reason}) from error
+            raise open_failure(error, options) from error
         self.fault, self.counters, self._failures = None, Counters(), 0
         self.last_malformed = self.last_error = ""
         self.seen.clear()

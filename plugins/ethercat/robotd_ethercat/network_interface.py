@@ -14,20 +14,18 @@ _GET_FLAGS, _UP = 0x8913, 1  # ioctl SIOCGIFFLAGS, IFF_UP
 _REQUEST = struct.Struct("=16sH22x")
 
 
-def problem_of(interfaces: Sequence[str]) -> str:
-    """Return why ``interfaces`` cannot be used, and what to do; "" if they can."""
+def problem_of(interfaces: Sequence[str]) -> tuple[str, bool]:
+    """Return why ``interfaces`` cannot be used, and whether that stays so; "" if they can."""
     known = [name for _, name in socket.if_nameindex()]
     for name in interfaces:
         if name not in known:
-            return f"there is no interface {name!r} (available: {', '.join(known)})"
+            return f"there is no interface {name!r} (available: {', '.join(known)})", True
         if not _is_up(name):
-            return f"{name} is down: sudo ip link set {name} up"
+            return f"{name} is down: sudo ip link set {name} up", False
     if not may_open_raw_sockets():
-        return (
-            "no permission for raw sockets: run as root, or grant the process CAP_NET_RAW, see"
-            " docs/how-to/ethercat.md"
-        )
-    return ""
+        text = "no permission for raw sockets: run as root, or grant the process CAP_NET_RAW, see"
+        return f"{text} docs/how-to/ethercat.md", True
+    return "", False
 
 
 def may_open_raw_sockets() -> bool:

@@ -25,7 +25,7 @@ class Simulation:
         if self._slaves is not None:
             return
         if (missing := missing_rights()) is not None:
-            raise ConnectError("no simulated slaves", {"ethercat": missing})
+            raise ConnectError("no simulated slaves", {"ethercat": missing}, permanent=True)
         with NamedTemporaryFile("w", suffix=".json") as file:
             file.write(self._section.to_json())
             file.flush()

@@ -95,8 +95,10 @@ class Soem:
         others = raw_sockets()
 
         def connect() -> None:
-            if reason := problem_of(interfaces):
-                raise ConnectError(message, {f"ethercat → {interface}": reason})
+            reason, permanent = problem_of(interfaces)
+            if reason:
+                failures = {f"ethercat → {interface}": reason}
+                raise ConnectError(message, failures, permanent=permanent)
             master.open(interface, redundant_interface)
 
         message = "the network interface cannot be opened"

@@ -40,6 +40,15 @@ def test_open_is_tried_again_until_it_works() -> None:
     assert connection.ready
 
 
+def test_a_permanent_error_is_raised_at_once() -> None:
+    device = FakeDevice()
+    device.failures["open"] = ConnectError("no such interface", permanent=True)
+    connection = make_connection(device, open_tries=5, open_retry_s=3600.0)
+    with pytest.raises(ConnectError, match="no such interface"):
+        connection.start()
+    assert [call[0] for call in device.calls].count("open") == 1
+
+
 def test_the_last_open_error_is_raised() -> None:
     device = FakeDevice()
     device.failures["open"] = ConnectError("locked")

@@ -154,8 +154,11 @@ def test_emergencies_arrive_as_eight_bytes() -> None:
 
 
 def test_an_interface_that_does_not_exist_is_named_with_the_others() -> None:
-    with pytest.raises(ConnectError, match=r"there is no interface 'none7'.*available: .*lo"):
+    with pytest.raises(
+        ConnectError, match=r"there is no interface 'none7'.*available: .*lo"
+    ) as caught:
         Soem(0.7).open("none7", None)
+    assert caught.value.permanent
 
 
 def test_without_rights_the_capability_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
