@@ -9,12 +9,14 @@ import heapq
 import struct
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from enum import IntEnum
 from itertools import count
 
 import can
 from tests.independent.canopen_objects import (
     CANNOT_STORE,
+    DUMMY_BITS,
     INCOMPATIBLE,
     INVALID,
     MAPPED_OBJECTS,
@@ -48,6 +50,7 @@ class CanopenDevice(ObjectDictionary):
     boot_s = 0.0  # from a reset to the boot-up message
     self_starting = False
     heartbeat_copies = 1
+    triggers: frozenset[int] = frozenset()  # objects that act on the values of others
 
     def __init__(self, node_id: int, send: Callable[[can.Message], None]) -> None:
         super().__init__()
@@ -251,12 +254,20 @@ class CanopenDevice(ObjectDictionary):
     def _process_data(self, can_id: int, data: bytes, remote: bool) -> None:
         if can_id == self[0x1005] & 0x7FF:
             self.counts["syncs"] += 1
-            for pdo in (*self.tpdos, *self.rpdos):
+            for pdo in self.tpdos:
                 pdo.sync()
+            self.apply([value for pdo in self.rpdos for value in pdo.take()])
             return
         for pdo in self.tpdos if remote else self.rpdos:
             if pdo.valid and pdo.cob_id & 0x7FF == can_id:
                 pdo.request() if remote else pdo.receive(data)
+
+    def apply(self, values: list[tuple[int, int, bytes]]) -> None:
+        """Write the values of RPDOs, which are valid at once: what acts on others comes last."""
+        for index, sub, value in sorted(values, key=lambda item: item[0] in self.triggers):
+            if index not in DUMMY_BITS:
+                with suppress(Abort):
+                    self.put(index, sub, value)
 
     # SDO server
 

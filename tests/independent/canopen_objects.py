@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -262,12 +261,12 @@ class Pdo:
     def pack(self) -> bytes:
         return b"".join(self.device.objects[i, sub].encode() for i, sub, _ in self.objects())
 
-    def unpack(self, data: bytes) -> None:
+    def unpack(self, data: bytes) -> list[tuple[int, int, bytes]]:
+        values = []
         for index, sub, bits in self.objects():
-            value, data = data[: bits // 8], data[bits // 8 :]
-            if index not in DUMMY_BITS:
-                with suppress(Abort):
-                    self.device.put(index, sub, value)
+            values.append((index, sub, data[: bits // 8]))
+            data = data[bits // 8 :]
+        return values
 
     def transmit(self, data: bytes) -> None:
         self.sent, self.sent_at = data, self.device.now
@@ -287,13 +286,10 @@ class Pdo:
             self.transmit(data)
 
     def sync(self) -> None:
+        """Sample or send a TPDO at a SYNC."""
         if not self.valid:
             return
-        if not self.transmits:
-            data, self.received = self.received, None
-            if data is not None:
-                self.unpack(data)
-        elif self.type == 252:
+        if self.type == 252:
             self.sampled = self.pack()
         elif self.type == 0:
             if self.pack() != self.sent:
@@ -317,7 +313,12 @@ class Pdo:
         elif self.type <= 240:
             self.received = data
         else:
-            self.unpack(data)
+            self.device.apply(self.unpack(data))
+
+    def take(self) -> list[tuple[int, int, bytes]]:
+        """Return the values that an RPDO has received for this SYNC."""
+        data, self.received = self.received, None
+        return [] if data is None or not self.valid else self.unpack(data)
 
     def map_default(self, *keys: tuple[int, int], valid: bool = True) -> None:
         """Set the default mapping."""

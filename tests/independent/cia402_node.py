@@ -85,6 +85,8 @@ ENERGISED = {State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION}
 class ServoDrive(CanopenDevice):
     """CiA 402 drive with one axis that follows its set-points with a lag and a highest speed."""
 
+    triggers = frozenset({0x6040})
+
     def __init__(
         self, node_id: int, send: Callable[[can.Message], None], knobs: Knobs | None = None
     ) -> None:

@@ -184,11 +184,12 @@ def main() -> None:
     if options.eds:
         sys.stdout.write(ServoDrive(options.node, lambda _: None, knobs).eds(options.node))
         return
-    port = {"port": options.port} if options.port else {}
-    local = {"hop_limit": 0} if options.interface == "udp_multicast" else {}
+    settings: dict[str, Any] = {"port": options.port} if options.port else {}
+    if options.interface == "udp_multicast":
+        settings["hop_limit"] = 0
     requests: queue.Queue[Request] = queue.Queue()
     threading.Thread(target=read_requests, args=(requests,), daemon=True).start()
-    with can.Bus(interface=options.interface, channel=options.channel, **port, **local) as bus:
+    with can.Bus(interface=options.interface, channel=options.channel, **settings) as bus:
         serve(bus, ServoDrive(options.node, bus.send, knobs), requests)
 
 

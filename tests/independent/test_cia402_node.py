@@ -454,6 +454,19 @@ def test_synchronous_rpdo_acts_at_the_next_sync(bench: Bench) -> None:
     assert bench.drive.power is State.READY
 
 
+def test_synchronous_rpdos_act_together(bench: Bench) -> None:
+    bench.write(0x1400, 2, 1, 1)
+    bench.write(0x1402, 2, 1, 1)
+    bench.write(0x1402, 1, 0x400 + NODE)
+    bench.nmt(1)
+    bench.enable(1)
+    bench.send(0x200 + NODE, b"\x1f\x00")
+    bench.send(0x400 + NODE, struct.pack("<Hi", 0x1F, 130_000))
+    bench.send(0x80)
+    bench.wait(2.0)
+    assert bench.read(0x6064) == 130_000
+
+
 def test_short_rpdo_is_an_emergency_and_changes_nothing(bench: Bench) -> None:
     bench.nmt(1)
     bench.send(0x200 + NODE, b"\x06")
@@ -682,6 +695,21 @@ def test_profile_position_handshake_and_buffer(bench: Bench) -> None:
     bench.control(0x0F)
     bench.wait(3.0)
     assert bench.read(0x6064) == 100_000
+
+
+def test_profile_position_takes_the_target_of_the_same_pdo(bench: Bench) -> None:
+    bench.write(0x1400, 1, INVALID | 0x200 + NODE)
+    bench.write(0x1600, 0, 0, 1)
+    bench.write(0x1600, 1, 0x6040_0010)
+    bench.write(0x1600, 2, 0x607A_0020)
+    bench.write(0x1600, 0, 2, 1)
+    bench.write(0x1400, 1, 0x200 + NODE)
+    bench.nmt(1)
+    bench.enable(1)
+    bench.send(0x200 + NODE, struct.pack("<Hi", 0x1F, 130_000))
+    bench.send(0x200 + NODE, struct.pack("<Hi", 0x0F, 140_000))
+    bench.wait(2.0)
+    assert bench.read(0x6064) == 130_000
 
 
 @pytest.mark.parametrize(("method", "home"), [(33, TURN), (34, 2 * TURN), (35, None), (37, None)])
