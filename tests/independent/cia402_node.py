@@ -120,6 +120,8 @@ class ServoDrive(CanopenDevice):
             (0x6064, "Position actual value", i, 0, "ro", "t"),
             (0x6065, "Following error window", "I", 0xFFFF_FFFF, "rw", ""),
             (0x6066, "Following error time out", "H", 0, "rw", ""),
+            (0x6067, "Position window", "I", 20, "rw", ""),
+            (0x6068, "Position window time", "H", 5, "rw", ""),
             (0x606C, "Velocity actual value", i, 0, "ro", "t"),
             (0x6071, "Target torque", h, 0, "rw", "r"),
             (0x6072, "Max torque", "H", 3000, "rw", "r"),

@@ -31,9 +31,11 @@ class Axis:
         self.braking: float | None = None  # deceleration of a stop
         self.max_velocity = self.max_step = 0.0  # the fastest motion and csp step of the target
         self._rate = self._interpolated_s = 0.0  # of csp: speed of the demand, time left
-        self._beyond_s = 0.0  # since when the following error is too large
+        self._speed = 0.0  # of the demand in a profile mode
+        self._beyond_s = self._within_s = 0.0  # time with following error, within the target window
         self._setpoint: float | None = None
         self._next_setpoint: float | None = None
+        self._end: float | None = None  # set-point whose profile has ended
         self._acknowledged = self._reached = False
         self._homing = "idle"
 
@@ -59,8 +61,9 @@ class Axis:
 
     def begin_mode(self) -> None:
         """Start the mode of operation, at enable or when it is changed."""
-        self.demand, self._rate, self._beyond_s = self.position, 0.0, 0.0
-        self._setpoint = self._next_setpoint = None
+        self._demand_velocity()
+        self._beyond_s = self._within_s = 0.0
+        self._setpoint = self._next_setpoint = self._end = None
         self._acknowledged = self._reached = False
         self._homing = "idle"
         if self.drive[0x6061] == CSP:  # the standard lets the drive follow what 0x607A contains
@@ -86,7 +89,7 @@ class Axis:
     def _take_setpoint(self, controlword: int) -> None:
         target = self.counts_of(self.drive[0x607A])
         if controlword & 0x40:  # relative
-            base = self.position if self._setpoint is None else self._setpoint
+            base = self.demand if self._setpoint is None else self._setpoint
             target += base - self.counts_at_zero
         if self._setpoint is None or controlword & 0x20:  # change immediately
             self._setpoint, self._next_setpoint = target, None
@@ -102,12 +105,12 @@ class Axis:
         before = self.velocity
         if not energised:
             self.velocity *= math.exp(-step_s / COAST_S)
-            self.demand = self.position
+            self._demand_velocity(step_s)
         elif self.braking is not None or halted:
             stop = self.deceleration(self.drive.get(0x605D, 0, 1))
             deceleration = stop if self.braking is None else self.braking
-            self._ramp(0.0, deceleration, deceleration, step_s)
-            self.demand, self._rate = self.position, 0.0
+            self.velocity = ramped(self.velocity, 0.0, deceleration, deceleration, step_s)
+            self._demand_velocity(step_s)
         else:
             self._follow(step_s)
         limit = self.drive.knobs.max_speed
@@ -119,36 +122,41 @@ class Axis:
             torque = TORQUE * acceleration / self.drive.knobs.encoder
             self.torque = min(max(torque, -3000.0), 3000.0) if energised else 0.0
 
+    def _demand_velocity(self, step_s: float = 0.0) -> None:
+        """Set the demand to what the axis does, so that a mode continues without a step."""
+        self._speed, self._rate = self.velocity, 0.0
+        self.demand = self.position + self.velocity * (self.drive.knobs.lag_s + step_s)
+
     def _follow(self, step_s: float) -> None:
         mode = self.drive[0x6061]
-        if mode == CSP:
-            self.demand += self._rate * min(step_s, self._interpolated_s)
-            self._interpolated_s = max(self._interpolated_s - step_s, 0.0)
-            self.velocity = (self.demand - self.position) / self.drive.knobs.lag_s
-            self._watch_following_error(step_s)
-        elif mode == CSV:
+        if mode == CSV:
             share = 1 - math.exp(-step_s / self.drive.knobs.lag_s)
             self.velocity += (self.drive[0x60FF] / self.scale - self.velocity) * share
-        elif mode == CST:
+            return
+        if mode == CST:
             limit = self.drive[0x6072]
             self.torque = float(min(max(self.drive[0x6071], -limit), limit))
             acceleration = self.torque / TORQUE * self.drive.knobs.encoder
             self.velocity += (acceleration - FRICTION_HZ * self.velocity) * step_s
-        elif mode == PP:
-            self._approach(step_s)
-        elif mode == HOMING and self._homing == "running":
-            self._search_home(step_s)
+            return
+        if mode == CSP:
+            self._speed = self._rate if self._interpolated_s > 0 else 0.0
+            self.demand += self._rate * min(step_s, self._interpolated_s)
+            self._interpolated_s = max(self._interpolated_s - step_s, 0.0)
         else:
-            self._profile(self.drive[0x60FF] / self.scale if mode == PV else 0.0, step_s)
-
-    def _ramp(self, target: float, up: float, down: float, step_s: float) -> None:
-        faster = abs(target) > abs(self.velocity) and target * self.velocity >= 0
-        change = (up if faster else down) * step_s
-        self.velocity += min(max(target - self.velocity, -change), change)
+            if mode == PP:
+                self._approach(step_s)
+            elif mode == HOMING and self._homing == "running":
+                self._search_home(step_s)
+            else:
+                self._profile(self.drive[0x60FF] / self.scale if mode == PV else 0.0, step_s)
+            self.demand += self._speed * step_s
+        self.velocity = (self.demand - self.position) / (self.drive.knobs.lag_s + step_s)
+        self._watch_following_error(step_s)
 
     def _profile(self, target: float, step_s: float) -> None:
         up = max(self.drive[0x6083], 1) / self.scale
-        self._ramp(target, up, self.deceleration(1), step_s)
+        self._speed = ramped(self._speed, target, up, self.deceleration(1), step_s)
 
     def _watch_following_error(self, step_s: float) -> None:
         window = self.drive[0x6065]
@@ -163,14 +171,21 @@ class Axis:
         if self._setpoint is None:
             self._profile(0.0, step_s)
         else:
-            left, deceleration = self._setpoint - self.position, self.deceleration(1)
+            left, deceleration = self._setpoint - self.demand, self.deceleration(1)
             speed = min(self.drive[0x6081] / self.scale, math.sqrt(2 * deceleration * abs(left)))
             self._profile(math.copysign(speed, left), step_s)
-            if abs(left) <= abs(self.velocity) * step_s + 0.5:
-                self.position, self.velocity = self._setpoint, 0.0
-                self._setpoint, self._next_setpoint = self._next_setpoint, None
-                self._reached = self._setpoint is None
-        self.demand = self.position
+            if abs(left) <= abs(self._speed) * step_s + 0.5:
+                self.demand, self._speed = self._setpoint, 0.0
+                self._end, self._setpoint = self._setpoint, self._next_setpoint
+                self._next_setpoint = None
+        self._watch_target(step_s)
+
+    def _watch_target(self, step_s: float) -> None:
+        """Set "target reached" when the position was in the window for the window time."""
+        away = math.inf if self._end is None or self._setpoint is not None else self._end
+        within = abs(away - self.position) * self.scale <= self.drive[0x6067]
+        self._within_s = self._within_s + step_s if within else 0.0
+        self._reached = self._within_s * 1e3 > self.drive[0x6068]
 
     def _search_home(self, step_s: float) -> None:
         method, turn = self.drive[0x6098], self.drive.knobs.encoder
@@ -185,10 +200,9 @@ class Axis:
                 self._set_home(max(before, after) * float(turn))
             speed = self.drive[0x6099, 2] / self.scale * (-1 if method == 33 else 1)
             acceleration = self.drive[0x609A] / self.scale
-            self._ramp(speed, acceleration, acceleration, step_s)
+            self._speed = ramped(self._speed, speed, acceleration, acceleration, step_s)
         else:
             self._homing = "error"
-        self.demand = self.position
 
     def _set_home(self, counts: float) -> None:
         self.counts_at_zero = counts - self.drive[0x607C] / self.scale
@@ -220,6 +234,13 @@ class Axis:
         elif mode in {CSP, CSV, CST}:
             bit12, bit13 = not halted, self._beyond_s > 0
         return 0x400 * (still if halted else reached) | 0x1000 * bit12 | 0x2000 * bit13
+
+
+def ramped(speed: float, target: float, up: float, down: float, step_s: float) -> float:
+    """Return the speed one step closer to a target."""
+    faster = abs(target) > abs(speed) and target * speed >= 0
+    change = (up if faster else down) * step_s
+    return speed + min(max(target - speed, -change), change)
 
 
 def wrapped(value: float) -> int:
