@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -31,15 +30,15 @@ TPDOS = [
     {"number": 1, "objects": ["0x6041", "0x6061", "0x6064"]},
     {"number": 2, "objects": ["0x606C", "0x6077", "0x603F"]},
 ]
-_ports = itertools.count(20_000 + os.getpid() % 20_000)
+PORT = 20_000 + os.getpid() % 20_000  # one bus for each process of tests
 
 
 class Bench:
     """One drive in its own process, and a robot for it that is not yet started."""
 
-    def __init__(self, drive: NodeProcess, port: int, robot: Robot) -> None:
+    def __init__(self, drive: NodeProcess, robot: Robot) -> None:
         self.drive, self.robot, self.image = drive, robot, robot.image
-        self.bus = ["--interface", "udp_multicast", "--channel", f"{GROUP}#{port}"]
+        self.bus = ["--interface", "udp_multicast", "--channel", f"{GROUP}#{PORT}"]
 
     def until(self, condition: Callable[[], bool], timeout_s: float = 15.0) -> None:
         assert wait_until(condition, timeout_s, MonotonicClock())
@@ -67,35 +66,37 @@ class Bench:
 OpenBench = Callable[..., AbstractContextManager[Bench]]
 
 
+@pytest.fixture(scope="session")
+def drive() -> Iterator[NodeProcess]:
+    with NodeProcess(GROUP, NODE, port=PORT) as process:
+        yield process
+
+
 @pytest.fixture
-def open_bench(tmp_path: Path) -> OpenBench:
+def open_bench(tmp_path: Path, drive: NodeProcess) -> OpenBench:
     """``open_bench(knobs..., axis={...}, section={...})``: a drive with habits, and its robot."""
 
     @contextmanager
     def opened(
         axis: dict[str, Any] | None = None, section: dict[str, Any] | None = None, **knobs: Any
     ) -> Iterator[Bench]:
-        port = next(_ports)
         habits = Knobs(**{"power_on_position": round(START_RAD * COUNTS_PER_RAD), **knobs})
-        path = write_robot(tmp_path, port, habits, axis or {}, section or {})
-        with NodeProcess(GROUP, NODE, habits, port=port) as drive:
-            backend = load_backend("canopen")
-            robot = Robot(load_robot_descriptor(str(path)), backend, MonotonicClock())
-            try:
-                yield Bench(drive, port, robot)
-            finally:
-                robot.shutdown()
+        path = write_robot(tmp_path, habits, axis or {}, section or {})
+        drive.power_on(habits)
+        robot = Robot(load_robot_descriptor(str(path)), load_backend("canopen"), MonotonicClock())
+        try:
+            yield Bench(drive, robot)
+        finally:
+            robot.shutdown()
 
     return opened
 
 
-def write_robot(
-    folder: Path, port: int, habits: Knobs, axis: dict[str, Any], section: dict[str, Any]
-) -> Path:
+def write_robot(folder: Path, habits: Knobs, axis: dict[str, Any], section: dict[str, Any]) -> Path:
     eds = ServoDrive(NODE, lambda _: None, habits).eds(NODE)
     (folder / "drive.eds").write_text(eds, encoding="utf-8")
-    drive = {"axis": 0, "node": NODE, "eds": "drive.eds", "counts_per_rad": COUNTS_PER_RAD}
-    options = {"port": port, "hop_limit": 0}
+    described = {"axis": 0, "node": NODE, "eds": "drive.eds", "counts_per_rad": COUNTS_PER_RAD}
+    options = {"port": PORT, "hop_limit": 0}
     joint = {"name": "joint1", "axis": 0, "lower_rad": -3.0, "upper_rad": 3.0}
     joint |= {"velocity_rad_s": SPEED_RAD_S, "acceleration_rad_s2": 10.0, "rated_torque_nm": 20}
     content = {
@@ -113,7 +114,7 @@ def write_robot(
                 "heartbeat_timeout_s": 2.0,
                 "stream_timeout_s": 1.0,
                 **section,
-                "axes": [{**drive, "tpdos": TPDOS, **axis}],
+                "axes": [{**described, "tpdos": TPDOS, **axis}],
             }
         },
     }

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -40,6 +40,13 @@ def serve(bus: can.BusABC, node: ServoDrive, requests: queue.Queue[Request]) -> 
             drive.tick(now)
         with suppress(queue.Empty):
             request, reply = requests.get_nowait()
+            if "power_on" in request:
+                node, twin = (
+                    ServoDrive(node.node_id, node.send, knobs_of(request["power_on"])),
+                    None,
+                )
+                node.now = now
+                node.restart()
             reply(answer(node, request))
             if request.get("do") == "end":
                 return
@@ -52,6 +59,13 @@ def duplicate(node: ServoDrive) -> ServoDrive:
     twin.now = node.now
     twin.restart()
     return twin
+
+
+def knobs_of(values: dict[str, Any]) -> Knobs:
+    knobs = Knobs()
+    for name, value in values.items():
+        turn_knob(knobs, name, value)
+    return knobs
 
 
 def turn_knob(knobs: Knobs, name: str, value: Any) -> None:
@@ -100,6 +114,11 @@ class RunningNode:
                 raise TimeoutError(f"after {timeout_s} s: {measured}")
             time.sleep(0.01)
 
+    def power_on(self, knobs: Knobs) -> None:
+        """Replace the drive by another one with the same node id."""
+        self.ask(power_on=asdict(knobs))
+        self.wait_for_boot()
+
     def wait_for_boot(self) -> None:
         self.wait(lambda measured: "boots" in measured["counts"])
 
@@ -143,9 +162,8 @@ class NodeProcess(RunningNode):
         command += ["--channel", channel, "--node", str(node_id)]
         for name, value in bus.items():
             command += [f"--{name}", str(value)]
-        knobs = knobs or Knobs()
-        for item in fields(knobs):
-            command += ["--knob", f"{item.name}={json.dumps(getattr(knobs, item.name))}"]
+        for name, value in asdict(knobs or Knobs()).items():
+            command += ["--knob", f"{name}={json.dumps(value)}"]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
         )
@@ -178,9 +196,8 @@ def main() -> None:
     parser.add_argument("--knob", action="append", default=[], metavar="NAME=JSON")
     parser.add_argument("--eds", action="store_true", help="print the EDS and exit")
     options = parser.parse_args()
-    knobs = Knobs()
-    for name, value in (knob.split("=", 1) for knob in options.knob):
-        turn_knob(knobs, name, json.loads(value))
+    pairs = (knob.split("=", 1) for knob in options.knob)
+    knobs = knobs_of({name: json.loads(value) for name, value in pairs})
     if options.eds:
         sys.stdout.write(ServoDrive(options.node, lambda _: None, knobs).eds(options.node))
         return
