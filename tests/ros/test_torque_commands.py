@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 
 pytestmark = pytest.mark.ros
@@ -54,4 +56,39 @@ def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
     wait_until(lambda: TOPIC[1:] not in owners[-1].data, "the joints belong to nobody")
     torques.publish(Float64MultiArray(data=[6.0]))
     wait_until(lambda: "torque: 1 values for 2 joints" in arm.output, "the rejection is logged")
+    client.close()
+
+
+def test_a_client_that_commands_on_through_a_stop_moves_nothing_until_it_begins_anew(
+    arm: RobotProcess,
+) -> None:
+    client = Client(arm.domain)
+    states = client.listen(JointState, "/joint_states", 100)
+    torques = client.publisher(Float64MultiArray, TOPIC)
+    problems = client.listen(String, "/robotd/problems", LATCHED)
+    wait_until(lambda: states and problems, "the arm")
+
+    def publish(torque: float) -> None:
+        torques.publish(Float64MultiArray(data=[torque, 0.0]))
+        time.sleep(1.0 / RATE_HZ)
+
+    def command(condition: Callable[[], Any], what: str) -> None:
+        def attempt() -> Any:
+            publish(6.0)
+            return condition()
+
+        wait_until(attempt, what)
+
+    command(lambda: states[-1].velocity[0] > 0.5, "motion")
+    assert client.call(Trigger, "/robotd/stop").success
+    command(lambda: abs(states[-1].velocity[0]) < 1e-3, "standstill")
+    assert client.call(Trigger, "/robotd/reset").success
+    command(lambda: "source: forward_effort_controller" in problems[-1].data, "the problem")
+    start, first = states[-1].position[0], len(states)
+    command(lambda: len(states) > first + 25, "half a second")
+    publish(0.0)  # arms the source, and is not applied: an arm would fall
+    wait_until(lambda: "source" not in problems[-1].data, "no problem")
+    assert states[-1].position[0] == pytest.approx(start, abs=1e-3)
+    command(lambda: states[-1].velocity[0] > 0.5, "motion anew")
+    wait_until(lambda: abs(states[-1].velocity[0]) < 1e-3, "standstill")
     client.close()

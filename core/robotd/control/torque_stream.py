@@ -43,7 +43,7 @@ class TorqueChecks(StreamChecks):
         admission = self.source.admit(moves=bool(values.any()))
         return None if admission.only_arms else values
 
-    def send(self, torque: Sequence[float]) -> None:
+    def send(self, torque: Sequence[float], *, sent_ns: int | None = None) -> None:
         """Check and admit a command that a stream is opened for. Raises as ``admit``."""
         if self.admit(torque) is None:
             raise NotReady("torques of 0 allow the next command, and are not applied")
