@@ -135,3 +135,27 @@ def test_inputs_that_change_while_a_module_is_lost(open_rig: OpenRig) -> None:
         harness.until(lambda: "event-driven" in harness.robot.connection.fault)
         harness.robot.connection.start_communication()
         assert harness.master.io.inputs[0] == 0b1000
+        harness.inject("16 input 0 2 1")
+        harness.until(lambda: harness.master.io.inputs[0] == 0b1100)
+
+
+def test_a_node_that_was_started_just_now_is_not_taken_back(
+    open_rig: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While others start, the control loop still counts it as lost."""
+    with open_rig(SMALL, enable=False) as harness:
+        harness.inject("16 reboot")
+        harness.until(lambda: "lost its configuration" in harness.robot.connection.fault)
+        node, start = harness.master.nodes[16], harness.master.io.start
+
+        def later() -> None:
+            cycles = harness.master._cycles
+            harness.until(lambda: harness.master._cycles > cycles + 3)
+            start()
+
+        monkeypatch.setattr(harness.master.io, "start", later)
+        harness.robot.connection.start_communication()
+        assert node.configured
+        assert node.fault == ""
+        harness.inject("16 input 0 2 1")
+        harness.until(lambda: harness.master.io.inputs[0] == 0b100)

@@ -97,8 +97,8 @@ class Supervision:
                 lost.append(node)
             elif cause == RESET and node.id in self.lost and node.id not in self._reset:
                 self._wait_for_configuration(node, RESET)
-            elif not cause and node.id in self.lost and node.configured:
-                self._take_back(node)
+            elif not cause and node.id in self.lost and node.configured and not node.online:
+                self._take_back(node)  # unless a worker has started it just now
         for number, pdo, missed in self._feedback.stale():
             age_ms, node = missed * self._sync_period_s * 1000, self._axes[number].node
             if self._lose(node, f"{pdo.name} has not come for {age_ms:.0f} ms"):
