@@ -51,7 +51,7 @@ def _mutants(path: Path) -> str:
     rows = [
         (re.sub(r"(?<=[a-z])(?=[A-Z])", " ", node.name).lower(), _found_by(node))
         for node in tree.body
-        if isinstance(node, ast.ClassDef)
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     ]
     return f"### {ast.get_docstring(tree)}\n\n{table(('mutant', 'found by'), rows)}"
 
