@@ -1,8 +1,8 @@
 """Emulator of MoveIt Servo of ROS 2 Jazzy: what it publishes for a joint jog, without MoveIt.
 
-After ``moveit_servo`` 2.12, whose parameters have the same names: the loop of ``servo_node.cpp``,
-``getNextJointState`` and ``smoothHalt`` of ``servo.cpp``, ``updateSlidingWindow`` and
-``composeTrajectoryMessage`` of ``utils/common.cpp``, and the Butterworth filter of
+After the sources of ``moveit_servo``, whose parameters have the same names: the loop of
+``servo_node.cpp``, ``getNextJointState`` and ``smoothHalt`` of ``servo.cpp``,
+``updateSlidingWindow`` and ``composeTrajectoryMessage`` of ``utils/common.cpp``, and the filter of
 ``online_signal_smoothing``. ``TrajectoryController`` is a model of joint_trajectory_controller that
 samples the messages.
 """
