@@ -206,6 +206,14 @@ def test_missing_responses_end_the_start_with_node_and_object(
         assert "no answer within 0.3 s" in text
 
 
+def test_store_that_takes_seconds_is_commanded_once(open_bench: OpenBench) -> None:
+    with open_bench(store_s=1.5) as bench:
+        arguments = ["canopen", "sdo", "write", *bench.bus, "--timeout", "5"]
+        result = CliRunner().invoke(main, [*arguments, str(NODE), "0x1010", "1", SAVE])
+        assert result.exit_code == 0, result.output
+        assert bench.drive["counts"]["stores"] == 1
+
+
 def test_one_turn_is_the_feed_constant(open_bench: OpenBench) -> None:
     with open_bench(feed=3600) as bench:
         result = CliRunner().invoke(main, ["canopen", "scan", *bench.bus, "--json"])
