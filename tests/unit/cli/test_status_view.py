@@ -66,6 +66,15 @@ def test_settings_of_a_client_do_not_forbid_motion() -> None:
     assert LiveReport(True, (), (), {}, hindrances=settings).takes_motion
 
 
+def test_a_client_that_has_to_be_released_is_shown_and_the_robot_is_ready() -> None:
+    source = read_hindrances("source: wmx/axis/jog kept commanding: release it", 1.0)
+    report = LiveReport(True, (), (), {}, hindrances=source)
+    assert report.takes_motion
+    first, second, *_ = shown(report).splitlines()
+    assert first.startswith("ready")
+    assert second.startswith("wmx/axis/jog kept commanding")
+
+
 def test_a_prismatic_axis_is_in_m_and_n() -> None:
     text = shown(LiveReport(True, (axis(0, unit="m", torque=12.0),), (), {}))
     line = next(line for line in text.splitlines() if "joint1" in line)
