@@ -31,8 +31,8 @@ class LogFormat(StrEnum):
 
 FOREIGN_PERIOD_S = 10.0
 MAX_FOREIGN_CHARACTERS = 300
-# Control characters but tab, and those that reorder or separate lines.
-_CONTROL = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+# Control characters but tab and newline, and those that reorder or separate lines.
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 LEVELS = ("debug", "info", "warning", "error")
 
@@ -98,8 +98,12 @@ def printable(text: str) -> str:
 
     What comes from other programs could otherwise forge lines, or command the terminal.
     """
-    line = "; ".join(part.strip() for part in text.split("\n") if part.strip())
-    return _CONTROL.sub(lambda found: ascii(found.group())[1:-1], line)
+    return escaped("; ".join(part.strip() for part in text.split("\n") if part.strip()))
+
+
+def escaped(text: str) -> str:
+    """Return ``text`` with control characters escaped; tabs and line ends stay."""
+    return _CONTROL.sub(lambda found: ascii(found.group())[1:-1], text)
 
 
 def _escape(logger: Any, method: str, fields: EventDict) -> EventDict:

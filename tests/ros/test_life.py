@@ -195,6 +195,7 @@ def check_stopped_in_order(output: str, sent: Any, joints: list[Any]) -> None:
     assert max(map(abs, joints[-1].velocity[:6])) < 0.05
     assert steepest(joints) < 25.0  # joint1 may slow down by 12.57 rad/s²: it was not cut off
     assert max(joints[-1].position[:6]) - min(joints[-1].position[:6]) < 0.02
+    assert "outcome=aborted" in output  # as the client got it
     assert output.index("servos off") < output.index("communication stopped")
     for trouble in ("Traceback", "servo off failed", "controlled stop failed"):
         assert trouble not in output
@@ -325,6 +326,11 @@ def test_the_echo_of_a_signal_is_not_a_second_one() -> None:
         ),
         ("joint_feedback_rate:=100000", "joint_feedback_rate", "100000 is outside 1 to 500"),
         ("encoder_joint_topic:=''", "manipulator_state.encoder_joint_topic", "empty"),
+        (
+            "encoder_joint_topic:=/rosout",
+            "manipulator_state",
+            "'/rosout' cannot be a topic of",
+        ),
         ("encoder_joint_topic:='/a b'", "manipulator_state.encoder_joint_topic", "'/a b'"),
         (
             "joint_name:=[a, b]",

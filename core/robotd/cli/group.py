@@ -139,7 +139,9 @@ def _drop_unwritable_output() -> None:
 def _report(error: Exception, *, debug: bool) -> None:
     if debug:
         click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
-    text = str(error)
+    from robotd.log import escaped  # not for --help: it takes a third of a second
+
+    text = escaped(str(error))
     if isinstance(error, OSError) and error.errno in UNWRITABLE and error.filename is None:
         text = f"the output cannot be written: {error.strerror}"
     elif not isinstance(error, RobotdError):

@@ -108,4 +108,6 @@ class MotionStop:
             raise DeviceTimeout(f"axes still move after {timeout_s:g} s; motion stays stopped")
         reason = latch.reason
         latch.release()
+        if still := self._axes.speed.rejection:
+            return f"the stop is over; it was: {reason}; {still}"
         return f"motion is allowed again; it was stopped: {reason}"

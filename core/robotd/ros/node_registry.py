@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib import import_module
+from traceback import walk_tb
 from typing import TYPE_CHECKING, Any
 
 from robotd.errors import DescriptorError, PluginError, RobotdError, unknown_name
@@ -103,14 +104,30 @@ def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  #
         DescriptorError: a parameter is wrong.
         PluginError: the factory cannot be imported or fails.
     """
+    from rclpy._rclpy_pybind11 import RCLError
+
     module, _, attribute = info.factory.partition(":")
     try:
         return getattr(import_module(module), attribute)(robot, host)
     except RobotdError:
         raise
+    except RCLError as error:
+        raise _endpoint_error(name, error) from error
     except Exception as error:
         if name in BUILT_IN:
             raise
         raise PluginError(
             f"node {name!r} ({info.factory}) cannot be made: {type(error).__name__}: {error}"
         ) from error
+
+
+def _endpoint_error(name: str, error: Exception) -> DescriptorError:
+    """Name the topic that rclpy did not create; its text names none, or no reason."""
+    for frame, _ in walk_tb(error.__traceback__):
+        values = frame.f_locals
+        if frame.f_code.co_name in ("create_publisher", "create_subscription"):
+            kind, topic = values["msg_type"], values["topic"]
+            what = f"{topic!r} cannot be a topic of type {kind.__name__}"
+            advice = "another topic of this robot has the name; choose another one"
+            return DescriptorError(f"{what}: {advice}", key=name)
+    return DescriptorError(str(error), key=name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -156,6 +157,30 @@ def test_a_wrong_command_line_is_status_2(
 )
 def test_each_phase_has_its_exit_status(error: Exception, code: int) -> None:
     assert exit_code(error) == code
+
+
+def test_control_characters_of_an_error_are_escaped(robotd: Robotd, tmp_path: Path) -> None:
+    file = tmp_path / "a\x1b[2J\x07.mcap"
+    result = robotd("explain", str(file))
+    assert "\x1b" not in result.stderr
+    assert r"a\x1b[2J\x07.mcap" in result.stderr
+
+
+def test_ctrl_c_during_the_imports_prints_no_traceback() -> None:
+    program = """
+import os, signal, sys
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "click":
+            os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupting())
+from robotd.cli import main
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
 
 
 def test_an_error_is_one_sentence_on_standard_error(

@@ -51,6 +51,15 @@ def test_a_reset_without_a_stop_says_so(harness: Harness) -> None:
     assert harness.robot.reset() == "motion was not stopped"
 
 
+def test_a_reset_while_paused_allows_no_motion(harness: Harness) -> None:
+    harness.up()
+    harness.robot.pause()
+    harness.robot.stop("by the operator")
+    assert harness.robot.reset() == (
+        "the stop is over; it was: by the operator; motion is paused; robotd resume allows it again"
+    )
+
+
 def test_the_first_reason_stays(harness: Harness) -> None:
     harness.robot.stop("by the first")
     harness.robot.stop("by the second")

@@ -90,6 +90,8 @@ class BaseController(Node):
             NEWEST,
             self._base.settings.command_timeout_s,
         )
+        if self._topic.startswith("~"):
+            self._topic = subscription.topic_name  # for the log
         self._offered = TypeMismatchCheck(
             self,
             subscription,

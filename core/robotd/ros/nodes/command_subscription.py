@@ -65,6 +65,7 @@ def add_command_subscription(
         share: highest of the executor's time.
     """
     times, rejections = CommandTimes(node, robot.clock), RejectionLog()
+    shown = node.resolve_topic_name(topic) if topic.startswith("~") else topic
     dropped = 0
 
     def on_message(message: Any, source_ns: int) -> None:
@@ -75,12 +76,12 @@ def add_command_subscription(
         except InvalidArgument as error:
             dropped += 1
             robot.axes.events.count(EventKind.COMMAND, LATE)
-            rejections.rejected(topic, (), str(error))
+            rejections.rejected(shown, (), str(error))
             return
         if dropped:
-            log.info("commands are in time again", topic=topic, dropped=dropped)
+            log.info("commands are in time again", topic=shown, dropped=dropped)
             dropped = 0
-        rejections.accepted(topic, ())
+        rejections.accepted(shown, ())
         handler(message, sent_ns)
 
     return add_timed_subscription(node, host, message_type, topic, on_message, qos, share)

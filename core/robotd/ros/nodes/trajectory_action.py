@@ -135,13 +135,15 @@ class TrajectoryAction:
     def _finish(self, goal: Any, ending: Ending) -> Any:
         """Executor thread. The goal ends here only, so after ``_cancel`` is through."""
         self._live -= 1
+        word = ending.outcome.name.lower() if ending.outcome else "rejected"
         if ending.outcome is Outcome.SUCCEEDED:
             goal.succeed()
         elif ending.outcome is Outcome.CANCELED and goal.is_cancel_requested:
             goal.canceled()
         else:
             goal.abort()
-        word = ending.outcome.name.lower() if ending.outcome else "rejected"
+            if ending.outcome is Outcome.CANCELED:  # by the robot
+                word = "aborted"
         self._log.info("goal ended", outcome=word, reason=ending.text)
         return _RESULT(error_code=ending.code, error_string=ending.text)
 
