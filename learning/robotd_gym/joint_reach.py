@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict
+from numpy.typing import NDArray
 
 from robotd.arrays import FloatArray
 from robotd.errors import InvalidArgument
@@ -19,6 +20,9 @@ TURN_RAD = np.pi  # range of goals, to both sides, for joints without position l
 ROOM = 0.1  # share of the range by which a measured position may be beyond its limits
 FAST = 2.0  # highest velocity that is measured, relative to the limits
 STILL = 0.05  # velocity at the goal, relative to the limits
+
+WIDTH, ROW, MARGIN, MARK = 320, 40, 6, 6  # of pictures, pixels
+GREY, GREEN, BLUE = (226, 230, 235), (46, 160, 67), (31, 111, 235)
 
 Observation = dict[str, Any]  # arrays by name
 
@@ -38,14 +42,17 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
     Args:
         robot, variant, rate_hz: as for ``SteppedRobot``.
         tolerance: distance at which a goal is reached, rad or m.
-        render_mode: None; there is none.
+        render_mode: ``rgb_array``: ``render`` returns a picture; None: it returns None.
 
     Attributes:
         joint_names: of the robot.
         stepped: the robot, for environments that are derived from this one.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as gymnasium declares it
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as gymnasium declares it
+        "render_modes": ["rgb_array"],
+        "render_fps": 25,
+    }
 
     def __init__(
         self,
@@ -55,9 +62,9 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
         tolerance: float = 0.02,
         render_mode: str | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise InvalidArgument(f"render_mode is {render_mode!r}, there is none")
-        self.render_mode = None
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InvalidArgument(f"render_mode is {render_mode!r} (available: rgb_array)")
+        self.render_mode = render_mode
         self.stepped = stepped = SteppedRobot(robot, variant, rate_hz)
         self.joint_names = stepped.joint_names
         self._tolerance = tolerance
@@ -91,7 +98,15 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
         return self._observe(), {"is_success": False}
 
     def step(self, action: FloatArray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Send the changed positions and let one period pass. Raises as ``SteppedRobot.step``."""
+        """Send the changed positions and let one period pass. Raises as ``SteppedRobot.step``.
+
+        InvalidArgument: the action is not one finite number for each joint.
+        """
+        action = np.asarray(action, np.float64)
+        if action.shape != self._goal.shape or not np.isfinite(action).all():
+            raise InvalidArgument(
+                f"action is {action.tolist()}, must be {len(self._goal)} finite numbers"
+            )
         change = np.clip(action, -1.0, 1.0) * self._largest_change
         self._command = self._within_limits(self._command + change)
         self.stepped.step(self._command)
@@ -101,6 +116,24 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
         reached = bool(((np.abs(distance) < self._tolerance) & at_rest).all())
         reward = -float(np.sqrt(np.mean(distance**2)))
         return observation, reward, reached, False, {"is_success": reached}
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture (height, ``WIDTH``, 3) of the joints; None without ``rgb_array``.
+
+        Each joint is a bar over its range: the position in blue, the goal in green.
+        """
+        if self.render_mode is None:
+            return None
+        lower, upper = self._range()
+        picture = np.full((len(self._goal) * ROW, WIDTH, 3), 255, np.uint8)
+        for joint, values in enumerate(zip(self._goal, self.stepped.position, strict=True)):
+            bar = picture[joint * ROW + MARGIN : (joint + 1) * ROW - MARGIN]
+            bar[:] = GREY
+            for value, colour in zip(values, (GREEN, BLUE), strict=True):
+                share = np.clip((value - lower[joint]) / (upper[joint] - lower[joint]), 0.0, 1.0)
+                column = int(share * (WIDTH - MARK))
+                bar[:, column : column + MARK] = colour
+        return picture
 
     def close(self) -> None:
         """Shut the robot down."""
@@ -115,11 +148,15 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
         }
 
     def _draw_goal(self) -> FloatArray:
-        lower, upper = self.stepped.lower, self.stepped.upper
-        unlimited = np.isinf(upper)
-        lower, upper = np.where(unlimited, -TURN_RAD, lower), np.where(unlimited, TURN_RAD, upper)
+        lower, upper = self._range()
         middle, half = (lower + upper) / 2.0, REACH * (upper - lower) / 2.0
         return np.asarray(self.np_random.uniform(middle - half, middle + half), np.float64)
+
+    def _range(self) -> tuple[FloatArray, FloatArray]:
+        """Return the position limits; ``TURN_RAD`` to both sides for joints without."""
+        lower, upper = self.stepped.lower, self.stepped.upper
+        unlimited = np.isinf(upper)
+        return np.where(unlimited, -TURN_RAD, lower), np.where(unlimited, TURN_RAD, upper)
 
     def _within_limits(self, position: FloatArray) -> FloatArray:
         clipped: FloatArray = np.clip(position, self.stepped.lower, self.stepped.upper)

@@ -15,6 +15,7 @@ from gymnasium.utils.env_checker import check_env
 from robotd.clock.simulated import SteppedClock
 from robotd.errors import InvalidArgument, NotReady
 from robotd_gym import JOINT_REACH, JointReach, SteppedRobot
+from robotd_gym.joint_reach import BLUE, GREEN, ROW, WIDTH
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "robot_learning" / "episode.py"
 
@@ -114,6 +115,29 @@ def test_a_continuous_joint_has_goals_within_a_turn(tmp_path: Path) -> None:
         assert environment.observation_space["position"].high[0] == np.inf
     finally:
         environment.close()
+
+
+def test_a_picture_shows_position_and_goal() -> None:
+    environment = gymnasium.make(f"robotd_gym:{JOINT_REACH}", render_mode="rgb_array")
+    environment.reset(seed=1, options={"goal": [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]})
+    picture = environment.render()
+    environment.close()
+    assert isinstance(picture, np.ndarray)
+    row = picture[ROW // 2]  # of joint1
+    goal = np.flatnonzero((row == GREEN).all(1)).mean() / WIDTH
+    position = np.flatnonzero((row == BLUE).all(1)).mean() / WIDTH
+    assert position == pytest.approx(0.5, abs=0.02)
+    assert goal == pytest.approx((3.0 / np.pi + 1.0) / 2.0, abs=0.03)
+
+
+@pytest.mark.parametrize("action", [[0.0] * 5, [np.inf] + [0.0] * 5, [np.nan] * 6])
+def test_a_wrong_action_is_rejected_and_moves_nothing(action: list[float]) -> None:
+    environment = JointReach()
+    observation, _ = environment.reset(seed=1)
+    with pytest.raises(InvalidArgument, match="must be 6 finite numbers"):
+        environment.step(np.array(action))
+    assert np.array_equal(environment.stepped.position, observation["position"])
+    environment.close()
 
 
 def test_wrong_arguments_are_rejected() -> None:
