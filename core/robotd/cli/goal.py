@@ -10,6 +10,7 @@ import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
+from robotd.log import escaped
 from robotd.stop_signals import Interrupt
 
 if TYPE_CHECKING:  # it needs rclpy
@@ -43,5 +44,5 @@ def carry_out(
 def tell(code: ExitCode, text: str) -> ExitCode:
     """Print how a goal ended, unless the terminal that canceled it is lost; return ``code``."""
     with suppress(OSError) if code is ExitCode.INTERRUPTED else nullcontext():
-        click.echo(text)
+        click.echo(escaped(text))
     return code

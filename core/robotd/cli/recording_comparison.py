@@ -10,6 +10,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
 from robotd.cli.layout import columns
 from robotd.errors import RecordingError
+from robotd.log import escaped
 from robotd.observation.motion_comparison import Difference, compare
 from robotd.observation.recorded_commands import CommandRepeater
 from robotd.plugin.manager import load_backend
@@ -38,9 +39,9 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
     axes = [(name, units.get(axis, "rad")) for axis, name in enumerate(info.axes)]
     differences = [*compare(repetition, axes, tolerances)]
     for line in columns([HEADING, *map(_row, differences)]):
-        click.echo(line)
+        click.echo(escaped(line))
     for time_s, text in repetition.rejections:
-        click.echo(f"{time_s:9.3f} s  rejected by the simulation: {text}")
+        click.echo(f"{time_s:9.3f} s  rejected by the simulation: {escaped(text)}")
     seconds = len(repetition.recorded) / info.rate_hz
     count = f"{repetition.commands} command{'s' if repetition.commands != 1 else ''}"
     used = dict.fromkeys(unit for _, unit in axes)

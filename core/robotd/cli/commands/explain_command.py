@@ -11,6 +11,7 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.options import FILE, log_options
 from robotd.errors import OperationError
+from robotd.log import escaped
 from robotd.number_argument import parse_integer
 from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.own_codes import GOAL_RESULTS
@@ -56,7 +57,7 @@ def _explain_file(path: Path, plot: Path | None) -> ExitCode:
     code = cause.data.get("code") if cause else None
     meanings = _meanings(int(code), _tables()) if isinstance(code, int) else []
     for line in lines_of(recording, meanings):
-        click.echo(line)
+        click.echo(escaped(line))
     if plot is not None:
         click.echo(f"\npicture: {plot}")
     return ExitCode.OK

@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
+from robotd.log import escaped
 from robotd.ros.middleware import discovery_server, see_whole_graph, use_profiles
 from robotd.ros.node_registry import OPERATOR_NODE
 
@@ -125,6 +126,7 @@ class RosClient:
         finally:
             self.node.destroy_client(client)
         response = future.result()
+        escape_texts(response)
         if not getattr(response, "success", True):
             raise OperationError(response.message)
         return response
@@ -186,4 +188,19 @@ class Listener:
         self._client.node.destroy_subscription(self._subscription)
 
     def _keep(self, message: Any) -> None:
+        escape_texts(message)
         self.newest = message
+
+
+def escape_texts(message: Any) -> None:
+    """Escape control characters in all texts of ``message``: commands print them to a terminal."""
+    for field in message.get_fields_and_field_types():
+        value = getattr(message, field)
+        if isinstance(value, str):
+            setattr(message, field, escaped(value))
+        elif isinstance(value, list) and value and isinstance(value[0], str):
+            setattr(message, field, [escaped(each) for each in value])
+        else:
+            for each in value if isinstance(value, list) else [value]:
+                if hasattr(each, "get_fields_and_field_types"):
+                    escape_texts(each)
