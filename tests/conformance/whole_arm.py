@@ -44,7 +44,15 @@ class Controller:
         """Send a packet for each 8 ms that have passed; the newest is what counts."""
         now_ns = self.clock.now_ns() // FEEDBACK_NS * FEEDBACK_NS
         if self.talking and not self.frozen and now_ns > self.packet[0]:
-            self.packet = (now_ns, self.position.copy(), self.velocity.copy())
+            self._send(now_ns)
+
+    def talk(self) -> None:
+        """Begin a connection, with a packet: the last one was of the connection before."""
+        self.talking, self.frozen = True, False
+        self._send(self.clock.now_ns())
+
+    def _send(self, now_ns: int) -> None:
+        self.packet = (now_ns, self.position.copy(), self.velocity.copy())
 
     def switch(self, on: bool) -> None:
         self.on, self.velocity[:] = on, 0.0
@@ -64,7 +72,9 @@ class ArmDevice(DeviceDriver):
     def start_communication(self, timeout_s: float) -> None:
         if not self.controller.open:
             raise NotReady("the controller is not connected")
-        self.controller.talking, self.controller.frozen = True, False
+        with self.controller.lock:
+            if not self.controller.talking:
+                self.controller.talk()
 
     def stop_communication(self, timeout_s: float) -> None:
         with self.controller.lock:
