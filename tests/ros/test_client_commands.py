@@ -110,15 +110,15 @@ def test_a_refusal_is_status_1_with_the_reason(
 ) -> None:
     status, output, error = robotd(cr3a.domain, *arguments)
     assert (status, output) == (1, "")
-    assert error.startswith("robotd: error: ")
+    assert error.splitlines()[-1].startswith("robotd: error: ")  # after the name of the robot
     assert reason in error
 
 
 def test_one_servo_can_be_switched(cr3a: RobotProcess, client: Client) -> None:
-    assert robotd(cr3a.domain, "servo", "off", "joint6") == (0, "joint6: ok\n", "")
+    assert robotd(cr3a.domain, "servo", "off", "joint6")[:2] == (0, "joint6: ok\n")
     report = json.loads(robotd(cr3a.domain, "status", "--json")[1])
     assert [axis["servo_on"] for axis in report["axes"]] == [True] * 5 + [False]
-    assert robotd(cr3a.domain, "servo", "on", "5") == (0, "joint6: ok\n", "")
+    assert robotd(cr3a.domain, "servo", "on", "5")[:2] == (0, "joint6: ok\n")
 
 
 def test_the_gripper_closes_and_opens(cr3a: RobotProcess, client: Client) -> None:

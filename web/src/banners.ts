@@ -12,7 +12,7 @@ export class Banners {
   private shown = "";
 
   describe(description: Description): void {
-    this.name = description.robot;
+    this.name = titleOf(description);
     this.lost.hidden = true;
     this.simulated.hidden = !description.simulated;
   }
@@ -46,6 +46,12 @@ export class Banners {
     setText(this.lost, "robotd has another version than this page: load the page again.");
     this.lost.hidden = false;
   }
+}
+
+// Name of the robot in the title of the tab: enough to tell it from others beside it.
+function titleOf({ robot, namespace, backend, computer, simulated }: Description): string {
+  const name = namespace === "/" ? robot : `${namespace.slice(1)} · ${robot}`;
+  return `${name} – ${backend} on ${computer}${simulated ? " – SIMULATED" : ""}`;
 }
 
 function block(problem: Problem, isRoot: boolean): HTMLElement {

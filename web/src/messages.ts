@@ -20,6 +20,8 @@ export interface Description {
   variant: string;
   backend: string;
   version: string;
+  namespace: string; // of its ROS nodes; "/" for none
+  computer: string;
   simulated: boolean;
   time_scale: number | null; // null: as fast as possible
   rate_hz: number;

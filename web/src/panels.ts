@@ -10,6 +10,10 @@ const WORDS: Record<string, string> = { in: "Inputs", out: "Outputs" };
 export class HeadPanel {
   describe(description: Description): void {
     setText(find("robot"), description.robot);
+    setText(find("namespace"), description.namespace);
+    find("namespace").hidden = description.namespace === "/";
+    setText(find("computer"), `on ${description.computer}`);
+    find("simulated-chip").hidden = !description.simulated;
     setText(find("summary"), description.summary);
     const variant = description.variant ? ` · ${description.variant}` : "";
     const scale = description.time_scale === null ? "∞" : String(description.time_scale);

@@ -17,7 +17,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.jog_keys import JogKeys
 from robotd.cli.key_input import KeyInput
 from robotd.cli.preflight import import_ros
-from robotd.cli.robot_client import robot_client
+from robotd.cli.robot_client import print_addressed_robots, robot_client
 from robotd.stop_signals import Interrupt
 
 if TYPE_CHECKING:  # it needs rclpy
@@ -37,6 +37,7 @@ def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
         raise click.UsageError("--keys needs a terminal")
     with robot_client(timeout_s) as client:
         import_ros("client.status_client").require_ready(client)
+        print_addressed_robots(client)
         with (
             import_ros("client.jog_client").jog_client(client) as jog,
             Interrupt() as interrupt,

@@ -55,12 +55,21 @@ def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosCli
         client.close()
 
 
+def print_addressed_robots(client: RosClient) -> None:
+    """Print to standard error which robot a command reaches."""
+    robots = import_ros("client.robot_identity").addressed_robots(client)
+    if len(robots) > 1:
+        click.echo(f"{len(robots)} robots share this namespace; each gets the command:", err=True)
+    for robot in robots:
+        click.echo(f"robot: {robot.text}", err=True)
+
+
 def asks_robot(ask: Command) -> Command:
     """Make a command of a function that asks the running robot.
 
     The function gets a client of the robot beside its arguments, and the command has the options
-    of ``client_options``. What the function returns is printed, unless it is None; an ``ExitCode``
-    is the exit status.
+    of ``client_options``. It tells which robot it has asked. What the
+    function returns is printed, unless it is None; an ``ExitCode`` is the exit status.
     """
 
     @client_options
@@ -68,10 +77,9 @@ def asks_robot(ask: Command) -> Command:
     def command(timeout_s: float, **arguments: Any) -> ExitCode:
         with robot_client(timeout_s) as client:
             answer = ask(client, **arguments)
-        if isinstance(answer, ExitCode):
-            return answer
-        if answer is not None:
-            click.echo(answer)
-        return ExitCode.OK
+            if answer is not None and not isinstance(answer, ExitCode):
+                click.echo(answer)
+            print_addressed_robots(client)
+        return answer if isinstance(answer, ExitCode) else ExitCode.OK
 
     return command

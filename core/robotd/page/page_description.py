@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
@@ -19,7 +20,12 @@ PROTOCOL = 2  # of the messages; the page asks to be loaded again when it has an
 
 
 def describe(
-    tap: Tap, nodes: Sequence[str], meshes: Mapping[str, str], *, has_control: bool = False
+    tap: Tap,
+    nodes: Sequence[str],
+    meshes: Mapping[str, str],
+    *,
+    has_control: bool = False,
+    namespace: str = "/",
 ) -> dict[str, Any]:
     """Return the first message to a viewer.
 
@@ -28,13 +34,14 @@ def describe(
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
         has_control: the page can be unlocked to control the robot.
+        namespace: of the ROS nodes.
     """
     robot = tap.robot
     descriptor, clock = robot.descriptor, robot.clock
     return {
         "type": "description",
         "protocol": PROTOCOL,
-        **identity(robot),
+        **identity(robot, namespace),
         "time_scale": _finite(clock.scale) if isinstance(clock, PacedClock) else 1.0,
         "rate_hz": descriptor.cycle.rate_hz,
         "wall_offset_s": tap.info.offset_ns * 1e-9,
@@ -53,8 +60,8 @@ def describe(
     }
 
 
-def identity(robot: Robot) -> dict[str, Any]:
-    """Return what distinguishes this robot from others."""
+def identity(robot: Robot, namespace: str) -> dict[str, Any]:
+    """Return what distinguishes this robot from others; ``namespace`` is that of its nodes."""
     descriptor = robot.descriptor
     return {
         "robot": descriptor.name,
@@ -62,6 +69,8 @@ def identity(robot: Robot) -> dict[str, Any]:
         "variant": descriptor.variant or "",
         "backend": robot.backend.name,
         "version": version("robotd"),
+        "namespace": namespace,
+        "computer": socket.gethostname(),
         "simulated": Capability.SIMULATED in robot.capabilities,
     }
 

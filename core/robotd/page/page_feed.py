@@ -25,6 +25,7 @@ class PageFeed:
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
         has_control: the page can be unlocked to control the robot.
+        namespace: of the ROS nodes.
     """
 
     def __init__(
@@ -34,9 +35,11 @@ class PageFeed:
         meshes: Mapping[str, str],
         *,
         has_control: bool = False,
+        namespace: str = "/",
     ) -> None:
         self._tap = tap
         self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
+        self._namespace = namespace
         self._live = LiveSamples(tap)
         backend_tables(tap.robot)  # imported now, not at the first alarm
         self._goals = Goals(tap.robot)
@@ -53,7 +56,13 @@ class PageFeed:
         if viewers == 1:
             self._live.restart()
             self._note(*self._tap.events.since(self._cursor))
-        description = describe(self._tap, self._nodes, self._meshes, has_control=self._has_control)
+        description = describe(
+            self._tap,
+            self._nodes,
+            self._meshes,
+            has_control=self._has_control,
+            namespace=self._namespace,
+        )
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
         return [
             json_text(description),

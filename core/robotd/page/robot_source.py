@@ -17,12 +17,20 @@ class RobotSource:
         tap: of the robot.
         nodes: names of the ROS nodes that are served.
         has_control: the page can be unlocked to control the robot.
+        namespace: of the ROS nodes.
     """
 
-    def __init__(self, tap: Tap, nodes: Sequence[str], *, has_control: bool = False) -> None:
+    def __init__(
+        self,
+        tap: Tap,
+        nodes: Sequence[str],
+        *,
+        has_control: bool = False,
+        namespace: str = "/",
+    ) -> None:
         self._meshes = MeshFiles()
         urls = self._meshes.add(tap.urdf, tap.robot.descriptor.urdf)
-        self._feed = PageFeed(tap, nodes, urls, has_control=has_control)
+        self._feed = PageFeed(tap, nodes, urls, has_control=has_control, namespace=namespace)
         self._loop = tap.robot.control_loop
 
     def feed(self, robot: str) -> PageFeed:

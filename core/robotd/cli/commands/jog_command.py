@@ -10,7 +10,7 @@ import click
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.goal import carry_out, tell
 from robotd.cli.preflight import import_ros
-from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd.cli.robot_client import ROS_EPILOG, client_options, print_addressed_robots, robot_client
 from robotd.number_argument import NumberRange
 
 DEFAULT_SPEED = 0.1  # rad/s or m/s
@@ -87,6 +87,7 @@ def _jog(
         with import_ros("client.status_client").reason_of_silence(client):
             arm = import_ros("client.motion_client").find_arm(client, [joint], action)
         import_ros("client.operator_client").require_motion(client)
+        print_addressed_robots(client)
         arm.check([joint])
         unit = arm.units.get(joint, "rad or m")
         turns = deg and unit != "m"

@@ -11,7 +11,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.goal import carry_out, tell
 from robotd.cli.preflight import import_ros
 from robotd.cli.progress import Progress
-from robotd.cli.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd.cli.robot_client import ROS_EPILOG, client_options, print_addressed_robots, robot_client
 from robotd.number_argument import NumberRange, parse_number
 
 
@@ -70,6 +70,7 @@ def move(
         with import_ros("client.status_client").reason_of_silence(client):
             arm = import_ros("client.motion_client").find_arm(client, targets, action)
         import_ros("client.operator_client").require_motion(client)
+        print_addressed_robots(client)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {
             joint: math.radians(value) if joint in turning else value

@@ -227,7 +227,9 @@ def _observed(
             has_control = robot.descriptor.page_control
             if options.page_control is not None:
                 has_control = options.page_control
-            address = stack.enter_context(_page(recorder, nodes, page, has_control, faults))
+            namespace = namespace_of(options.ros_args)
+            served = _page(recorder, nodes, page, has_control, faults, namespace)
+            address = stack.enter_context(served)
         if options.foxglove is not None:
             stack.enter_context(_foxglove(recorder, options.foxglove))
         yield _Observation(recorder, address)
@@ -240,6 +242,7 @@ def _page(
     port: int,
     has_control: bool,
     faults: FaultSchedule | None,
+    namespace: str,
 ) -> Iterator[str]:
     """Serve the page; the value is its address."""
     try:
@@ -249,9 +252,15 @@ def _page(
     except ImportError as error:
         raise OperationError("the page needs aiohttp: pip install 'robotd[page]'") from error
     control = PageControl(recorder.tap.robot, faults) if has_control else None
-    source = RobotSource(recorder.tap, nodes, has_control=has_control)
+    source = RobotSource(recorder.tap, nodes, has_control=has_control, namespace=namespace)
     with PageServer(source, port, recorder.metrics, control=control) as server:
         yield control.address(server.url) if control else server.url
+
+
+def namespace_of(ros_args: Sequence[str]) -> str:
+    """Return the namespace that ROS arguments give to all nodes: of the last ``__ns:=``."""
+    found = [word.partition("__ns:=")[2] for word in ros_args if word.startswith("__ns:=")]
+    return f"/{found[-1].strip('/')}" if found else "/"
 
 
 def _foxglove(recorder: Recorder, port: int) -> AbstractContextManager[object]:

@@ -14,7 +14,13 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
 from robotd.cli.options import FILE, log_options
 from robotd.cli.preflight import import_ros
-from robotd.cli.robot_client import ROS_EPILOG, asks_robot, client_options, robot_client
+from robotd.cli.robot_client import (
+    ROS_EPILOG,
+    asks_robot,
+    client_options,
+    print_addressed_robots,
+    robot_client,
+)
 from robotd.cli.time_scale import time_scale
 from robotd.errors import DescriptorError
 from robotd.number_argument import IntegerRange, parse_integer, parse_number
@@ -78,6 +84,7 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     own = {f"{fault}.{key}": value for key, value in fields.items()} or {fault: True}
     with robot_client(timeout_s) as client:
         click.echo(import_ros("client.simulation_client").inject(client, {**own, **common}))
+        print_addressed_robots(client)
 
 
 @sim.command("step", epilog=ROS_EPILOG)

@@ -44,6 +44,7 @@ def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
     if as_json:
         click.echo(json.dumps(asdict(report), indent=2))
     else:
+        click.echo(field("robot", [report.robot.text]))
         click.echo(field("engine", [f"{report.state}, {_readiness(report)}"]))
         if report.reason:
             click.echo(field("reason", [report.reason]))

@@ -72,9 +72,11 @@ class RemoteRobots:
             self._due_s = time.monotonic() + SEARCH_PERIOD_S
             self._search()
         self._robots = [
-            {"name": name, **_read(listener.newest.data)}
+            {"name": name, **told}
             for name, listener in sorted(self._found.items())
             if listener.newest is not None
+            for told in [_read(listener.newest.data)]
+            if told.get("has_page", True)
         ]
         for name, feed in list(self._feeds.items()):
             if feed.is_watched and name not in self._subscribed:

@@ -18,8 +18,10 @@ from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd.ros.client.hindrances import STOPPED, Hindrance, Hindrances
 from robotd.ros.client.operator_client import DISCOVERY_S, IO, Levels, read_levels
+from robotd.ros.client.robot_identity import RobotIdentity, read_identity
 from robotd.ros.client.ros_client import RosClient
 from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.page_messages import ROBOT
 from robotd.ros.qos import LATCHED
 
 GRIPPER = "wmx/set_gripper"
@@ -102,9 +104,10 @@ class ToolReport:
 
 @dataclass(frozen=True)
 class RobotReport:
-    """The engine and its axes.
+    """The robot, its engine and its axes.
 
     Attributes:
+        robot: that answers.
         state: the engine's, in the words of ``get_status``.
         reason: why axes cannot be commanded; "" while they can.
         remedy: the command that helps, "" where none is needed or known.
@@ -119,6 +122,7 @@ class RobotReport:
             known.
     """
 
+    robot: RobotIdentity
     state: str
     ready: bool
     reason: str
@@ -170,6 +174,7 @@ def read_report(client: RosClient) -> RobotReport:
         ExitStack() as stack,
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
+        client.listen(String, ROBOT, LATCHED) as robot,
         client.listen(String, STOPPED, LATCHED) as stopped,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
         client.listen(String, IO, LATCHED) as io,
@@ -183,6 +188,7 @@ def read_report(client: RosClient) -> RobotReport:
         reports = axis_reports(axes.wait(), identities) if identities else None
         hindrances = motion.wait()
         return RobotReport(
+            read_identity(robot.wait().data),
             state,
             is_ready,
             reason,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 from typing import Any
@@ -16,6 +17,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.node_settings.device_settings import read_frame_prefix
 from robotd.observation.recorder import Recorder
+from robotd.page.page_description import identity
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
 from robotd.ros.node_registry import OPERATOR_NODE
@@ -24,6 +26,7 @@ from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.nodes.named_io import NamedIo
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
+from robotd.ros.page_messages import ROBOT
 from robotd.ros.qos import LATCHED
 from robotd.ros.services import add_service, add_subscription, named_values
 
@@ -36,7 +39,7 @@ class OperatorNode(Node):
 
     Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
     ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
-    a line each, ``~/problems`` what keeps axes from moving.
+    a line each, ``~/problems`` what keeps axes from moving, ``~/robot`` which robot it is.
 
     Args:
         robot: of the operator.
@@ -56,6 +59,9 @@ class OperatorNode(Node):
         self._owners_topic = self.create_publisher(String, "~/owners", LATCHED)
         self._problems_topic = self.create_publisher(String, "~/problems", LATCHED)
         self._recovery_topic.publish(String())
+        self._robot_topic = self.create_publisher(String, ROBOT, LATCHED)
+        told = {**identity(robot, self.get_namespace()), "has_page": recorder is not None}
+        self._robot_topic.publish(String(data=json.dumps(told)))
         for service_type, name, handler, urgent in (
             (Trigger, "stop", self._stop, True),
             (Trigger, "reset", self._reset, False),

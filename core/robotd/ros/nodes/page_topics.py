@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import socket
 import threading
 import time
 from collections.abc import Sequence
@@ -14,7 +12,6 @@ from std_msgs.msg import String, UInt8MultiArray
 
 from robotd.log import get_logger
 from robotd.observation.tap import Tap
-from robotd.page.page_description import identity
 from robotd.page.page_feed import PageFeed
 from robotd.recording.message_encoders import octets_message, string_message
 from robotd.ros.nodes.latched_topics import publish_if_alive
@@ -23,7 +20,6 @@ from robotd.ros.page_messages import (
     CHANGES,
     FIRST,
     NEWEST,
-    ROBOT,
     SAMPLES,
     pack_first,
 )
@@ -47,21 +43,16 @@ class PageTopics:
     """
 
     def __init__(self, node: Node, tap: Tap, nodes: Sequence[str]) -> None:
-        self._feed = PageFeed(tap, nodes, {})
+        self._feed = PageFeed(tap, nodes, {}, namespace=node.get_namespace())
         self._yield_to_control_loop = tap.robot.control_loop.yield_to_control_loop
-        self._robot = node.create_publisher(String, ROBOT, LATCHED)
         self._first = node.create_publisher(UInt8MultiArray, FIRST, LATCHED)
         self._samples = node.create_publisher(UInt8MultiArray, SAMPLES, NEWEST)
         self._changes = node.create_publisher(String, CHANGES, ALL)
-        self._introduction = json.dumps(
-            {**identity(tap.robot), "computer": socket.gethostname()}  # as ``RemoteRobot`` of web/
-        )
         self._subscribers = 0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robotd-page-topics", daemon=True)
 
     def __enter__(self) -> Self:
-        publish_if_alive(self._robot, String(data=self._introduction))
         self._thread.start()
         return self
 

@@ -1,0 +1,63 @@
+"""Identity of a robot in status, and in commands where several robots run."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+from tests.ros.robot_process import RobotProcess
+
+from robotd.testing.domain import own_domain
+
+pytestmark = pytest.mark.ros
+ACTIONS = [
+    ("move", "joint1=0.02"),
+    ("gripper", "close"),
+    ("speed", "100"),
+    ("resume",),
+    ("recover",),
+]
+
+
+def robotd(domain: int, namespace: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "robotd", *arguments, "--ros-args", "-r", f"__ns:={namespace}"]
+    variables = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    return subprocess.run(
+        command, env=os.environ | variables, capture_output=True, text=True, timeout=90, check=True
+    )
+
+
+@pytest.fixture(scope="module")
+def domain() -> Iterator[int]:
+    with own_domain() as number:
+        yield number
+
+
+@pytest.fixture(scope="module")
+def left(domain: int) -> Iterator[RobotProcess]:
+    with RobotProcess("--ros-args", "-r", "__ns:=/left", domain=domain) as process:
+        process.wait_ready()
+        yield process
+
+
+def test_status_names_the_robot(domain: int, left: RobotProcess) -> None:
+    told = json.loads(robotd(domain, "/left", "status", "--json").stdout)["robot"]
+    assert (told["robot"], told["namespace"], told["backend"]) == ("cr3a", "/left", "sim")
+    assert (told["simulated"], told["computer"]) == (True, os.uname().nodename)
+    text = f"cr3a in /left, backend sim, on {os.uname().nodename}, SIMULATED"
+    assert text in robotd(domain, "/left", "status").stdout
+
+
+def test_commands_name_the_robot_that_they_reach_where_two_run(
+    domain: int, left: RobotProcess
+) -> None:
+    with RobotProcess("--ros-args", "-r", "__ns:=/right", domain=domain) as right:
+        right.wait_ready()
+        for arguments in ACTIONS:
+            told = robotd(domain, "/left", *arguments).stderr
+            assert "robot: cr3a in /left, backend sim" in told, arguments
+            assert "/right" not in told
