@@ -46,9 +46,9 @@ def test_the_backend_is_short() -> None:
 
 def test_it_is_a_backend_and_a_robot_like_any_other(installed: Path, tmp_path: Path) -> None:
     robotd, robot = (installed, "-m", "robotd"), ("--robot", "dobot_cr3a")
-    checked = run(*robotd, "backends", "--check", "dobot_tcp", *robot, cwd=tmp_path)
-    assert "all checks passed" in checked
     address = ("--set", "backends.dobot_tcp.address=192.168.5.1")
+    checked = run(*robotd, "backends", "--check", "dobot_tcp", *robot, *address, cwd=tmp_path)
+    assert "all checks passed" in checked
     checked = run(*robotd, "check", *robot, *address, cwd=tmp_path)
     assert "joint3: lower limit -2.86 rad exceeds the device's -2.70526 rad" in checked
     assert "all checks passed" in checked

@@ -13,7 +13,7 @@ from robotd.cli import main
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode
-from robotd.errors import ConnectError, DeviceTimeout
+from robotd.errors import ConnectError, DeviceTimeout, RobotdError
 from robotd.motion.profile import Profile
 
 EVENT_DRIVEN = [
@@ -219,3 +219,13 @@ def test_one_turn_is_the_feed_constant(open_bench: OpenBench) -> None:
         result = CliRunner().invoke(main, ["canopen", "scan", *bench.bus, "--json"])
         [axis] = json.loads(result.output)["axes"]
         assert axis["counts_per_rad"] == pytest.approx(3600 / math.tau)
+
+
+def test_duplicate_node_that_answers_after_the_start_is_not_energised(
+    open_bench: OpenBench,
+) -> None:
+    with open_bench(duplicate_delay_s=0.8) as bench:
+        with pytest.raises(RobotdError, match="duplicate node id"):
+            bench.robot.start()
+        assert not bench.drive["energised"]
+        assert not bench.has_jumped()

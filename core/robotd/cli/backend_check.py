@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import click
@@ -13,6 +13,7 @@ import click
 from robotd.cli.check_report import CheckReport
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
+from robotd.descriptor import parse_override
 from robotd.device.capabilities import Capability
 from robotd.device.state import ConnectionState
 from robotd.errors import PluginError
@@ -28,7 +29,7 @@ WAITS_S = 5.0  # by the clock, on a machine that may be busy
 Made = TypeVar("Made")
 
 
-def check_backend(name: str, robot: str = ROBOT) -> ExitCode:
+def check_backend(name: str, robot: str = ROBOT, overrides: Sequence[str] = ()) -> ExitCode:
     """Check the backend ``name`` step by step, print each, and return the exit status.
 
     A foreign plugin is checked in a process of its own, which it may end.
@@ -36,11 +37,12 @@ def check_backend(name: str, robot: str = ROBOT) -> ExitCode:
     Args:
         name: of the entry point.
         robot: name or file of the robot that its drivers are made for.
+        overrides: ``KEY=VALUE`` texts that replace values of its file.
     """
     origins = [origin for origin, _ in discover() if origin.name == name]
     if not any(map(is_foreign, origins)):
-        return _check_here(name, robot)
-    command = [sys.executable, "-m", __name__, name, robot]
+        return _check_here(name, robot, *overrides)
+    command = [sys.executable, "-m", __name__, name, robot, *overrides]
     status, output, step = run_noted(command, capture=True)
     click.echo(output, nl=False)
     if step == "done":
@@ -50,7 +52,7 @@ def check_backend(name: str, robot: str = ROBOT) -> ExitCode:
     return report.end()
 
 
-def _check_here(name: str, robot: str) -> ExitCode:
+def _check_here(name: str, robot: str, *overrides: str) -> ExitCode:
     report = CheckReport()
     report.run("entry point", lambda: _origins(name))
     backend = report.run(
@@ -58,7 +60,12 @@ def _check_here(name: str, robot: str) -> ExitCode:
     )
     if backend is not None:
         report.run("description", lambda: _description(backend))
-        context = report.run("options", lambda: backend.context(load_robot(robot)))
+
+        def options() -> DeviceContext[Any]:
+            changes = [parse_override(text) for text in overrides]
+            return backend.context(load_robot(robot, overrides=changes))
+
+        context = report.run("options", options)
         if context is not None:
             _check_drivers(report, backend, context)
     return report.end()

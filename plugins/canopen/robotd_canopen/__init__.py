@@ -71,9 +71,10 @@ def robotd_open_device(context: DeviceContext[NetworkLayout]) -> DeviceDriver:
 @hookimpl
 def robotd_axes(device: CanopenDevice) -> AxisDriver:
     """One axis for each entry of ``axes``."""
-    from robotd_cia402.axes import Cia402Axes
+    from robotd_canopen.canopen_axis import CanopenAxes
 
-    return Cia402Axes(device.master)
+    master = device.master
+    return CanopenAxes(master.axes, master.feedback, master)
 
 
 @hookimpl

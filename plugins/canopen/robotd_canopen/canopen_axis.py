@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robotd.api import OperationError, wait_until
+from robotd_canopen.duplicate_id import ANSWERS, FRAMES
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import Node
 from robotd_canopen.object_dictionary import variable
 from robotd_canopen.pdo import Pdo
 from robotd_canopen.rpdo_writer import RpdoWriter
+from robotd_cia402.axes import Cia402Axes, Cia402Master
 from robotd_cia402.axis import Axis
 from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_cia402.emcy import Emergency
@@ -119,3 +121,38 @@ class CanopenAxis(Axis):
         objects = CanopenObjects(number, layout, node, feedback)
         super().__init__(number, layout.options, objects, scaling)
         self.layout, self.node, self.canopen, self.rpdos = layout, node, objects, objects.rpdos
+
+
+class CanopenAxes(Cia402Axes):
+    """All axes of one CAN bus.
+
+    Args:
+        axes: by axis number.
+        feedback: of the same axes.
+        master: of the bus.
+    """
+
+    def __init__(
+        self, axes: Sequence[CanopenAxis], feedback: Feedback, master: Cia402Master
+    ) -> None:
+        super().__init__(master)
+        self._of_bus, self._feedback, self._clock = axes, feedback, master.clock
+
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        if on:
+            self._require_one_drive(axis, timeout_s)
+        super().servo(axis, on, timeout_s)
+
+    def _require_one_drive(self, axis: int, timeout_s: float) -> None:
+        """Raise OperationError where two nodes have the id: positions of both would be mixed.
+
+        An axis that is on goes on when the other node comes; switched off, it stays off.
+        """
+        node = self._of_bus[axis].node
+        wait_until(
+            lambda: self._feedback.is_counted(axis) or not node.online, timeout_s, self._clock
+        )
+        if node.sdo.doubled:
+            raise OperationError(f"{node.name}: {ANSWERS}")
+        if pdo := self._feedback.doubled(axis):
+            raise OperationError(f"{node.name}: {FRAMES.format(pdo.name)}")

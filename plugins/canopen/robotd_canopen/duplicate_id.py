@@ -5,6 +5,7 @@ from __future__ import annotations
 from robotd.api import NANOSECONDS
 
 ANSWERS = "duplicate node id: received more SDO responses than requests"
+FRAMES = "duplicate node id: {} comes more often than SYNC"
 HEARTBEATS = "heartbeats come more than once in each period: probably a duplicate node id"
 _WINDOW = 20  # heartbeat periods in which heartbeats are counted
 _MAX_RATE = 1.6  # heartbeats for each period; above half of twice as many, below twice as many

@@ -21,6 +21,8 @@ from robotd_cia402.scaling import Scaling
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
 _REPORT_BEFORE = 0.8  # of the age at which values are stale: the error names a node, not an age
 _HORIZON = 2  # times the age at which a TPDO is stale
+_PROBATION = 10  # SYNCs for which the TPDOs of a drive are counted before it may be energised
+_SLACK = 2  # frames beyond one for each turn: of the SYNC before, and not yet counted
 _NEVER = -1
 _NO_TURN = 1 << 40  # SYNCs: an event-driven TPDO has no turn, and is never late
 
@@ -60,6 +62,8 @@ class Feedback:
             if not pdo.is_event_driven or pdo.inputs
         ]
         self._accepts = [False] * count
+        self._accepted = [0] * count  # number of the SYNC at ``accept``
+        self._frames = [0] * len(self.pdos)  # of each PDO since then
         self._seeding = threading.Lock()  # between an event-driven TPDO and values read by SDO
         self._owners = np.array([number for number, _ in self.pdos], np.int64)
         self._seen: IntArray = np.full(len(self.pdos), _NEVER, np.int64)
@@ -83,6 +87,7 @@ class Feedback:
         known = (axis, pdo) in self.pdos
         slot, seen = (self.pdos.index((axis, pdo)), self._seen) if known else (0, np.zeros(1))
         accepts, plausibility, position = self._accepts, None, 0
+        frames = self._frames if known else [0]
         if not pdo.is_event_driven and pdo.holds(POSITION):
             horizon_s = _HORIZON * float(self.limits[slot]) * self._sync_period_s
             plausibility = PositionPlausibility(
@@ -103,6 +108,7 @@ class Feedback:
                 columns[number][axis] = value
                 number += 1  # noqa: SIM113 - for each frame of the bus: enumerate costs more
             seen[slot] = self.syncs
+            frames[slot] += 1
 
         def receive_event(data: bytearray) -> None:
             with self._seeding:
@@ -128,7 +134,28 @@ class Feedback:
 
     def accept(self, axis: int) -> None:
         """Worker: the drive is configured and starts; its frames count from now on."""
+        self._accepted[axis] = self.syncs
+        for slot, (owner, _) in enumerate(self.pdos):
+            if owner == axis:
+                self._frames[slot] = 0
         self._accepts[axis] = True
+
+    def is_counted(self, axis: int) -> bool:
+        """Return True when enough SYNCs have passed for ``doubled``. Any thread."""
+        return self.syncs - self._accepted[axis] >= _PROBATION
+
+    def doubled(self, axis: int) -> Pdo | None:
+        """Return a synchronous TPDO that comes more often than its turn; None: there is none.
+
+        One drive answers a SYNC once, so that another one sends it, too. Any thread.
+        """
+        syncs = self.syncs - self._accepted[axis]
+        for slot, (owner, pdo) in enumerate(self.pdos):
+            if owner != axis or pdo.is_event_driven:
+                continue
+            if self._frames[slot] > syncs // max(1, int(self._turns[slot])) + _SLACK:
+                return pdo
+        return None
 
     def event_driven(self, axis: int) -> list[Pdo]:
         """Return the event-driven TPDOs that ``axis`` needs to be known. Any thread."""

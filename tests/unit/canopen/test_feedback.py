@@ -192,3 +192,23 @@ def test_garbage_between_two_positions_changes_nothing(garbage: list[int]) -> No
         drives.answer(0, 5)
         drives.sync()
         assert drives.position(0) == 5
+
+
+def test_a_tpdo_that_comes_more_often_than_sync_is_of_two_drives(drives: Drives) -> None:
+    assert not drives.feedback.is_counted(0)
+    for _ in range(60):
+        drives.answer(0, which=CYCLIC)
+        drives.answer(1, which=CYCLIC)
+        drives.answer(1, which=CYCLIC)  # of another node with the same id
+        drives.sync()
+    assert drives.feedback.is_counted(0)
+    assert drives.feedback.doubled(0) is None
+    assert drives.feedback.doubled(1) is drives.axes[1].tpdos[0]
+
+
+def test_an_event_driven_tpdo_may_come_at_any_rate(event_driven: Drives) -> None:
+    for _ in range(60):
+        event_driven.answer(0)
+    assert event_driven.feedback.doubled(0) not in [
+        pdo for pdo in event_driven.axes[0].tpdos if pdo.is_event_driven
+    ]

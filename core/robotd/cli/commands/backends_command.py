@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import click
 
 from robotd.cli.backend_check import ROBOT, check_backend
@@ -23,11 +25,20 @@ from robotd.plugin.manager import PluginOrigin, discover, load_backend
     show_default=True,
     help="Robot that --check makes the drivers for.",
 )
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Replace a value of that robot's file. May be repeated.",
+)
 @log_options
-def backends(*, as_json: bool, checked: str | None, robot: str) -> ExitCode:
+def backends(
+    *, as_json: bool, checked: str | None, robot: str, overrides: Sequence[str]
+) -> ExitCode:
     """List the installed backends, and why one cannot load."""
     if checked is not None:
-        return check_backend(checked, robot)
+        return check_backend(checked, robot, overrides)
     rows = []
     for origin, _ in discover():
         row: Row = {

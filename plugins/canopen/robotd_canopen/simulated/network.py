@@ -17,6 +17,7 @@ import canopen
 from robotd.api import NANOSECONDS, request_realtime
 from robotd_canopen.frame import Frame
 from robotd_canopen.simulated.device_nodes import DriveNode
+from robotd_canopen.simulated.node_faults import Faults
 from robotd_canopen.simulated.simulated_node import SimulatedNode
 from robotd_cia402.simulated.motors import Motors
 
@@ -58,7 +59,7 @@ class SimulatedNetwork(canopen.Network):
         self.members: Mapping[int, SimulatedNode] = {node.number: node for node in nodes}
         self._machine = machine or Motors([], time.monotonic_ns())
         self._calls: queue.SimpleQueue[Action] = queue.SimpleQueue()
-        self._delayed: list[tuple[int, int, int, bytes]] = []
+        self._delayed: list[tuple[int, int, int, bytes, Faults]] = []
         self._count = 0
         self._priority = realtime_priority
         self._sync_ns = 0
@@ -202,14 +203,15 @@ class SimulatedNetwork(canopen.Network):
             if faults.pdo_delay_s:
                 due_ns = time.monotonic_ns() + round(faults.pdo_delay_s * NANOSECONDS)
                 self._count += 1
-                heapq.heappush(self._delayed, (due_ns, self._count, cob_id, data))
+                heapq.heappush(self._delayed, (due_ns, self._count, cob_id, data, faults))
                 return
         self._put(cob_id, faults.garble(data))
 
     def _send_delayed(self) -> None:
         while self._delayed and self._delayed[0][0] <= time.monotonic_ns():
-            _, _, cob_id, data = heapq.heappop(self._delayed)
-            self._put(cob_id, data)
+            _, _, cob_id, data, faults = heapq.heappop(self._delayed)
+            if faults.pdo_delay_s:  # the end of the fault drops what waits
+                self._put(cob_id, data)
 
     def _put(self, cob_id: int, data: bytes) -> None:
         self._bus.send(Frame(cob_id, data))

@@ -16,7 +16,7 @@ class Faults(DriveFaults):
         silent: sends and receives nothing, as with a broken cable.
         sdo_aborts: object → abort code of every access; sub None means all subindices.
         sdo_silent: objects of which requests are not answered.
-        pdo_delay_s: TPDOs are sent this much later.
+        pdo_delay_s: TPDOs are sent this much later; those that wait when it ends are lost.
         pdo_drop: part of the TPDOs that get lost, 0 to 1.
         garbled: part of its frames, PDOs and SDO responses included, replaced by garbage, 0 to 1.
         garbled_frames: frames replaced by garbage so far.
