@@ -23,6 +23,7 @@ def test_sdo_faults_name_node_step_object_and_code(open_rig: OpenRig) -> None:
         assert "joint3 (node 3): PDO configuration: " in text
         assert "no answer within 0.15 s, 3 tries" in text
         assert "joint1" not in text
+        assert text.count("joint2 (node 2)") == 1
         for node in (2, 3):
             harness.inject(f"{node} heal")
         harness.robot.connection.start_communication()

@@ -44,7 +44,7 @@ class BringUp:
 
     def _each(self, nodes: Iterable[Node], message: str, step: Callable[[Node], None]) -> None:
         work = list(nodes)
-        failures: dict[str, str] = {}
+        failed: set[int] = set()
 
         def attempt(node: Node) -> None:
             try:
@@ -53,13 +53,18 @@ class BringUp:
             except Exception as error:  # noqa: BLE001 - a node that fails is one of several
                 known = isinstance(error, RobotdError)
                 node.fault = str(error) if known else f"{type(error).__name__}: {error}"
-                failures[f"canopen → {self._bus_name} → {node.name}"] = node.fault
+                failed.add(node.id)
 
         if work:
             with ThreadPoolExecutor(len(work), thread_name_prefix="canopen-start") as pool:
                 list(pool.map(attempt, work))
-        if not failures:
+        if not failed:
             return
+        failures = {}
+        for node in work:
+            if node.id in failed:
+                path = f"{self._bus_name} → {node.name}"  # the texts of SDO begin with it, too
+                failures[f"canopen → {path}"] = node.fault.replace(f"{path}: ", "")
         if not self._allow_partial or len(failures) == self._count:
             raise ConnectError(message, failures)
         for path, reason in failures.items():
