@@ -210,8 +210,10 @@ def _observed(
     if not (robot.descriptor.recorder.enabled or wanted):
         yield _Observation()
         return
+    from robotd.observation.foreign_requests import reserve_files
     from robotd.observation.recorder import observed
 
+    reserve_files()
     with ExitStack() as stack:
         recorder = stack.enter_context(
             observed(
