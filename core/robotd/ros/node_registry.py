@@ -70,6 +70,7 @@ BUILT_IN = {
 
 
 OPERATOR_NODE = "robotd"  # made beside the others of every robot
+IDENTITY = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON
 SIMULATION_NODE = "robotd_sim"  # made beside the others on a simulation that can fail
 
 

@@ -12,7 +12,6 @@ from robotd.page.page_message import Message
 from robotd.recording.message_encoders import octets_message, read_octets_message
 from robotd.ros.node_registry import OPERATOR_NODE
 
-ROBOT = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON
 FIRST = f"{OPERATOR_NODE}/page/first"  # std_msgs/UInt8MultiArray: see ``pack_first``
 SAMPLES = f"{OPERATOR_NODE}/page/samples"  # std_msgs/UInt8MultiArray: see ``LiveSamples``
 CHANGES = f"{OPERATOR_NODE}/page/changes"  # std_msgs/String: state and events, as JSON

@@ -16,7 +16,8 @@ from robotd.log import get_logger
 from robotd.page.page_message import json_text
 from robotd.ros.client.remote_feed import RemoteFeed
 from robotd.ros.client.ros_client import Listener, RosClient
-from robotd.ros.page_messages import ALL, CHANGES, FIRST, NEWEST, ROBOT, SAMPLES
+from robotd.ros.node_registry import IDENTITY
+from robotd.ros.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES
 from robotd.ros.qos import LATCHED
 
 log = get_logger("page")
@@ -94,16 +95,16 @@ class RemoteRobots:
     def _search(self) -> None:
         node = self._client.node
         names = {
-            topic.removesuffix(f"/{ROBOT}") or "/"
+            topic.removesuffix(f"/{IDENTITY}") or "/"
             for topic, _ in node.get_topic_names_and_types()
-            if topic.endswith(f"/{ROBOT}") and node.count_publishers(topic)
+            if topic.endswith(f"/{IDENTITY}") and node.count_publishers(topic)
         }
         for name in self._found.keys() - names:
             log.info("robot has gone", robot=name)
             self._found.pop(name).__exit__()
         for name in sorted(names - self._found.keys())[: MAX_ROBOTS - len(self._found)]:
             log.info("robot found", robot=name)
-            self._found[name] = self._client.listen(String, _topic(name, ROBOT), LATCHED)
+            self._found[name] = self._client.listen(String, _topic(name, IDENTITY), LATCHED)
 
     def _subscribe(self, name: str, feed: RemoteFeed) -> ExitStack:
         stack, node = ExitStack(), self._client.node

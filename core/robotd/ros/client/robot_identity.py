@@ -10,7 +10,7 @@ from std_msgs.msg import String
 
 from robotd.errors import DeviceTimeout
 from robotd.ros.client.ros_client import RosClient
-from robotd.ros.page_messages import ROBOT
+from robotd.ros.node_registry import IDENTITY
 from robotd.ros.qos import LATCHED
 
 ANSWER_S = 1.0  # for the identity of a robot that answers
@@ -47,7 +47,7 @@ class RobotIdentity:
 
 
 def read_identity(text: str) -> RobotIdentity:
-    """Return the identity of a message of ``ROBOT``; what it does not tell is "?"."""
+    """Return the identity of a message of ``IDENTITY``; what it does not tell is "?"."""
     given = json.loads(text)
     words = ("robot", "namespace", "backend", "variant", "computer", "version")
     values = {name: str(given.get(name, "?")) for name in words}
@@ -60,9 +60,11 @@ def addressed_robots(client: RosClient) -> tuple[RobotIdentity, ...]:
     Several that share a namespace all execute a command. Empty where none tells its identity.
     """
     node, found = client.node, list[str]()
-    made = node.create_subscription(String, ROBOT, partial(_keep, found), LATCHED)
+    made = node.create_subscription(String, IDENTITY, partial(_keep, found), LATCHED)
     try:
-        client.wait(lambda: len(found) >= max(1, node.count_publishers(ROBOT)), ROBOT, ANSWER_S)
+        client.wait(
+            lambda: len(found) >= max(1, node.count_publishers(IDENTITY)), IDENTITY, ANSWER_S
+        )
     except DeviceTimeout:
         pass
     finally:

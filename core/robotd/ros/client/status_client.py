@@ -20,8 +20,7 @@ from robotd.ros.client.hindrances import STOPPED, Hindrance, Hindrances
 from robotd.ros.client.operator_client import DISCOVERY_S, IO, Levels, read_levels
 from robotd.ros.client.robot_identity import RobotIdentity, read_identity
 from robotd.ros.client.ros_client import RosClient
-from robotd.ros.node_registry import OPERATOR_NODE
-from robotd.ros.page_messages import ROBOT
+from robotd.ros.node_registry import IDENTITY, OPERATOR_NODE
 from robotd.ros.qos import LATCHED
 
 GRIPPER = "wmx/set_gripper"
@@ -174,7 +173,7 @@ def read_report(client: RosClient) -> RobotReport:
         ExitStack() as stack,
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
-        client.listen(String, ROBOT, LATCHED) as robot,
+        client.listen(String, IDENTITY, LATCHED) as robot,
         client.listen(String, STOPPED, LATCHED) as stopped,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
         client.listen(String, IO, LATCHED) as io,

@@ -20,13 +20,12 @@ from robotd.observation.recorder import Recorder
 from robotd.page.page_description import identity
 from robotd.robot import Robot
 from robotd.ros.host import RosHost
-from robotd.ros.node_registry import OPERATOR_NODE
+from robotd.ros.node_registry import IDENTITY, OPERATOR_NODE
 from robotd.ros.nodes.command_subscription import add_command_subscription
 from robotd.ros.nodes.latched_topics import publish_if_alive
 from robotd.ros.nodes.named_io import NamedIo
 from robotd.ros.nodes.node_parameters import Parameters
 from robotd.ros.nodes.tool_pose_topic import ToolPoseTopic
-from robotd.ros.page_messages import ROBOT
 from robotd.ros.qos import LATCHED
 from robotd.ros.services import add_service, add_subscription, named_values
 
@@ -59,7 +58,7 @@ class OperatorNode(Node):
         self._owners_topic = self.create_publisher(String, "~/owners", LATCHED)
         self._problems_topic = self.create_publisher(String, "~/problems", LATCHED)
         self._recovery_topic.publish(String())
-        self._robot_topic = self.create_publisher(String, ROBOT, LATCHED)
+        self._robot_topic = self.create_publisher(String, IDENTITY, LATCHED)
         told = {**identity(robot, self.get_namespace()), "has_page": recorder is not None}
         self._robot_topic.publish(String(data=json.dumps(told)))
         for service_type, name, handler, urgent in (
