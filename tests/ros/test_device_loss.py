@@ -47,7 +47,7 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
             )
             check_lost(process, client, "(node ")  # of any drive: the first to be missed
             drives.start()
-            wait_until(lambda: lines_with(process, "were reset and answer again"), "the return")
+            wait_until(lambda: lines_with(process, "answer again and need configuration"), "the return")
             status, output, _ = robotd(process.domain, "status")
             assert status == 1
             assert "start communication" in output
@@ -66,7 +66,9 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
 def check_recovered(process: RobotProcess) -> None:
     """The command names the cause and reports its steps; a second one finds nothing wrong."""
     status, output, error = robotd(process.domain, "recover")
-    assert (status, error) == (0, ""), output
+    assert status == 0, error
+    assert error.startswith("robot: "), "which robot it was, and no warning"
+    assert len(error.splitlines()) == 1
     found, *steps = output.splitlines()
     assert found.startswith("found: engine is not ready (state Unknown): ")
     assert "(node " in found
