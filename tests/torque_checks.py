@@ -33,8 +33,12 @@ def until(condition: Callable[[], object]) -> None:
 
 @contextmanager
 def sending(stream: TorqueStream, *torque: float) -> Iterator[None]:
-    """Send ``torque`` again and again during the block, until the stream ends."""
+    """Send ``torque`` again and again during the block, until the stream ends.
+
+    It begins with no torque, as after a stop or fault a client has to.
+    """
     ending = threading.Event()
+    stream.send([0.0] * len(torque))
 
     def send() -> None:
         while not ending.wait(SEND_S):
@@ -136,7 +140,7 @@ def a_joint_brakes_before_its_position_limit(robot: Robot) -> None:
     watch = Watch(robot)
     with robot.torque_stream() as stream, sending(stream, 4.0, 0.0):
         assert stream.wait(PATIENCE_S)
-    assert "too close to its limit 3 rad" in stream.message
+    assert "too close to its limit 3 rad" in stream.message, stream.message
     until(lambda: at_rest(robot))
     assert watch.highest < 3.0
 

@@ -47,7 +47,7 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
             )
             check_lost(process, client, "(node ")  # of any drive: the first to be missed
             drives.start()
-            wait_until(lambda: lines_with(process, "answer again and need configuration"), "the return")
+            wait_until(lambda: lines_with(process, "answer again and need"), "the return")
             status, output, _ = robotd(process.domain, "status")
             assert status == 1
             assert "start communication" in output
