@@ -197,6 +197,7 @@ class Robot:
         """
         if not isinstance(self.clock, SimulatedClock):
             self.axes.stops.start()
+        self.connection.ask_fault()
         self.control_loop.start()
         if self.base is not None:
             self.base.start()

@@ -343,6 +343,13 @@ class Connection:
         except RobotdError as error:
             log.error("the failed start could not be undone", reason=str(error))
 
+    def ask_fault(self) -> None:
+        """Ask the device for its fault once, so that one that hangs is known.
+
+        Worker, before the control loop starts.
+        """
+        self._driver_fault()
+
     def _end_communication(self) -> None:
         try:
             self.before_stop()

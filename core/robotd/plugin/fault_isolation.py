@@ -137,10 +137,11 @@ def _asked_once(
 ) -> Callable[[], Answer]:
     """Wrap a question to a device: ``silent`` while an earlier one is not answered.
 
-    The control loop does not wait for the answer to another thread.
+    The control loop does not wait for the answer to another thread, and asks no device that once
+    has not answered another thread in time.
     """
     asking = threading.Lock()
-    asked_s = 0.0
+    asked_s, is_slow = 0.0, False
 
     def answer() -> Answer:
         """In a thread that may hang for ever; it is not called again then."""
@@ -150,11 +151,15 @@ def _asked_once(
             asking.release()
 
     def question() -> Answer:
-        nonlocal asked_s
+        nonlocal asked_s, is_slow
         in_loop = is_control_loop()
+        if in_loop and is_slow:
+            return silent
         if asking.acquire(timeout=0.0 if in_loop else ANSWER_BUDGET_S):
             asked_s = time.monotonic()
-            return limited(answer)
+            found = limited(answer)
+            is_slow |= not in_loop and time.monotonic() - asked_s >= ANSWER_BUDGET_S
+            return found
         if in_loop and time.monotonic() - asked_s < ANSWER_BUDGET_S:
             return ask()  # another thread is being answered now, or hangs since a moment ago
         return silent
