@@ -118,18 +118,27 @@ def _state(ask: Callable[[], ConnectionState]) -> Callable[[], ConnectionState]:
 
 
 def _fault(ask: Callable[[], str], plugin: str) -> Callable[[], str]:
-    """Wrap ``fault`` of a device: without an answer, the reason. Never raises."""
+    """Wrap ``fault`` of a device: without an answer, the reason. Never raises.
+
+    The control loop does not ask a device whose last answer to another thread was missing.
+    """
     silent = f"{plugin}: DeviceDriver.fault does not return"
+    hangs = False
 
     def limited(answer: Callable[[], str]) -> str:
+        nonlocal hangs
         try:
-            return call_with_timeout(ANSWER_BUDGET_S, answer, "robotd-fault")
+            text = call_with_timeout(ANSWER_BUDGET_S, answer, "robotd-fault")
         except CallTimeout:
+            hangs = True
             return silent
         except RobotdError as error:
-            return str(error)
+            text = str(error)
+        hangs = False
+        return text
 
-    return _asked_once(ask, limited, silent)
+    asked = _asked_once(ask, limited, silent)
+    return lambda: silent if hangs and is_control_loop() else asked()
 
 
 def _asked_once(
@@ -137,11 +146,10 @@ def _asked_once(
 ) -> Callable[[], Answer]:
     """Wrap a question to a device: ``silent`` while an earlier one is not answered.
 
-    The control loop does not wait for the answer to another thread, and asks no device that once
-    has not answered another thread in time.
+    The control loop does not wait for the answer to another thread.
     """
     asking = threading.Lock()
-    asked_s, is_slow = 0.0, False
+    asked_s = 0.0
 
     def answer() -> Answer:
         """In a thread that may hang for ever; it is not called again then."""
@@ -151,15 +159,11 @@ def _asked_once(
             asking.release()
 
     def question() -> Answer:
-        nonlocal asked_s, is_slow
+        nonlocal asked_s
         in_loop = is_control_loop()
-        if in_loop and is_slow:
-            return silent
         if asking.acquire(timeout=0.0 if in_loop else ANSWER_BUDGET_S):
             asked_s = time.monotonic()
-            found = limited(answer)
-            is_slow |= not in_loop and time.monotonic() - asked_s >= ANSWER_BUDGET_S
-            return found
+            return limited(answer)
         if in_loop and time.monotonic() - asked_s < ANSWER_BUDGET_S:
             return ask()  # another thread is being answered now, or hangs since a moment ago
         return silent

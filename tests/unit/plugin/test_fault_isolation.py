@@ -21,6 +21,7 @@ from robotd.errors import DeviceTimeout, NotReady, OperationError, Unsupported
 from robotd.motion import TrajectoryRequest
 from robotd.plugin import fault_isolation
 from robotd.plugin.fault_isolation import isolated
+from robotd.realtime import control_loop_thread
 from robotd.robot import build_robot
 
 PLUGIN = "'odd' (plugin_acme of acme 1.2)"
@@ -154,6 +155,16 @@ def test_a_device_that_cannot_say_why_is_told_and_asked_no_more(
     assert len(asked) == 1
     released.set()
     assert wait_until(lambda: behind.fault() == "bus off", 5.0, MonotonicClock())
+
+
+def test_a_late_answer_makes_the_state_unknown_for_no_longer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(fault_isolation, "ANSWER_BUDGET_S", 0.0)  # every answer is late
+    behind = isolated(FakeDevice(), DeviceDriver, PLUGIN, "odd")
+    assert behind.state() is ConnectionState.IDLE
+    with control_loop_thread():
+        assert behind.state() is ConnectionState.IDLE
 
 
 def test_a_fault_that_raises_is_a_text() -> None:
