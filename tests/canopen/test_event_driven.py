@@ -100,7 +100,7 @@ def test_tpdos_of_drives_that_start_by_themselves(open_rig: OpenRig) -> None:
         harness.master.open()
         for cob_id in (0x182, 0x190):  # of a drive, and of the I/O module
             harness.network.call(partial(harness.drive(2).send, cob_id, b"\1"))
-        harness.master.start()
+        harness.master.start(10.0)
         assert harness.master.bus.counters.malformed == 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -139,3 +140,66 @@ def test_an_alarm_without_a_code_is_told_by_statusword_and_register(open_bench: 
         bench.until(lambda: bool(bench.image.amp_alarm[0]))
         expected = r"no error code, statusword 0x\w{4} \(fault\), error register 0x\w\w \(generic"
         assert re.search(expected, bench.image.reason[0]), bench.image.reason[0]
+
+
+# Mapping
+
+
+def constant_axis(rpdos: dict[int, list[str]], tpdos: dict[int, list[str]]) -> dict[str, Any]:
+    return {
+        key: [{"number": number, "objects": objects} for number, objects in pdos.items()]
+        for key, pdos in (("rpdos", rpdos), ("tpdos", tpdos))
+    }
+
+
+def test_constant_mapping_that_is_as_described(open_bench: OpenBench) -> None:
+    rpdos = {2: ["0x6040", "0x6060"], 3: ["0x6040", "0x607A"]}
+    tpdos = {2: ["0x6041", "0x6061"], 3: ["0x6041", "0x6064"], 4: ["0x6041", "0x606C"]}
+    with open_bench(axis=constant_axis(rpdos, tpdos), fixed_mapping=True) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert not any(name.startswith(("16", "1A")) for name in bench.drive["writes"])
+        assert not bench.has_jumped()
+
+
+def test_constant_mapping_that_the_descriptor_does_not_describe(open_bench: OpenBench) -> None:
+    with capture_logs() as lines, open_bench(axis={"tpdos": []}, fixed_mapping=True) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert math.isnan(bench.image.torque[0])
+    [line] = [line for line in lines if line["event"] == "objects not in the default PDOs"]
+    assert any(effect.startswith("0x603F: ") for effect in line["effects"])
+
+
+def test_constant_mapping_that_is_not_as_described(open_bench: OpenBench) -> None:
+    text = "RPDO 1 is constant and holds 0x6040:00: give these"
+    with (
+        open_bench(axis={"eds": None}, fixed_mapping=True) as bench,
+        pytest.raises(ConnectError, match=text),
+    ):
+        bench.robot.start()
+
+
+def test_default_pdos_without_an_object_that_the_eds_lacks(open_bench: OpenBench) -> None:
+    with capture_logs() as lines, open_bench(axis={"tpdos": []}) as bench:
+        bench.robot.start()
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+    assert ["0x60FD: limit and home switches read open"] in [line.get("effects") for line in lines]
+
+
+# Pace
+
+
+def test_slow_answers_end_the_start_with_the_step_and_what_to_do(open_bench: OpenBench) -> None:
+    text = rf"node {NODE}\): .*SDO transfers took .* s each; raise engine.communication_timeout_s"
+    with open_bench(sdo_delay_s=0.3, section={"sdo_timeout_s": 2.0}) as bench:
+        with pytest.raises(ConnectError, match=text):
+            bench.robot.start()
+        assert not bench.drive["energised"]
+
+
+def test_answers_that_come_after_the_time_out_are_named(open_bench: OpenBench) -> None:
+    text = rf"node {NODE}\): identity: .*no answer within 0.3 s, it came after .* raise sdo_timeout"
+    with open_bench(sdo_delay_s=0.5) as bench, pytest.raises(ConnectError, match=text):
+        bench.robot.start()

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from robotd.api import ConnectError, RobotdError, get_logger
 from robotd_canopen.canopen_axis import CanopenAxis
+from robotd_canopen.default_pdos import LOST
 from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.node import Node
 from robotd_cia402.drive_setup import set_up
@@ -38,9 +39,23 @@ class BringUp:
         """Read the identity of every node. Raises ConnectError with every node that fails."""
         self._each(nodes, "the nodes do not answer as expected", Node.identify)
 
-    def start(self, nodes: Iterable[Node]) -> None:
-        """Configure and start the nodes. Raises ConnectError with every node that fails."""
-        self._each(nodes, "the nodes do not start", self._start)
+    def start(self, nodes: Iterable[Node], timeout_s: float) -> None:
+        """Configure and start the nodes. Raises ConnectError with every node that fails.
+
+        Args:
+            timeout_s: a node that will not be configured by then fails a little earlier.
+        """
+        last_s = 2 * self._layout.options.sdo_timeout_s  # of a transfer, and the look for a twin
+        limit_s = max(timeout_s / 2, timeout_s - last_s)
+
+        def start(node: Node) -> None:
+            node.sdo.limit(limit_s)
+            try:
+                self._start(node)
+            finally:
+                node.sdo.limit()
+
+        self._each(nodes, "the nodes do not start", start)
 
     def _each(self, nodes: Iterable[Node], message: str, step: Callable[[Node], None]) -> None:
         work = list(nodes)
@@ -74,6 +89,7 @@ class BringUp:
         if not node.identity or node.fault:
             node.identify()
         axes = [axis for axis in self._axes if axis.node is node]
+        self._report_left_out(node, axes)
         with node.require_unique_id():
             node.configure(self._layout.pdos(node.id))
             for axis in axes:
@@ -83,3 +99,14 @@ class BringUp:
             for axis in axes:
                 axis.canopen.query()
         node.enter()
+
+    def _report_left_out(self, node: Node, axes: Sequence[CanopenAxis]) -> None:
+        """Log once what is lost without objects that the default PDOs do not hold."""
+        effects = [
+            f"0x{axis.layout.index(base):04X}: {LOST[base]}"
+            for axis in axes
+            for base in axis.layout.left_out
+            if axis.objects.is_news(base)
+        ]
+        if effects:
+            log.warning("objects not in the default PDOs", node=node.name, effects=effects)

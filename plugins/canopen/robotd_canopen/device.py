@@ -64,7 +64,7 @@ class CanopenDevice(DeviceDriver):
         if self.master.state is ConnectionState.IDLE:
             raise NotReady("communication cannot start: the bus is not open")
         if self.master.state is not ConnectionState.COMMUNICATING:
-            self.master.start()
+            self.master.start(timeout_s)
 
     def stop_communication(self, timeout_s: float) -> None:
         """Also of nodes that a start which failed for others has started."""

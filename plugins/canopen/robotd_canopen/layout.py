@@ -12,6 +12,7 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import DescriptorError, RobotDescriptor
 from robotd_canopen.bus_load import bus_load, frame_bits
+from robotd_canopen.default_pdos import default_pdos
 from robotd_canopen.object_dictionary import (
     GENERIC_DRIVE,
     GENERIC_IO,
@@ -29,7 +30,7 @@ from robotd_canopen.options import (
     NodeOptions,
     PdoOptions,
 )
-from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, axis_pdos, io_pdos, resolve
+from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis
 from robotd_cia402.options import StreamMode, missing_and_unknown, parse_object, with_robot_ramps
@@ -44,12 +45,17 @@ _FROM_PDO = {0x6041: "statusword", 0x6061: "modes of operation display", 0x6064:
 
 @dataclass(frozen=True)
 class AxisLayout:
-    """One axis: its options, dictionary and PDOs."""
+    """One axis: its options, dictionary and PDOs.
+
+    Attributes:
+        left_out: optional objects that default PDOs do not hold, because of the EDS.
+    """
 
     options: AxisOptions
     dictionary: ObjectDictionary
     rpdos: tuple[Pdo, ...]
     tpdos: tuple[Pdo, ...]
+    left_out: tuple[int, ...] = ()
 
     def index(self, base: int) -> int:
         """The profile object ``base`` on this axis of the drive."""
@@ -140,7 +146,16 @@ def _axis(
     dictionary = _dictionary(robot, drive, GENERIC_DRIVE, key, problems)
     if not dictionary:  # unreadable: what it lacks is no problem of its own
         return AxisLayout(drive, dictionary, (), ())
-    receive, transmit = axis_pdos(drive)
+    defaults = {
+        direction: default_pdos(drive, direction, dictionary)
+        for direction, given in zip(Direction, (drive.rpdos, drive.tpdos), strict=True)
+        if not given
+    }
+    left_out = [base for chosen in defaults.values() for base in chosen.left_out]
+    receive, transmit = (
+        list(given or defaults[direction].pdos)
+        for direction, given in zip(Direction, (drive.rpdos, drive.tpdos), strict=True)
+    )
     for base in (*_NEEDED, *([_SUPPORTED_MODES] if drive.check_modes else [])):
         index = on_axis(base, drive.axis_offset)
         if variable(dictionary, index, 0) is None:
@@ -154,7 +169,7 @@ def _axis(
             if base not in mapped:
                 problems.append(_error(robot, key, f"no PDO holds 0x{base:04X} ({name})"))
     problems += [_error(robot, f"{key}.tpdos", what) for what in _unknowable(tpdos, dictionary)]
-    return AxisLayout(drive, dictionary, rpdos, tpdos)
+    return AxisLayout(drive, dictionary, rpdos, tpdos, tuple(left_out))
 
 
 def _unknowable(tpdos: Sequence[Pdo], dictionary: ObjectDictionary) -> Iterator[str]:
@@ -229,11 +244,13 @@ def _resolve(
     offset = node.axis_offset if isinstance(node, AxisOptions) else 0
     resolved = []
     kind = "rpdos" if direction is Direction.RECEIVE else "tpdos"
+    is_default = isinstance(node, AxisOptions) and not getattr(node, kind)
     for position, pdo in enumerate(pdos):
         try:
             resolved.append(resolve(pdo, direction, node.node, dictionary, offset))
         except ValueError as error:
-            problems.append(_error(robot, f"{key}.{kind}.{position}", str(error)))
+            what = f"default {kind[:4].upper()} {pdo.number}: {error}" if is_default else str(error)
+            problems.append(_error(robot, key if is_default else f"{key}.{kind}.{position}", what))
     return tuple(resolved)
 
 

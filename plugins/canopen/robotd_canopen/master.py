@@ -87,15 +87,18 @@ class Master:
         self._leave_all()
         self.bus.close()
 
-    def start(self) -> None:
-        """Configure and start the nodes that are not online. Raises ConnectError."""
+    def start(self, timeout_s: float) -> None:
+        """Configure and start the nodes that are not online. Raises ConnectError.
+
+        ``timeout_s``: as of ``BringUp.start``.
+        """
         if self.bus.fault is not None:
             self.bus.open()
             for node in self.nodes.values():
                 node.online = node.configured = False
         waiting = [node for node in self.nodes.values() if not node.online]
         self.io.forget(waiting)
-        self._bring_up.start(waiting)  # where it fails, some nodes may have started
+        self._bring_up.start(waiting, timeout_s)  # where it fails, some nodes may have started
         self.io.start()
         self.supervision.begin()
         self.sync.begin()

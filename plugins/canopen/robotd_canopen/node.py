@@ -115,7 +115,8 @@ class Node:
             self._write_heartbeat()
             self.watch_master(watch=True)
         with _step("PDO configuration"):
-            disable_others(self.sdo, tuple(pdos))
+            for reason in disable_others(self.sdo, tuple(pdos)):
+                log.warning("unused PDO stays enabled", node=self.name, reason=reason)
             for pdo in pdos:
                 configure(self.sdo, pdo)
         with _step("start-up objects"):

@@ -1,8 +1,9 @@
-"""PDOs: defaults, layout by the object dictionary, and configuration of a node."""
+"""PDOs: layout by the object dictionary, and configuration of a node."""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -11,8 +12,9 @@ from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from robotd.api import OperationError
 from robotd_canopen.object_dictionary import describe, variable
-from robotd_canopen.options import AxisOptions, IoOptions, PdoOptions
+from robotd_canopen.options import IoOptions, PdoOptions
 from robotd_canopen.sdo import Sdo
+from robotd_cia402.cyclic_objects import SdoAbort
 from robotd_cia402.modes import VELOCITY as VELOCITY_MODES
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import (
@@ -23,13 +25,16 @@ from robotd_cia402.object_numbers import (
     TARGET_VELOCITY,
     on_axis,
 )
-from robotd_cia402.options import StreamMode, parse_object
+from robotd_cia402.options import parse_object
 
 MAX_BYTES = 8
 MAX_SYNCHRONOUS = 240  # highest transmission type of a PDO that goes with SYNC
 _EVENT = 255
 _DISABLED = 1 << 31
 _NO_RTR = 1 << 30
+_COMPARED = 0xFFFFFFFF & ~_NO_RTR  # of a COB-ID; nobody sends remote requests
+_READ_ONLY = 0x06010002  # abort code
+_MAX_ENTRIES = 64  # that a mapping can have; more are special kinds of PDOs
 _FORMATS = {
     (8, False): "B", (16, False): "H", (32, False): "I", (64, False): "Q",
     (8, True): "b", (16, True): "h", (32, True): "i", (64, True): "q",
@@ -110,30 +115,6 @@ class Pdo:
         return frozenset(mode for base in bases for mode in _MODES[base])
 
 
-def axis_pdos(options: AxisOptions) -> tuple[list[PdoOptions], list[PdoOptions]]:
-    """RPDOs and TPDOs of an axis: the descriptor's, or the default of its modes."""
-    receive = list(options.rpdos) or _default_rpdos(options)
-    transmit = list(options.tpdos) or [
-        PdoOptions(number=1, transmission=1, objects=("0x6041", "0x6061", "0x6064")),
-        PdoOptions(number=2, transmission=1, objects=("0x606C", "0x6077", "0x603F")),
-        PdoOptions(number=3, transmission=4, objects=("0x6062", "0x60FD")),
-    ]
-    return receive, transmit
-
-
-def _default_rpdos(options: AxisOptions) -> list[PdoOptions]:
-    if options.stream_mode is StreamMode.CSP:
-        return [
-            PdoOptions(number=1, transmission=1, objects=("0x6040", "0x6060", "0x607A")),
-            PdoOptions(number=2, transmission=1, objects=("0x60FF",)),
-        ]
-    return [
-        PdoOptions(number=1, transmission=1, objects=("0x6040", "0x6060", "0x60C1:1")),
-        PdoOptions(number=2, transmission=1, objects=("0x60FF",)),
-        PdoOptions(number=3, transmission=1, objects=("0x607A",)),
-    ]
-
-
 def io_pdos(options: IoOptions) -> tuple[list[PdoOptions], list[PdoOptions]]:
     """Outputs (RPDO 1) and inputs (TPDO 1) of a module, sent when they change."""
 
@@ -166,6 +147,10 @@ def resolve(
         else:
             entries.append(Entry(index, sub, len(found), base))
             layout += _FORMATS[len(found), found.data_type in SIGNED_TYPES]
+    constant = constant_mapping(dictionary, direction, pdo.number)
+    if constant and constant != [(entry.index, entry.sub) for entry in entries] and not problems:
+        held = ", ".join(f"0x{index:04X}:{sub}" for index, sub in constant)
+        problems.append(f"the EDS gives its mapping as constant, with the objects {held}")
     size = sum(entry.bits for entry in entries) // 8
     if size > MAX_BYTES:
         problems.append(f"{size} bytes do not fit in the {MAX_BYTES} of a PDO")
@@ -185,40 +170,87 @@ def resolve(
     )
 
 
-def configure(sdo: Sdo, pdo: Pdo) -> None:
-    """Write communication and mapping parameters, and read the mapping back.
+def constant_mapping(
+    dictionary: ObjectDictionary, direction: Direction, number: int
+) -> list[tuple[int, int]]:
+    """Return the objects of a PDO whose mapping the EDS gives as constant; empty otherwise."""
+    mapping = direction + 0x200 + number - 1
+    count = variable(dictionary, mapping, 0)
+    if count is None or count.writable or not isinstance(count.default, int):
+        return []
+    entries = [variable(dictionary, mapping, sub) for sub in range(1, min(count.default, 64) + 1)]
+    values = [entry.default if entry is not None else None for entry in entries]
+    if any(not isinstance(value, int) or not value for value in values):
+        return []
+    return [(value >> 16, value >> 8 & 0xFF) for value in values if value]
 
-    In the order of CiA 301, 7.5.2.36: invalid, no entries, entries, count, valid again.
+
+def configure(sdo: Sdo, pdo: Pdo) -> None:
+    """Write the communication and mapping parameters that differ, and read the mapping back.
+
+    In the order of CiA 301, 7.5.2.36: invalid, no entries, entries, count, valid again. Objects
+    that are as they should be are not written: many devices have constant ones.
     """
     parameter, mapping = pdo.parameter, pdo.parameter + 0x200
-    sdo.write(parameter, 1, pdo.cob_id | _DISABLED | _rtr(pdo))
-    sdo.write(parameter, 2, pdo.transmission)
-    sdo.write(mapping, 0, 0)
-    for sub, entry in enumerate(pdo.entries, 1):
-        sdo.write(mapping, sub, entry.mapping)
-    sdo.write(mapping, 0, len(pdo.entries))
-    _verify(sdo, pdo, mapping)
-    sdo.write(parameter, 1, pdo.cob_id | _rtr(pdo))
+    mapped = _mapped(sdo, mapping)
+    is_mapped = mapped == _requested(pdo)
+    is_enabled = sdo.read(parameter, 1) & _COMPARED == pdo.cob_id
+    if not (is_mapped and is_enabled):
+        sdo.write(parameter, 1, pdo.cob_id | _DISABLED | _rtr(pdo))
+    if sdo.read(parameter, 2) != pdo.transmission:
+        sdo.write(parameter, 2, pdo.transmission)
+    if not is_mapped:
+        _map(sdo, pdo, mapping, mapped)
+    if not (is_mapped and is_enabled):
+        sdo.write(parameter, 1, pdo.cob_id | _rtr(pdo))
 
 
-def disable_others(sdo: Sdo, used: tuple[Pdo, ...]) -> None:
-    """Make the predefined PDOs that are not ``used`` invalid."""
+def _map(sdo: Sdo, pdo: Pdo, mapping: int, mapped: list[int]) -> None:
+    """Write the mapping of an invalid PDO, and read it back."""
+    try:
+        sdo.write(mapping, 0, 0)
+        for sub, entry in enumerate(pdo.entries, 1):
+            sdo.write(mapping, sub, entry.mapping)
+        sdo.write(mapping, 0, len(pdo.entries))
+    except SdoAbort as error:
+        if error.code == _READ_ONLY:
+            error.reason += f"; {pdo.name} is constant and holds {_names(mapped)}: give these"
+        raise
+    if (actual := _mapped(sdo, mapping)) != _requested(pdo):
+        raise OperationError(
+            f"{pdo.name}: the node maps {_names(actual)}, requested were {_names(_requested(pdo))}"
+        )
+
+
+def disable_others(sdo: Sdo, used: tuple[Pdo, ...]) -> Iterator[str]:
+    """Make the predefined PDOs that are not ``used`` invalid; yield why one stays valid."""
     taken = {pdo.parameter for pdo in used}
     for direction in Direction:
         for parameter in range(direction, direction + 4):
-            if parameter in sdo.dictionary and parameter not in taken:
-                sdo.write(parameter, 1, sdo.read(parameter, 1) | _DISABLED)
+            if parameter not in sdo.dictionary or parameter in taken:
+                continue
+            cob_id = sdo.read(parameter, 1)
+            if not cob_id & _DISABLED:
+                try:
+                    sdo.write(parameter, 1, cob_id | _DISABLED)
+                except SdoAbort as error:
+                    yield error.reason
 
 
 def _rtr(pdo: Pdo) -> int:
     return _NO_RTR if pdo.direction is Direction.TRANSMIT else 0
 
 
-def _verify(sdo: Sdo, pdo: Pdo, mapping: int) -> None:
-    expected = [len(pdo.entries), *(entry.mapping for entry in pdo.entries)]
-    actual = [sdo.read(mapping, sub) for sub in range(len(expected))]
-    if actual != expected:
-        raise OperationError(
-            f"{pdo.name}: the node maps {[hex(value) for value in actual]}, requested were"
-            f" {[hex(value) for value in expected]}"
-        )
+def _requested(pdo: Pdo) -> list[int]:
+    return [entry.mapping for entry in pdo.entries]
+
+
+def _mapped(sdo: Sdo, mapping: int) -> list[int]:
+    """Return the entries that the node maps; only as many as can be compared."""
+    count = sdo.read(mapping, 0)
+    return [sdo.read(mapping, sub) for sub in range(1, min(count, _MAX_ENTRIES) + 1)]
+
+
+def _names(entries: Sequence[int]) -> str:
+    names = [f"0x{entry >> 16:04X}:{entry >> 8 & 0xFF:02X}" for entry in entries]
+    return ", ".join(names) or "nothing"

@@ -1,10 +1,12 @@
 """SDO client of one node; errors name node, object and abort code.
 
 A transfer without a response is repeated as a whole, never in parts, unless it may have an effect.
+Responses to earlier requests are not taken for that of the present one.
 """
 
 from __future__ import annotations
 
+import math
 import struct
 import threading
 import time
@@ -16,7 +18,7 @@ from canopen.objectdictionary.datatypes import SIGNED_TYPES
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from robotd.api import DeviceTimeout, OperationError
+from robotd.api import DeviceTimeout, MonotonicClock, OperationError, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.object_dictionary import describe, variable
 from robotd_cia402.cyclic_objects import SdoAbort
@@ -26,7 +28,9 @@ _COMMAND = 0xE0  # bits of the first byte; the three bytes that follow an initia
 _INITIATES = (0x20, 0x40)  # download and upload
 _ABORT = 0x80
 _ANSWERS_TO_INITIATE = (0x60, 0x40, _ABORT)
+_MAX_WAIT_S = 2.0  # for answers that come after the time-out
 _LATE_S = 2.0  # after a request, in which the answer of another node with the same id may come
+_ANSWER_OF = {0x20: 0x60, 0x40: 0x40}  # to each initiate
 
 
 class Sdo:
@@ -54,6 +58,9 @@ class Sdo:
         self.dictionary = dictionary
         self.doubled = False
         self._answers: dict[bytes, _Answers] = {}  # by index and subindex
+        self._awaited = (0, b"")  # answer to the present request, and its index and subindex
+        self._transfers, self._begin_s, self._limit_s = 0, 0.0, math.inf
+        self._clock = MonotonicClock()
         self._bus = bus
         self._path = path
         self._tries = tries
@@ -64,6 +71,10 @@ class Sdo:
         self._client.network = self  # type: ignore[assignment] # all it needs is send_message
         self._client.RESPONSE_TIMEOUT = timeout_s
         bus.subscribe(_RESPONSE + node, self._on_response)
+
+    def limit(self, limit_s: float = math.inf) -> None:
+        """Let transfers fail from ``limit_s`` on, the time-out of a start that is made of many."""
+        self._transfers, self._begin_s, self._limit_s = 0, time.monotonic(), limit_s
 
     def upload(self, index: int, sub: int = 0) -> bytes:
         """The raw value. Raises SdoAbort, DeviceTimeout, OperationError."""
@@ -101,22 +112,27 @@ class Sdo:
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send a request frame of the library's client. Raises can.CanOperationError."""
-        if data[0] & _COMMAND in _INITIATES:
-            answers = self._answers.setdefault(bytes(data[1:4]), _Answers())
+        command = data[0] & _COMMAND
+        if command in _INITIATES:
+            key = bytes(data[1:4])
+            answers = self._answers.setdefault(key, _Answers())
             answers.missing += 1
             answers.requested_s = time.monotonic()
+            self._awaited = _ANSWER_OF[command], key
         self._bus.send_message(can_id, data, remote)
 
     def _transfer(self, verb: str, index: int, sub: int, data: bytes | None, tries: int) -> bytes:
         where = f"{self._path}: {verb} {describe(self.dictionary, index, sub)}"
         reason = ""
         with self._lock:
+            answers = self._answers.setdefault(_key(index, sub), _Answers())
+            missing, begin_s = answers.missing, time.monotonic()
             for _ in range(tries):
+                self._require_time(where)
                 try:
-                    if data is None:
-                        return bytes(self._client.upload(index, sub))
-                    self._client.download(index, sub, data)
+                    read = self._transfer_once(index, sub, data)
                 except SdoAbortedError as error:
+                    self._require_pace(where, answers, missing, begin_s, answered=True)
                     text = SdoAbortedError.CODES.get(error.code, "unknown abort code")
                     message = f"{where}: abort 0x{error.code:08X}, {text.lower()}"
                     raise SdoAbort(message, error.code) from error
@@ -126,7 +142,10 @@ class Sdo:
                     # The library does not validate responses: a corrupt one may raise anything.
                     raise OperationError(f"{where}: corrupt answer: {error}") from error
                 else:
-                    return b""
+                    self._require_pace(where, answers, missing, begin_s, answered=True)
+                    return read
+            if "No SDO response" in reason:
+                self._require_pace(where, answers, missing, begin_s, answered=False)
         if "No SDO response" in reason:
             after = f"{tries} tries" if tries > 1 else "not repeated"
             acted = "" if data is None else "; it may have been executed, read the object back"
@@ -134,12 +153,66 @@ class Sdo:
             raise DeviceTimeout(f"{where}: no answer within {self._timeout_s:g} s, {after}{hint}")
         raise OperationError(f"{where}: {reason}")
 
+    def _transfer_once(self, index: int, sub: int, data: bytes | None) -> bytes:
+        """Read, or write ``data``; return what was read."""
+        if data is None:
+            return bytes(self._client.upload(index, sub))
+        self._client.download(index, sub, data)
+        return b""
+
+    def _require_time(self, where: str) -> None:
+        """Raise DeviceTimeout after the limit of the start, with the pace of the node."""
+        passed_s = time.monotonic() - self._begin_s
+        if passed_s > self._limit_s:
+            pace = f"{self._transfers} SDO transfers took {passed_s / (self._transfers or 1):.2g} s"
+            raise DeviceTimeout(
+                f"{where}: the start is not done after {self._limit_s:g} s, {pace} each;"
+                " raise engine.communication_timeout_s"
+            )
+        self._transfers += 1
+
+    def _require_pace(
+        self, where: str, answers: _Answers, missing: int, begin_s: float, *, answered: bool
+    ) -> None:
+        """Wait for the answers that are still to come. Raises DeviceTimeout if they are all late.
+
+        A late answer would be taken for that to the next request for the same object. One that
+        was lost never comes, and shows nothing.
+
+        Args:
+            missing: answers to earlier transfers of the object that have not come.
+            begin_s: time of the first request.
+            answered: one answer has come in time for the last request, or seemed to.
+        """
+        goal = missing if answered else answers.missing - 1
+        span_s = answers.requested_s - begin_s if answered else 0.0
+        limit_s = min(span_s + self._timeout_s, _MAX_WAIT_S)
+        if answers.missing <= goal or not wait_until(
+            lambda: answers.missing <= goal, limit_s, self._clock
+        ):
+            return
+        took_s = answers.answered_s - (answers.requested_s if answered else begin_s)
+        if took_s > self._timeout_s:
+            raise DeviceTimeout(
+                f"{where}: no answer within {self._timeout_s:g} s, it came after {took_s:.2f} s:"
+                " raise sdo_timeout_s (--timeout on the command line)"
+            )
+
     def _on_response(self, data: bytearray) -> None:
         if len(data) != 8:
             raise ValueError(f"an SDO answer has 8 bytes, this one {len(data)}")
-        if data[0] & _COMMAND in _ANSWERS_TO_INITIATE:
-            self._count(bytes(data[1:4]), is_abort=data[0] & _COMMAND == _ABORT)
+        command, key = data[0] & _COMMAND, bytes(data[1:4])
+        if command in _ANSWERS_TO_INITIATE:
+            self._count(key, is_abort=command == _ABORT)
+            if not self._is_awaited(command, key):
+                return  # to an earlier request
         self._client.on_response(0, data, 0.0)  # type: ignore[no-untyped-call]
+
+    def _is_awaited(self, command: int, key: bytes) -> bool:
+        """Return False for an answer to another request; some nodes abort without an index."""
+        if command == _ABORT:
+            return key == self._awaited[1] or key not in self._answers
+        return (command, key) == self._awaited
 
     def _count(self, key: bytes, *, is_abort: bool) -> None:
         """Count an answer for the object ``key``; one too many is of another node.
@@ -150,6 +223,7 @@ class Sdo:
         answers = self._answers.get(key)
         if answers is None or time.monotonic() - answers.requested_s > _LATE_S:
             return
+        answers.answered_s = time.monotonic()
         if answers.missing:
             answers.missing -= 1
         elif not is_abort:  # a node may also abort the segments that follow its answer
@@ -158,7 +232,13 @@ class Sdo:
 
 @dataclass(slots=True)
 class _Answers:
-    """Unanswered requests for one object, and the time of the last one."""
+    """Unanswered requests for one object, and the times of the last request and answer."""
 
     missing: int = 0
     requested_s: float = 0.0
+    answered_s: float = 0.0
+
+
+def _key(index: int, sub: int) -> bytes:
+    """Bytes 1 to 3 of a frame that initiates a transfer or answers to it."""
+    return struct.pack("<HB", index, sub)

@@ -21,7 +21,7 @@ from robotd.api import (
 )
 from robotd_cia402.axis import Axis
 from robotd_cia402.modes import STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
-from robotd_cia402.object_numbers import TARGET_TORQUE
+from robotd_cia402.object_numbers import TARGET_TORQUE, TARGET_VELOCITY
 from robotd_cia402.state_machine import TOWARDS_ENABLED, Control, DriveState, Status
 
 _HERE = (35, 37)  # homing methods that take the present position
@@ -192,6 +192,8 @@ class Commands:
         """Profile or cyclic synchronous velocity."""
         axis = self._axis
         stops = axis.activity.stops
+        if TARGET_VELOCITY not in axis.drive.outputs:
+            raise self._error(NotReady, "no PDO holds 0x60FF (target velocity)")
         with axis.lock:
             self._require_power()
             self._recover()
@@ -345,6 +347,8 @@ class Commands:
             raise self._error(NotReady, "no PDO holds 0x6071 (target torque)")
         if not math.isfinite(axis.scaling.rated_torque_nm):
             raise self._error(NotReady, "the rated torque of the joint is not known")
+        if not math.isfinite(axis.report.torque):
+            raise self._error(NotReady, "no PDO holds 0x6077 (measured torque)")
         axis.setpoint.torque = axis.report.torque
         try:
             self._enter(OperationMode.CYCLIC_TORQUE)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from robotd.api import RobotdError
 from robotd_cia402.cyclic_objects import CyclicObjects
 from robotd_cia402.emcy import error_text, register_text
-from robotd_cia402.object_numbers import DEMAND
+from robotd_cia402.object_numbers import DEMAND, TORQUE
 from robotd_cia402.scaling import Scaling, wrapped
 from robotd_cia402.state_machine import FAULTY, POWERED, DriveState, drive_state
 
@@ -23,7 +25,7 @@ class DriveReport:
         error_register: object 0x1001, read at start and after a failed command; 0: not known.
         position: measured, rad or m; an endless axis runs over 32 bits.
         velocity: measured, rad/s or m/s.
-        torque: measured, N·m; NaN where the rated torque is not known.
+        torque: measured, N·m; NaN where it or the rated torque is not known.
         digital_inputs: object 0x60FD.
     """
 
@@ -71,7 +73,7 @@ class DriveReport:
         self._raw = raw
         self.position = self._counts * scaling.position
         self.velocity = velocity * scaling.velocity
-        self.torque = torque * scaling.torque
+        self.torque = torque * scaling.torque if TORQUE in drive.inputs else math.nan
         known = drive.known
         if word != self.statusword or known is not self.known:
             self.statusword, self.known = word, known

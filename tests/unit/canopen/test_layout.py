@@ -55,7 +55,7 @@ def test_objects_that_the_eds_does_not_have(tmp_path: Path) -> None:
         plan(options(axes=[drive(0, eds=str(eds)), drive(1)]))
     text = str(caught.value)
     assert "backends.canopen.axes.0: object 0x6040 is not in the EDS" in text
-    assert "rpdos.0: object 0x6040:00 is not in the EDS" in text
+    assert "axes.0: default RPDO 1: object 0x6040:00 is not in the EDS" in text
 
 
 def test_a_mapping_without_what_the_backend_lives_by() -> None:
