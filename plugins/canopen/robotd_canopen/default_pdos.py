@@ -117,7 +117,7 @@ def _packed(
 def _constant(
     direction: Direction, dictionary: ObjectDictionary, wanted: Sequence[int]
 ) -> list[PdoOptions]:
-    """Return the fewest PDOs with a constant mapping that hold the wanted objects, if any do.
+    """Return the fewest PDOs with a constant mapping that hold the wanted objects.
 
     An RPDO with an object that robotd does not set would set it to 0.
     """
@@ -146,7 +146,7 @@ def _constant(
 
 
 def _is_writable(direction: Direction, number: int, dictionary: ObjectDictionary) -> bool:
-    """Return whether the EDS has the PDO with a mapping that can be written, or has no PDOs."""
+    """Return whether the PDO can be mapped: any, if the EDS has no PDOs."""
     if not any(direction + each - 1 in dictionary for each in _NUMBERS):
         return True
     count = variable(dictionary, direction + 0x200 + number - 1, 0)
@@ -162,7 +162,7 @@ def _room(direction: Direction, number: int, dictionary: ObjectDictionary) -> in
 
 
 def _fixed(found: ODVariable | None, usable: range) -> int | None:
-    """Return the value of a parameter that cannot be written; None where it is not usable."""
+    """Return the value of a read-only parameter; None where it is not usable."""
     if found is None or found.writable or not isinstance(found.default, int):
         return None
     value = found.default & 0x7FF

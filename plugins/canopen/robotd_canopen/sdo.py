@@ -73,7 +73,7 @@ class Sdo:
         bus.subscribe(_RESPONSE + node, self._on_response)
 
     def limit(self, limit_s: float = math.inf) -> None:
-        """Let transfers fail from ``limit_s`` on, the time-out of a start that is made of many."""
+        """Let transfers fail from ``limit_s`` on, the time-out of a start."""
         self._transfers, self._begin_s, self._limit_s = 0, time.monotonic(), limit_s
 
     def upload(self, index: int, sub: int = 0) -> bytes:
@@ -174,7 +174,7 @@ class Sdo:
     def _require_pace(
         self, where: str, answers: _Answers, missing: int, begin_s: float, *, answered: bool
     ) -> None:
-        """Wait for the answers that are still to come. Raises DeviceTimeout if they are all late.
+        """Wait for answers that are still to come. Raises DeviceTimeout if they are late.
 
         A late answer would be taken for that to the next request for the same object. One that
         was lost never comes, and shows nothing.
