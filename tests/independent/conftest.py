@@ -74,14 +74,20 @@ def drive() -> Iterator[NodeProcess]:
 
 @pytest.fixture
 def open_bench(tmp_path: Path, drive: NodeProcess) -> OpenBench:
-    """``open_bench(knobs..., axis={...}, section={...})``: a drive with habits, and its robot."""
+    """``open_bench(knobs..., axis={...}, section={...})``: a drive with habits, and its robot.
+
+    ``dcf``: values by the section of the EDS, which becomes a DCF.
+    """
 
     @contextmanager
     def opened(
-        axis: dict[str, Any] | None = None, section: dict[str, Any] | None = None, **knobs: Any
+        axis: dict[str, Any] | None = None,
+        section: dict[str, Any] | None = None,
+        dcf: dict[str, str] | None = None,
+        **knobs: Any,
     ) -> Iterator[Bench]:
         habits = Knobs(**{"power_on_position": round(START_RAD * COUNTS_PER_RAD), **knobs})
-        path = write_robot(tmp_path, habits, axis or {}, section or {})
+        path = write_robot(tmp_path, habits, axis or {}, section or {}, dcf or {})
         drive.power_on(habits)
         robot = Robot(load_robot_descriptor(str(path)), load_backend("canopen"), MonotonicClock())
         try:
@@ -92,8 +98,17 @@ def open_bench(tmp_path: Path, drive: NodeProcess) -> OpenBench:
     return opened
 
 
-def write_robot(folder: Path, habits: Knobs, axis: dict[str, Any], section: dict[str, Any]) -> Path:
+def write_robot(
+    folder: Path,
+    habits: Knobs,
+    axis: dict[str, Any],
+    section: dict[str, Any],
+    dcf: dict[str, str],
+) -> Path:
     eds = ServoDrive(NODE, lambda _: None, habits).eds(NODE)
+    for name, value in dcf.items():
+        assert f"[{name}]\n" in eds
+        eds = eds.replace(f"[{name}]\n", f"[{name}]\nParameterValue={value}\n")
     (folder / "drive.eds").write_text(eds, encoding="utf-8")
     described = {"axis": 0, "node": NODE, "eds": "drive.eds", "counts_per_rad": COUNTS_PER_RAD}
     options = {"port": PORT, "hop_limit": 0}

@@ -203,3 +203,35 @@ def test_answers_that_come_after_the_time_out_are_named(open_bench: OpenBench) -
     text = rf"node {NODE}\): identity: .*no answer within 0.3 s, it came after .* raise sdo_timeout"
     with open_bench(sdo_delay_s=0.5) as bench, pytest.raises(ConnectError, match=text):
         bench.robot.start()
+
+
+# DCF
+
+
+DCF = {"6065": "0x1000", "6067": "20", "607Dsub1": "-31000", "6040": "0x0F", "1017": "7"}
+
+
+def test_values_of_a_dcf_are_written_where_they_differ(open_bench: OpenBench) -> None:
+    with open_bench(axis={"dcf_values": True}, dcf=DCF) as bench:
+        bench.robot.start()
+        writes = bench.drive["writes"]
+        assert writes["6065:0"] == writes["607D:1"] == 1
+        assert "6067:0" not in writes, "the drive has this value"
+        assert bench.robot.fieldbus.read_object(0, NODE, 0x6065, 0) == b"\0\x10\0\0"
+        assert bench.move(2.0).outcome is Outcome.SUCCEEDED
+        assert not bench.has_jumped()
+
+
+def test_values_of_a_dcf_are_not_written_unless_the_descriptor_asks(open_bench: OpenBench) -> None:
+    with open_bench(dcf=DCF) as bench:
+        bench.robot.start()
+        assert not {"6065:0", "607D:1"} & bench.drive["writes"].keys()
+
+
+def test_a_value_of_a_dcf_that_the_drive_refuses_is_named(open_bench: OpenBench) -> None:
+    knobs = {"rejected": (0x6065,), "rejection": "abort"}
+    with (
+        open_bench(axis={"dcf_values": True}, dcf=DCF, **knobs) as bench,
+        pytest.raises(ConnectError, match="DCF values: writing 0x6065:00"),
+    ):
+        bench.robot.start()

@@ -6,6 +6,7 @@ import json
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -70,6 +71,28 @@ def scan(interface: str, channel: str, bitrate: int, timeout_s: float, *, as_jso
     for node in found:
         click.echo(str(node))
     click.echo(f"{len(found)} node{'' if len(found) == 1 else 's'} on {interface}:{channel}")
+
+
+@canopen.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--node", type=IntegerRange(1, 127), default=1, show_default=True, help="Node id.")
+@click.option(
+    "--stream-mode",
+    type=click.Choice(["csp", "ip"]),
+    default="csp",
+    show_default=True,
+    help="As key.",
+)
+def eds(file: Path, node: int, stream_mode: str) -> None:
+    """Show what robotd does with an EDS or DCF: identity, PDOs, objects, values.
+
+    Nothing is sent. Without 'rpdos' and 'tpdos' in the descriptor the PDOs are those shown.
+    """
+    from robotd_canopen.eds_report import eds_report
+    from robotd_cia402.options import StreamMode
+
+    for line in eds_report(file, node, StreamMode(stream_mode)):
+        click.echo(line)
 
 
 @canopen.group()

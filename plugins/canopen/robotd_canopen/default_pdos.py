@@ -80,7 +80,8 @@ def default_pdos(
     packed = _packed(groups, direction, dictionary, options.axis_offset)
     if not _holds(packed, wanted, needed=True):
         constant = _constant(direction, dictionary, wanted)
-        packed = constant if _holds(constant, wanted, needed=True) else packed
+        if not packed or _holds(constant, wanted, needed=True):
+            packed = constant
     left_out = [base for base in wanted if base in LOST and not _holds(packed, [base])]
     return DefaultPdos(tuple(packed), tuple(left_out))
 

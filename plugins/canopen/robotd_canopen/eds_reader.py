@@ -10,11 +10,14 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from canopen.objectdictionary import ObjectDictionary as Dictionary
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 from canopen.objectdictionary.datatypes import (
+    BOOLEAN,
     DOMAIN,
+    FLOAT_TYPES,
     INTEGER_TYPES,
     UNSIGNED8,
 )
@@ -31,6 +34,8 @@ _SECTION = re.compile(r"\[([^\]]+)\]")
 _ENTRY = re.compile(r"([^=:;\[][^=:;]*)[=:](.*)")
 _COMMENT = re.compile(r"\s;")
 _INDEX = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2}))?")
+_BAUD_RATE = re.compile(r"baudrate_([0-9]{2,4})")
+_FLOAT = re.compile(r"[+-]?([0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})([eE][+-]?[0-9]{1,3})?")
 _NUMBER = re.compile(r"-?(0x[0-9a-f]{1,16}|[0-9]{1,20})")
 
 
@@ -52,7 +57,10 @@ class _Section:
 
 
 def parse_eds(data: bytes, path: Path, node: int) -> Dictionary:
-    """Return the objects of ``node``. Raises DescriptorError with section, key and line."""
+    """Return the objects of ``node``. Raises DescriptorError with section, key and line.
+
+    An object has the ``value`` that a DCF gives it; of an EDS it is None.
+    """
     return _Reader(_sections(_decoded(data), path), path, node).dictionary()
 
 
@@ -118,11 +126,27 @@ class _Reader:
                 owner = ODRecord(f"0x{index:04X}" if owner is None else owner.name, index)
                 found.add_object(owner)
             owner.add_member(self._variable(index, sub, section))
+        self._describe_device(found)
         if self._problems:
             raise DescriptorError.join(self._problems)
         if not found.indices:
             raise DescriptorError("has no objects: it is no EDS", path=self._path)
         return found
+
+    def _describe_device(self, found: Dictionary) -> None:
+        """Add identity and bit rates, and the node that a DCF is for."""
+        section = self._sections.get("deviceinfo", _Section("DeviceInfo", 0))
+        device = found.device_information
+        device.vendor_name, device.product_name = map(section.text, ("VendorName", "ProductName"))
+        device.vendor_number = self._sum(section.text("VendorNumber"))
+        device.product_number = self._sum(section.text("ProductNumber"))
+        device.revision_number = self._sum(section.text("RevisionNumber"))
+        for key, entry in section.entries.items():
+            if (rate := _BAUD_RATE.fullmatch(key)) and self._sum(entry.value):
+                device.allowed_baudrates.add(int(rate.group(1)) * 1000)
+        for name in ("devicecomissioning", "devicecommissioning"):  # CiA 306 has one m
+            if commissioned := self._sections.get(name):
+                found.node_id = self._sum(commissioned.text("NodeID"))
 
     def _dummies(self) -> Iterator[ODVariable]:
         """Yield data types that may fill gaps in a PDO."""
@@ -158,6 +182,8 @@ class _Reader:
         name = names.text(str(sub)) if names else ""
         made = self._variable(index, sub, section)
         made.name = name or f"{made.name} {sub}"
+        if values := self._sections.get(f"{index:04x}value"):
+            made.value = self._value(values, str(sub), made.data_type)
         return made
 
     def _variable(self, index: int, sub: int, section: _Section) -> ODVariable:
@@ -167,7 +193,20 @@ class _Reader:
         made.pdo_mappable = bool(self._number(section, "PDOMapping"))
         if made.data_type in INTEGER_TYPES:
             made.default = self._sum(section.text("DefaultValue"))
+        made.value = self._value(section, "ParameterValue", made.data_type)
         return made
+
+    def _value(self, section: _Section, key: str, data_type: int | None) -> Any:
+        """Return a value of a DCF; None without one. Texts stay texts."""
+        text = section.text(key)
+        if not text or data_type not in (*INTEGER_TYPES, *FLOAT_TYPES, BOOLEAN):
+            return text or None
+        value: float | None = self._sum(text)
+        if data_type in FLOAT_TYPES and "x" not in text.lower():
+            value = float(text) if _FLOAT.fullmatch(text) else None
+        if value is None:
+            self._problem(section, key, f"{text[:MAX_SHOWN]!r} is not a number")
+        return value
 
     def _data_type(self, section: _Section) -> int:
         """Return the data type; an object defines one of the manufacturer."""

@@ -12,6 +12,7 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import DescriptorError, RobotDescriptor
 from robotd_canopen.bus_load import bus_load, frame_bits
+from robotd_canopen.dcf import dcf_values
 from robotd_canopen.default_pdos import default_pdos
 from robotd_canopen.object_dictionary import (
     GENERIC_DRIVE,
@@ -224,12 +225,27 @@ def _dictionary(
         if not any(str(error) in str(known) for known in problems):  # six drives, one file
             problems.append(_error(robot, f"{key}.eds", str(error)))
         return empty_dictionary()
+    if node.dcf_values:
+        problems += [_error(robot, f"{key}.dcf_values", what) for what in _no_dcf(dictionary, node)]
     for number, (index, sub, _) in enumerate(startup_writes(node)):
         found = variable(dictionary, index, sub)
         if found is None or not found.writable:
             what = f"{describe(dictionary, index, sub)} is not in the EDS, or cannot be written"
             problems.append(_error(robot, f"{key}.startup.{number}", what))
     return dictionary
+
+
+def _no_dcf(dictionary: ObjectDictionary, node: NodeOptions) -> Iterator[str]:
+    """Yield reasons why the values of a file cannot be written to ``node``."""
+    values = dcf_values(dictionary)
+    file = node.eds or "the generic EDS"
+    if all(value.skipped for value in values):
+        yield f"no object of {file} has a ParameterValue that can be written: is it a DCF?"
+    if values and dictionary.node_id not in (None, 0, node.node):
+        yield f"{file} is the DCF of node {dictionary.node_id}, this is node {node.node}"
+    for value in values:
+        if value.skipped.startswith("does not fit"):
+            yield f"{value.name}: ParameterValue {value.text} {value.skipped}"
 
 
 def _resolve(

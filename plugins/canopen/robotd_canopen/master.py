@@ -224,7 +224,7 @@ class Master:
         """Return the node of an axis or module; axes of one drive share it."""
         known = self.nodes.get(options.node)
         if known is not None:
-            known.share(options)
+            known.share(options, dictionary)
             return known
         node = Node(
             self.bus,

@@ -9,6 +9,7 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import NANOSECONDS, Clock, OperationError, RobotdError, get_logger, wait_until
 from robotd_canopen.bus import Bus
+from robotd_canopen.dcf import DcfValue, dcf_values
 from robotd_canopen.duplicate_id import ANSWERS, HEARTBEATS, HeartbeatRate
 from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
 from robotd_canopen.object_dictionary import startup_writes, variable
@@ -39,6 +40,7 @@ class Node:
         fault: why it is not online, without its name; "" while online and before bring-up.
         state: NMT state of its last heartbeat.
         configured: it has been brought up and has not been reset since.
+        dcf_values: values of its DCF that are written while it starts, before ``startup``.
         startup: objects and values that are written while it starts.
         identity: vendor, product, revision, serial; empty before they are read.
     """
@@ -62,6 +64,7 @@ class Node:
         self.lost_heartbeats = 0
         self.configured = False
         self.identity: tuple[int, ...] = ()
+        self.dcf_values = self._dcf_values(options, dictionary)
         self.startup = startup_writes(options)
         self._skipped = set(options.skip_writes)
         self._supervision_reported = False
@@ -83,8 +86,11 @@ class Node:
         """Error text for a command that needs the node online."""
         return f"{self.name}: {self.fault or 'offline'}"
 
-    def share(self, options: NodeOptions) -> None:
+    def share(self, options: NodeOptions, dictionary: ObjectDictionary) -> None:
         """A further axis of the drive."""
+        known = {(value.index, value.sub) for value in self.dcf_values}
+        further = self._dcf_values(options, dictionary)
+        self.dcf_values += [one for one in further if (one.index, one.sub) not in known]
         self.startup += startup_writes(options)
         self._skipped.update(options.skip_writes)
 
@@ -119,6 +125,10 @@ class Node:
                 log.warning("unused PDO stays enabled", node=self.name, reason=reason)
             for pdo in pdos:
                 configure(self.sdo, pdo)
+        with _step("DCF values"):
+            for one in self.dcf_values:
+                if not one.is_readable or self.sdo.upload(one.index, one.sub) != one.data:
+                    self.sdo.download(one.index, one.sub, one.data)
         with _step("start-up objects"):
             for index, sub, value in self.startup:
                 self.sdo.write(index, sub, value, retry=False)
@@ -220,6 +230,11 @@ class Node:
 
     def _is_answered_twice(self) -> bool:
         return wait_until(lambda: self.sdo.doubled, self._common.sdo_timeout_s, self.clock)
+
+    @staticmethod
+    def _dcf_values(options: NodeOptions, dictionary: ObjectDictionary) -> list[DcfValue]:
+        values = dcf_values(dictionary) if options.dcf_values else []
+        return [value for value in values if not value.skipped]
 
     def _write_heartbeat(self) -> None:
         """Set the heartbeat period, and read the one that the node has made of it."""

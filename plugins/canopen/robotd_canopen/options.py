@@ -72,6 +72,11 @@ class NodeOptions(Section):
     node: NodeId = Field(description="Node id.")
     eds: Path | None = Field(None, description="EDS file, relative to the robot's; null: generic.")
     identity: Identity = Field(Identity(), description="Identity that the node must have.")
+    dcf_values: bool = Field(
+        False,
+        description="Write the values (`ParameterValue`) of the file `eds`, a DCF, at start where"
+        " those of the node differ.",
+    )
     startup: tuple[SdoWrite, ...] = Field((), description="Objects written at start, in order.")
     skip_writes: tuple[StartupWrite, ...] = Field(
         (), description="Objects that are not written at start, such as `0x1016`."
