@@ -17,8 +17,8 @@ from robotd.device.bus_status import BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot
-from robotd_canopen.device import CanopenDevice
 from robotd_canopen.fault_commands import inject
+from robotd_canopen.fault_injector import CanopenDevice
 from robotd_canopen.fieldbus import CanopenFieldbus
 from robotd_canopen.master import Master
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
@@ -39,7 +39,12 @@ class Harness:
     @property
     def network(self) -> SimulatedNetwork:
         assert self.device.simulation is not None
-        return self.device.simulation
+        return self.device.simulation.network
+
+    def power_on(self) -> None:
+        """Start the drives before the bus is opened."""
+        assert self.device.simulation is not None
+        self.device.simulation.start()
 
     def drive(self, node: int) -> DriveNode:
         return cast(DriveNode, self.network.members[node])

@@ -56,7 +56,7 @@ def test_a_wrong_identity_is_rejected(open_rig: OpenRig) -> None:
     defaults = {"counts_per_rad": 1e5, "identity": identity}
     with open_rig(SMALL, axis_defaults=defaults, enable=False) as harness:
         harness.robot.connection.close()
-        harness.device._simulate()
+        harness.power_on()
         harness.inject("2 identity 0x4321")
         with pytest.raises(ConnectError, match=r"vendor_id.*is 0x00004321, expected is 0x00001234"):
             harness.robot.connection.open()

@@ -92,7 +92,7 @@ def test_tpdos_of_drives_that_start_by_themselves(open_rig: OpenRig) -> None:
     """Until a drive is configured its frames have another layout: they are no fault."""
     with open_rig(SMALL, enable=False) as harness:
         harness.robot.connection.close()
-        harness.device._simulate()
+        harness.power_on()
         for node in (1, 2, 3):
             assert inject(harness.network, f"{node} emcy 0") == "ok"
             harness.network.call(partial(harness.drive(node).on_nmt, bytes([1, node]), 0))

@@ -13,7 +13,7 @@ from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_ethercat.device import EthercatDevice
+from robotd_ethercat.fault_injector import EthercatDevice
 from robotd_ethercat.master import Master
 
 SMALL = str(Path(__file__).parent / "three_drives.yaml")

@@ -27,7 +27,7 @@ from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.realtime import request_realtime
 from robotd.robot import Robot
-from robotd_ethercat.device import EthercatDevice
+from robotd_ethercat.fault_injector import EthercatDevice
 
 RATES_HZ = (250, 500, 1000)
 CYCLE_S = 10.0

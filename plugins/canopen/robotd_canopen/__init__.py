@@ -8,90 +8,59 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from robotd.api import (
-    AxisDriver,
-    AxisKeys,
     BackendInfo,
-    Capability,
     DeviceContext,
     DeviceDriver,
     FaultInjector,
-    FieldbusDriver,
-    IoDriver,
+    RobotDescriptor,
     hookimpl,
 )
-from robotd_canopen.section import CanopenSection
-from robotd_cia402.drive_scan import stated_scales
+from robotd_canopen.options import CanopenOptions
+from robotd_cia402.hooks import backend_info, robotd_axes, robotd_fieldbus, robotd_io
 
 if TYPE_CHECKING:
-    from robotd_canopen.device import CanopenDevice
+    from robotd_canopen.fault_injector import CanopenDevice
     from robotd_canopen.layout import NetworkLayout
 
-CAPABILITIES = frozenset(
-    {
-        Capability.VELOCITY_MODE,
-        Capability.TORQUE_MODE,
-        Capability.HOMING,
-        Capability.SCALING,
-        Capability.STATISTICS,
-        Capability.OBJECTS,
-        Capability.DEVICE_WATCHDOG,
-    }
-)
+__all__ = [
+    "robotd_axes",
+    "robotd_backend",
+    "robotd_fault_injector",
+    "robotd_fieldbus",
+    "robotd_io",
+    "robotd_open_device",
+]
+
+
+class CanopenSection(CanopenOptions):
+    """The section ``backends.canopen``, from which the network is planned."""
+
+    def check_robot(self, robot: RobotDescriptor) -> NetworkLayout:
+        """Plan the network, which takes the robot and the EDS files. Raises DescriptorError."""
+        from robotd_canopen.layout import plan_network
+
+        return plan_network(robot, self)
 
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
     """Axes, I/O and diagnostics; no parameter files, registers or hot connect."""
-    return BackendInfo(
-        summary="CiA 402 servo drives and CiA 401 I/O modules on a CAN bus",
-        api_version=1,
-        capabilities=CAPABILITIES,
-        options=CanopenSection,
-        axis_keys=AxisKeys(
-            items="axes",
-            scale="counts_per_rad",
-            polarity="polarity",
-            node="node",
-            identity="identity",
-            window_object="0x6065",
-            stated_scales=lambda read, item: stated_scales(read, item["axis_offset"]),
-        ),
-    )
+    summary = "CiA 402 servo drives and CiA 401 I/O modules on a CAN bus"
+    return backend_info(summary, CanopenSection, "node")
 
 
 @hookimpl
 def robotd_open_device(context: DeviceContext[NetworkLayout]) -> DeviceDriver:
     """Make the device from the network planned when the options were checked."""
-    from robotd_canopen.device import CanopenDevice
-    from robotd_canopen.master import Master
-
-    return CanopenDevice(context.robot, Master(context.robot, context.options, context.clock))
-
-
-@hookimpl
-def robotd_axes(device: CanopenDevice) -> AxisDriver:
-    """One axis for each entry of ``axes``."""
-    from robotd_canopen.canopen_axis import CanopenAxes
-
-    master = device.master
-    return CanopenAxes(master.axes, master.feedback, master)
-
-
-@hookimpl
-def robotd_io(device: CanopenDevice) -> IoDriver | None:
-    """None without modules."""
-    from robotd_cia402.module_io import ModuleIo
-
-    master = device.master
-    return ModuleIo(master.io) if master.options.io else None
-
-
-@hookimpl
-def robotd_fieldbus(device: CanopenDevice) -> FieldbusDriver:
-    """One master."""
     from robotd_canopen.fieldbus import CanopenFieldbus
+    from robotd_canopen.master import Master
+    from robotd_canopen.simulated_robot import Simulation
+    from robotd_cia402.device import Cia402Device
 
-    return CanopenFieldbus(device.master)
+    robot, options = context.robot, context.options.options
+    master = Master(robot, context.options, context.clock)
+    simulation = Simulation(robot, options) if options.simulated else None
+    return Cia402Device(master, CanopenFieldbus(master), simulation)
 
 
 @hookimpl

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from robotd.api import ConnectError, RobotdError, get_logger
-from robotd_canopen.canopen_axis import CanopenAxis
+from robotd_canopen.canopen_drive import CanopenDrive
 from robotd_canopen.default_pdos import LOST
 from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.node import Node
+from robotd_cia402.axis import Axis
 from robotd_cia402.drive_setup import set_up
 
 log = get_logger("canopen")
@@ -26,7 +27,7 @@ class BringUp:
     def __init__(
         self,
         layout: NetworkLayout,
-        axes: Sequence[CanopenAxis],
+        axes: Sequence[Axis[CanopenDrive]],
         bus_name: str,
         *,
         allow_partial: bool,
@@ -68,7 +69,7 @@ class BringUp:
             except Exception as error:  # noqa: BLE001 - a node that fails is one of several
                 known = isinstance(error, RobotdError)
                 node.fault = str(error) if known else f"{type(error).__name__}: {error}"
-                failed.add(node.id)
+                failed.add(node.number)
 
         if work:
             with ThreadPoolExecutor(len(work), thread_name_prefix="canopen-start") as pool:
@@ -77,7 +78,7 @@ class BringUp:
             return
         failures = {}
         for node in work:
-            if node.id in failed:
+            if node.number in failed:
                 path = f"{self._bus_name} → {node.name}"  # the texts of SDO begin with it, too
                 failures[f"canopen → {path}"] = node.fault.replace(f"{path}: ", "")
         if not self._allow_partial or len(failures) == self._count:
@@ -88,25 +89,25 @@ class BringUp:
     def _start(self, node: Node) -> None:
         if not node.identity or node.fault:
             node.identify()
-        axes = [axis for axis in self._axes if axis.node is node]
+        axes = [axis for axis in self._axes if axis.drive.node is node]
         self._report_left_out(node, axes)
         with node.require_unique_id():
-            node.configure(self._layout.pdos(node.id))
+            node.configure(self._layout.pdos(node.number))
             for axis in axes:
                 set_up(axis, self._layout.sync_period_s)
-                axis.canopen.accept()
+                axis.drive.accept()
             node.start()
             for axis in axes:
-                axis.canopen.query()
+                axis.drive.query()
         node.enter()
 
-    def _report_left_out(self, node: Node, axes: Sequence[CanopenAxis]) -> None:
+    def _report_left_out(self, node: Node, axes: Sequence[Axis[CanopenDrive]]) -> None:
         """Log once what is lost without objects that the default PDOs do not hold."""
         effects = [
-            f"0x{axis.layout.index(base):04X}: {LOST[base]}"
+            f"0x{axis.drive.layout.index(base):04X}: {LOST[base]}"
             for axis in axes
-            for base in axis.layout.left_out
-            if axis.objects.is_news(base)
+            for base in axis.drive.layout.left_out
+            if axis.drive.is_news(base)
         ]
         if effects:
             log.warning("objects not in the default PDOs", node=node.name, effects=effects)

@@ -7,6 +7,7 @@ a lost bus, and reports the latter as ``fault``.
 
 from __future__ import annotations
 
+import errno
 import logging
 import threading
 from collections.abc import Callable
@@ -14,11 +15,8 @@ from dataclasses import dataclass
 
 import can
 
-from robotd.api import NANOSECONDS, get_logger, request_realtime
-from robotd_canopen.bus_load import wire_bits
-from robotd_canopen.error_frame import error_frame_text
-from robotd_canopen.frame import Frame
-from robotd_canopen.open_failure import open_failure
+from robotd.api import NANOSECONDS, ConnectError, get_logger, request_realtime
+from robotd_canopen.frame import Frame, error_frame_text, wire_bits
 from robotd_canopen.options import BusOptions
 
 log = get_logger("canopen")
@@ -31,6 +29,16 @@ Handler = Callable[[bytearray], None]
 _POLL_S = 0.1  # after which the receive thread sees that it is to end
 _PAUSE_S = 0.01  # between attempts while the bus fails
 _FAILURES = 20  # consecutive failed calls after which the bus is lost
+
+
+_PERMANENT = {
+    errno.EPERM: "no permission: run as a user who may use the adapter",
+    errno.EACCES: "no permission: run as a user who may use the adapter",
+    errno.EAFNOSUPPORT: "this kernel has no CAN (AF_CAN): sudo modprobe can can_raw",
+    errno.EPROTONOSUPPORT: "this kernel has no raw CAN sockets: sudo modprobe can_raw",
+    errno.ENODEV: "there is no such interface: ip -br link show type can lists them",
+}
+"""Errors that a further attempt does not end, with the remedy."""
 
 
 @dataclass(slots=True)
@@ -95,7 +103,7 @@ class Bus:
                 **options.options,
             )
         except Exception as error:
-            raise open_failure(error, options) from error
+            raise _open_failure(error, options) from error
         self.fault, self.counters, self._failures = None, Counters(), 0
         self.last_malformed = self.last_error = ""
         self.seen.clear()
@@ -205,3 +213,19 @@ class Bus:
         if self._failures >= _FAILURES and self.fault is None:
             self.fault = reason
             log.error("the CAN bus is lost", reason=reason)
+
+
+def _open_failure(error: Exception, options: BusOptions) -> ConnectError:
+    """Return the error for what opening the bus raised."""
+    number = error.errno if isinstance(error, OSError) else None
+    permanent = number in _PERMANENT or isinstance(
+        error, can.CanInterfaceNotImplementedError | ImportError
+    )
+    if number in _PERMANENT:
+        reason = _PERMANENT[number]
+    elif isinstance(error, OSError) and error.strerror:
+        reason = error.strerror
+    else:
+        reason = f"{type(error).__name__}: {error}"
+    path = f"canopen → {options.interface}:{options.channel}"
+    return ConnectError("the CAN bus cannot be opened", {path: reason}, permanent=permanent)

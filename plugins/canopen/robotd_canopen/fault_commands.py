@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, SimulatedNode
+from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
 from robotd_canopen.simulated.simulated_node import STOPPED
 
 HELP = """\
@@ -25,7 +26,8 @@ NODE push ANGLE           the motor is turned by hand by ANGLE rad (or m), with 
 NODE input BYTE BIT 0|1   an input of an I/O module changes
 NODE heal                 ends all of the above"""
 
-Fault = Callable[[SimulatedNode, list[str]], None]
+Fault = Callable[[Any, list[str]], Any]
+"""Called with the node and the words behind its name."""
 
 
 def inject(network: SimulatedNetwork, line: str) -> str:
@@ -40,96 +42,54 @@ def inject(network: SimulatedNetwork, line: str) -> str:
     return "ok"
 
 
-def _number(words: list[str]) -> int:
-    return int(words[0], 0)
+def _number(text: str) -> int:
+    return int(text, 0)
 
 
-def _silence(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.silent = True
+def _setter(name: str, convert: Callable[[str], Any]) -> Fault:
+    """Return a command that sets one of the node's faults to its first word."""
+    return lambda node, words: setattr(node.faults, name, convert(words[0]))
 
 
-def _reboot(node: SimulatedNode, words: list[str]) -> None:
-    node.reboot()
+def _flag(name: str) -> Fault:
+    return lambda node, _: setattr(node.faults, name, True)
 
 
-def _emcy(node: SimulatedNode, words: list[str]) -> None:
-    node.emergency(_number(words))
-
-
-def _trip(node: SimulatedNode, words: list[str]) -> None:
-    if isinstance(node, DriveNode):
-        node.trip(_number(words))
-
-
-def _statusword(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.statusword = _number(words)
-
-
-def _abort(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.sdo_aborts[_number(words), None] = int(words[1], 0)
-
-
-def _timeout(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.sdo_silent.add((_number(words), None))
-
-
-def _identity(node: SimulatedNode, words: list[str]) -> None:
-    node.values[0x1018, 1] = _number(words)
-
-
-def _late(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.pdo_delay_s = float(words[0])
-
-
-def _drop(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.pdo_drop = float(words[0])
-
-
-def _garble(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.garbled = float(words[0])
-
-
-def _stop(node: SimulatedNode, words: list[str]) -> None:
-    node.state = STOPPED
-
-
-def _block(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.blocked = True
-
-
-def _push(node: SimulatedNode, words: list[str]) -> None:
+def _of_drive(node: Any) -> DriveNode:
     if not isinstance(node, DriveNode):
         raise TypeError(f"node {node.number} has no motor")
-    for drive in node.drives:
+    return node
+
+
+def _push(node: Any, words: list[str]) -> None:
+    for drive in _of_drive(node).drives:
         drive.push(float(words[0]))
 
 
-def _input(node: SimulatedNode, words: list[str]) -> None:
+def _input(node: Any, words: list[str]) -> None:
     byte, bit, value = (int(word) for word in words)
     if not isinstance(node, IoNode):
         raise TypeError(f"node {node.number} has no inputs")
     node.set_input_bit(byte, bit, value=bool(value))
 
 
-def _heal(node: SimulatedNode, words: list[str]) -> None:
-    node.faults.heal()
-
-
 _FAULTS: dict[str, Fault] = {
-    "silence": _silence,
-    "reboot": _reboot,
-    "emcy": _emcy,
-    "trip": _trip,
-    "statusword": _statusword,
-    "abort": _abort,
-    "timeout": _timeout,
-    "identity": _identity,
-    "late": _late,
-    "drop": _drop,
-    "garble": _garble,
-    "stop": _stop,
-    "block": _block,
+    "silence": _flag("silent"),
+    "reboot": lambda node, _: node.reboot(),
+    "emcy": lambda node, words: node.emergency(_number(words[0])),
+    "trip": lambda node, words: _of_drive(node).trip(_number(words[0])),
+    "statusword": _setter("statusword", _number),
+    "abort": lambda node, words: node.faults.sdo_aborts.update(
+        {(_number(words[0]), None): _number(words[1])}
+    ),
+    "timeout": lambda node, words: node.faults.sdo_silent.add((_number(words[0]), None)),
+    "identity": lambda node, words: node.values.update({(0x1018, 1): _number(words[0])}),
+    "late": _setter("pdo_delay_s", float),
+    "drop": _setter("pdo_drop", float),
+    "garble": _setter("garbled", float),
+    "stop": lambda node, _: setattr(node, "state", STOPPED),
+    "block": _flag("blocked"),
     "push": _push,
     "input": _input,
-    "heal": _heal,
+    "heal": lambda node, _: node.faults.heal(),
 }

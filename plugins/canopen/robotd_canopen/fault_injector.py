@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TypeAlias
 
 from robotd.api import FaultInjector
-from robotd_canopen.device import CanopenDevice
+from robotd_canopen.master import Master
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
+from robotd_canopen.simulated_robot import Simulation
+from robotd_cia402.device import Cia402Device
 from robotd_cia402.simulated import Drive
+from robotd_cia402.simulated_axis import switch_bit
 
-_SWITCHES = ("negative_limit", "positive_limit", "home_switch")  # bits of object 0x60FD
+CanopenDevice: TypeAlias = Cia402Device[Master, Simulation]
 
 
 class CanopenFaultInjector(FaultInjector):
@@ -20,7 +24,7 @@ class CanopenFaultInjector(FaultInjector):
 
     @property
     def in_process(self) -> bool:  # type: ignore[override]  # depends on the robot
-        return self._device.master.options.simulated
+        return self._device.simulation is not None
 
     def position(self, axis: int) -> float:
         drive = self._drive("position", axis)
@@ -47,9 +51,7 @@ class CanopenFaultInjector(FaultInjector):
 
     def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
         drive = self._drive("press_switch", axis)
-        bit = _SWITCHES.index(switch)
-        if self._device.master.axes[axis].scaling.polarity < 0:
-            bit = (1, 0, 2)[bit]
+        bit = switch_bit(switch, self._device.master.axes[axis].scaling.polarity)
         self._network("press_switch").call(lambda: drive.press(bit, pressed=pressed))
 
     def torque(self, axis: int) -> float:
@@ -75,10 +77,10 @@ class CanopenFaultInjector(FaultInjector):
     def _network(self, method: str) -> SimulatedNetwork:
         if self._device.simulation is None:
             raise self._unsupported(method)
-        return self._device.simulation
+        return self._device.simulation.network
 
     def _node(self, method: str, axis: int) -> DriveNode:
-        number = self._device.master.axes[axis].node.id
+        number = self._device.master.axes[axis].drive.node.number
         node = self._network(method).members[number]
         if not isinstance(node, DriveNode):
             raise self._unsupported(method)

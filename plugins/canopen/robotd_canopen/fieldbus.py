@@ -2,61 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
+from itertools import islice
 
-from robotd.api import BusNode, BusState, BusStatus, ConnectionState, FieldbusDriver
-from robotd_canopen.diagnostic_values import diagnostic_values
+from robotd.api import NANOSECONDS, BusNode, BusState, BusStatus
 from robotd_canopen.master import Master
 from robotd_canopen.nmt import NmtState
 from robotd_canopen.node import Node
 from robotd_canopen.pdo import Direction
+from robotd_cia402.fieldbus import BUS_STATES, Cia402Fieldbus
+
+_SHOWN = 5  # latest emergencies
 
 
-class CanopenFieldbus(FieldbusDriver):
-    """One bus, number 0."""
-
-    def __init__(self, master: Master) -> None:
-        self._master = master
+class CanopenFieldbus(Cia402Fieldbus[Master]):
+    """One bus, number 0; nodes are named by their ids."""
 
     @property
-    def buses(self) -> int:
-        return 1
+    def nodes(self) -> Mapping[int, Node]:
+        return dict(sorted(self._master.nodes.items()))
 
     def status(self, bus: int) -> BusStatus:
-        network = self._master
-        nodes = [network.nodes[number] for number in sorted(network.nodes)]
+        network, nodes = self._master, list(self.nodes.values())
         counters = network.bus.counters
         return BusStatus(
-            state=_STATES[network.state],
-            period_s=network.layout.sync_period_s,
+            state=BUS_STATES[network.state],
+            period_s=network.period_s,
             axes=len(network.axes),
             input_size=len(network.io.inputs),
             output_size=len(network.io.outputs),
             lost_frames=counters.malformed + counters.error_frames,
             timeouts=sum(node.lost_heartbeats for node in nodes),
-            nodes=tuple(self._node(position, node) for position, node in enumerate(nodes)),
+            nodes=tuple(self._status(position, node) for position, node in enumerate(nodes)),
             note=self._note(),
-            details=diagnostic_values(network),
+            details=self._details(),
             extra={
                 "rx_pdo_size": self._size(Direction.RECEIVE),
                 "tx_pdo_size": self._size(Direction.TRANSMIT),
             },
         )
-
-    def node_ids(self, bus: int) -> Sequence[int]:
-        return sorted(self._master.nodes)
-
-    def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
-        return self._master.nodes[node].sdo.upload(index, subindex)
-
-    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
-        written = self._master.nodes[node]
-        try:
-            written.sdo.download(index, subindex, data)
-        finally:  # a write without a response may have been executed
-            for axis in self._master.axes:
-                if axis.node is written:
-                    axis.objects.forget()
 
     def reset_statistics(self, bus: int) -> None:
         counters = self._master.bus.counters
@@ -66,28 +50,17 @@ class CanopenFieldbus(FieldbusDriver):
         for node in self._master.nodes.values():
             node.lost_heartbeats = 0
 
-    def _node(self, position: int, node: Node) -> BusNode:
-        vendor, product, revision, serial = node.identity or (0, 0, 0, 0)
-        alive = node.online or not node.fault
-        state = node.state if alive else NmtState.UNKNOWN
-        return BusNode(
-            id=node.id,
-            state=_NODE_STATES[state],
-            position=position,
-            address=node.id,
-            offline=not node.online,
-            vendor_id=vendor,
-            product_code=product,
-            revision=revision,
-            serial=serial,
-            axes=sum(axis.node is node for axis in self._master.axes),
-            fault=self._fault(node),
-        )
+    def _upload(self, node: int, index: int, sub: int) -> bytes:
+        return self._master.nodes[node].sdo.upload(index, sub)
 
-    def _fault(self, node: Node) -> str:
-        active = self._master.emergencies.active.get(node.id)
-        emergency = active.text if active is not None else ""
-        return node.fault or emergency or self._master.supervision.doubled.get(node.id, "")
+    def _download(self, node: int, index: int, sub: int, data: bytes) -> None:
+        self._master.nodes[node].sdo.download(index, sub, data)
+
+    def _status(self, position: int, node: Node) -> BusNode:
+        alive = node.online or not node.fault
+        state = _NODE_STATES[node.state if alive else NmtState.UNKNOWN]
+        doubled = self._master.supervision.doubled.get(node.number, "")
+        return self._node(node, state, doubled, position=position, address=node.number)
 
     def _size(self, direction: Direction) -> int:
         return sum(
@@ -96,19 +69,46 @@ class CanopenFieldbus(FieldbusDriver):
 
     def _note(self) -> str:
         network = self._master
-        parts = [f"CANopen on {network.bus.name}, states are NMT states"]
-        parts += [str(emergency) for emergency in list(network.emergencies.active.values())]
+        parts = [f"CANopen on {network.bus_name}, states are NMT states", *self._in_force()]
         parts += [network.supervision.fault()] if network.supervision.lost else []
         return "; ".join(parts)
 
+    def _in_force(self) -> list[str]:
+        active = [node.emergency for node in self._master.nodes.values()]
+        return [str(emergency) for emergency in active if emergency is not None]
 
-_STATES = {
-    ConnectionState.IDLE: BusState.INITIALISING,
-    ConnectionState.RUNNING: BusState.CONFIGURABLE,
-    ConnectionState.COMMUNICATING: BusState.OPERATIONAL,
-    ConnectionState.UNKNOWN: BusState.OPERATIONAL,
-    ConnectionState.SHUTDOWN: BusState.INITIALISING,
-}
+    def _details(self) -> Mapping[str, str]:
+        """Loads, counters, SYNC, and the latest emergencies with their age, by name."""
+        network = self._master
+        bus, counters, now_ns = network.bus, network.bus.counters, network.clock.now_ns()
+        silent = [
+            f"{n.label}: {n.lost_heartbeats}" for n in self.nodes.values() if n.lost_heartbeats
+        ]
+        latest = islice(reversed(list(network.emergencies)), _SHOWN)
+        history = [f"{e}, {(now_ns - e.time_ns) / NANOSECONDS:.1f} s ago" for e in latest]
+        return {
+            "bus load (%)": f"{100 * bus.load:.0f}",
+            "computed bus load (%)": f"{100 * network.layout.bus_load:.0f}",
+            "frames received": str(counters.received),
+            "frames sent": str(counters.sent),
+            "malformed frames": _counted(counters.malformed, bus.last_malformed),
+            "error frames": _counted(counters.error_frames, bus.last_error),
+            "failed receives": str(counters.receive_errors),
+            "failed sends": str(counters.send_errors),
+            "lost heartbeats": ", ".join(silent) or "0",
+            "largest SYNC deviation (ms)": f"{network.sync.jitter_ns / 1e6:.2f}",
+            "EMCY in force": _joined(self._in_force()),
+            "latest EMCY": _joined(history),
+        }
+
+
+def _counted(count: int, latest: str) -> str:
+    return f"{count}, the latest: {latest}" if latest else str(count)
+
+
+def _joined(texts: Iterable[str]) -> str:
+    return "; ".join(texts) or "none"
+
 
 _NODE_STATES = {
     NmtState.BOOT_UP: BusState.INITIALISING,

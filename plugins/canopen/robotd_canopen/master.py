@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from functools import partial
 
 from canopen.objectdictionary import ObjectDictionary
 
@@ -11,69 +12,90 @@ from robotd.api import (
     Clock,
     ConnectError,
     ConnectionState,
-    LateSetpoint,
+    FloatArray,
     ProcessImage,
     RobotDescriptor,
-    wait_until,
+    get_logger,
 )
 from robotd_canopen.bring_up import BringUp
 from robotd_canopen.bus import Bus
-from robotd_canopen.canopen_axis import CanopenAxis
+from robotd_canopen.canopen_drive import CanopenDrive
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.io_image import IoImage
 from robotd_canopen.layout import NetworkLayout
+from robotd_canopen.nmt import NmtCommand
 from robotd_canopen.node import Node
 from robotd_canopen.options import NodeOptions
 from robotd_canopen.supervision import Supervision
 from robotd_canopen.sync_producer import SyncProducer
-from robotd_cia402.emcy import EmergencyLog
-from robotd_cia402.scaling import Scaling
-from robotd_cia402.stream_timeout import StreamTimeout
+from robotd_cia402.axes import Cia402Master, name_and_scaling
+
+log = get_logger("canopen")
 
 _DRIVE, _IO = 402, 401
 _LONGEST_PERIODS = 2  # periods that one longer period counts for at most
 
 
-class Master:
-    """State shared by the four drivers."""
+class Master(Cia402Master[CanopenDrive]):
+    """State shared by the drivers of one network.
+
+    Attributes:
+        layout, options: as planned and given.
+        nodes: by node id.
+        bus, io, feedback, sync, supervision: the parts.
+    """
+
+    io: IoImage
+    settle_cycles = 1
 
     def __init__(self, robot: RobotDescriptor, layout: NetworkLayout, clock: Clock) -> None:
-        self.layout, self.clock = layout, clock
-        self.options = options = layout.options
+        self.layout, self.options = layout, layout.options
+        options, period_s = layout.options, layout.sync_period_s
+        super().__init__(clock, period_s, options.stream_timeout_s)
         self.bus = Bus(options.bus, max(0, robot.cycle.realtime_priority - 1))
-        self.emergencies = EmergencyLog()
-        period_s = self.layout.sync_period_s
-        self.feedback = Feedback(self.layout.axes, period_s, robot.engine.stale_after_s)
+        self.bus_name = self.bus.name
+        self.feedback = Feedback(layout.axes, period_s, robot.engine.stale_after_s)
         self.sync = SyncProducer(
             self.bus, clock, period_s, options.heartbeat_s, options.master_node
         )
+        self.timing = self.sync.timing
         self.nodes: dict[int, Node] = {}
-        self.axes = self._make_axes(robot)
+        self._make_axes(robot)
         modules = [
             (self._add_node(module.options, "I/O module", _IO, module.dictionary), module)
-            for module in self.layout.io
+            for module in layout.io
         ]
         self.io = IoImage(self.bus, modules)
         self.supervision = Supervision(
             self.bus, self.nodes, self.axes, self.feedback, options.heartbeat_timeout_s, period_s
         )
         self._bring_up = BringUp(
-            self.layout, self.axes, self.bus.name, allow_partial=options.allow_partial
+            layout, self.axes, self.bus.name, allow_partial=options.allow_partial
         )
         self._state = ConnectionState.IDLE
-        self._cycles = self._read_ns = 0
+        self._read_ns = 0
         self._period_ns = round(NANOSECONDS / robot.cycle.rate_hz)
         self._transmitted = True
-        self._stream = StreamTimeout(clock, options.stream_timeout_s)
 
     @property
     def state(self) -> ConnectionState:
-        """UNKNOWN while a node or the bus is lost."""
         lost = self._state is ConnectionState.COMMUNICATING and self.supervision.lost
         return ConnectionState.UNKNOWN if lost else self._state
 
+    def fault(self) -> str:
+        return self.supervision.fault()
+
+    def summary(self) -> str:
+        drives = {axis.drive.node.number for axis in self.axes}
+        silent = [node.name for node in self.nodes.values() if not node.identity]
+        missing = f"; no answer from {', '.join(silent)}" if silent else ""
+        return (
+            f"CANopen on {self.bus_name}: {len(drives)} drives,"
+            f" {len(self.nodes) - len(drives)} I/O modules,"
+            f" computed bus load {self.layout.bus_load:.0%}{missing}"
+        )
+
     def open(self) -> None:
-        """Open the bus and identify every node. Raises ConnectError."""
         self.bus.open()
         try:
             self._bring_up.identify(self.nodes.values())
@@ -83,8 +105,7 @@ class Master:
         self._state = ConnectionState.RUNNING
 
     def close(self) -> None:
-        self._state = ConnectionState.IDLE
-        self._leave_all()
+        self._leave_all(ConnectionState.IDLE)
         self.bus.close()
 
     def start(self, timeout_s: float) -> None:
@@ -105,9 +126,11 @@ class Master:
         self._state = ConnectionState.COMMUNICATING
 
     def end(self) -> None:
-        """End the supervision of the nodes: communication has been stopped."""
-        self._state = ConnectionState.RUNNING
-        self._leave_all()
+        online = [node for node in self.nodes.values() if node.online]
+        self._leave_all(ConnectionState.RUNNING)  # missing heartbeats are expected from now on
+        for node in online:
+            _try(node, partial(node.watch_master, watch=False))
+            _try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
 
     def read(self, image: ProcessImage) -> None:
         """Control loop: send SYNC, supervise the nodes, fill the image.
@@ -126,47 +149,40 @@ class Master:
             self.sync.send()
             self.feedback.syncs = self.sync.count
             self._transmitted = False
-        self._watch(now_ns)
+        # After a pause of this computer the frames of the nodes are still waiting to be read.
+        elapsed_ns = min(now_ns - self._read_ns, _LONGEST_PERIODS * self._period_ns)
+        self._read_ns = now_ns
+        self.supervision.watch(elapsed_ns, now_ns)
+        if problem := self.stream_problem(now_ns):
+            self.supervision.fail(problem)
         for axis in self.axes:
             axis.observe(image)
-        self._date(image)
+        # While one drive is late the time of the image stays: the values of the others would be of
+        # another SYNC.
+        behind = self.feedback.behind(image.offline)
+        if self.sync.count > behind < 2:
+            image.fresh_ns = self.sync.before_ns if behind else self.timing.time_ns
         if not any(axis.activity.streaming for axis in self.axes):
             self._transmit()
 
-    def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
-        """Control loop: send setpoints to the axes that stream, due at ``due_ns``.
-
-        Raises LateSetpoint when they are from before a stall in which the drives have come to
-        rest: they would move by the way of one period, and stop again.
-        """
-        now_ns = self._stream.restart()
-        if self.sync.after_rest and now_ns > due_ns:
-            raise LateSetpoint
-        for axis in self.axes:
-            if axis.activity.streaming:
-                axis.follow(position[axis.number], velocity[axis.number])
+    def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+        super().stream(position, velocity, due_ns)
         self._transmit()
 
-    def stream_torque(self, torque: Sequence[float]) -> None:
+    def stream_torque(self, torque: FloatArray, due_ns: int) -> None:
         """Control loop: torques; another group's ``stream`` sends them where it runs."""
-        self._stream.restart()
-        for axis in self.axes:
-            axis.follow_torque(torque[axis.number])
+        super().stream_torque(torque, due_ns)
         if all(axis.mode.requested.is_torque or not axis.activity.streaming for axis in self.axes):
             self._transmit()
 
-    def begin_stream(self) -> None:
-        """Start the time-out of the stream."""
-        self._stream.restart()
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        """Switch on only where no other node has the id.
 
-    def settle(self) -> None:
-        """Worker: wait until the image shows the latest change.
-
-        Returns after 10 SYNC periods where no control loop runs.
+        An axis that is on goes on when another one comes; switched off, it stays off.
         """
-        seen = self._cycles
-        period_s = self.layout.sync_period_s
-        wait_until(lambda: self._cycles > seen + 1, 10 * period_s, self.clock, period_s / 4)
+        if on:
+            self.axes[axis].drive.require_unique(timeout_s)
+        super().servo(axis, on, timeout_s)
 
     def _transmit(self) -> None:
         """Send the RPDOs once per SYNC, in the last control period before it."""
@@ -175,48 +191,25 @@ class Master:
             return
         self._transmitted = True
         for axis in self.axes:
-            if axis.node.online:
-                axis.transmit(self.layout.sync_period_s, self.sync.periods)
-                axis.rpdos.send(self.bus)
+            if axis.drive.node.online:
+                axis.transmit(self.period_s, self.sync.periods)
 
-    def _date(self, image: ProcessImage) -> None:
-        """Set the time of the image to the latest SYNC that all drives have answered.
-
-        While one drive is late the time stays: the values of the others would be of another SYNC.
-        """
-        behind = self.feedback.behind(image.offline)
-        if self.sync.count > behind < 2:
-            image.fresh_ns = self.sync.before_ns if behind else self.sync.time_ns
-
-    def _watch(self, now_ns: int) -> None:
-        # After a pause of this computer the frames of the nodes are still waiting to be read.
-        elapsed_ns = min(now_ns - self._read_ns, _LONGEST_PERIODS * self._period_ns)
-        self._read_ns = now_ns
-        self.supervision.watch(elapsed_ns, now_ns)
-        streaming = (axis.node.name for axis in self.axes if axis.activity.streaming)
-        if problem := self._stream.problem(now_ns, streaming):
-            self.supervision.fail(problem)
-
-    def _leave_all(self) -> None:
+    def _leave_all(self, state: ConnectionState) -> None:
+        self._state = state
         for node in self.nodes.values():
             node.online, node.configured, node.fault = False, False, ""
         for axis in self.axes:
-            self.feedback.forget(axis.number)  # of this connection; the next one has new values
+            axis.drive.forget()  # values of this connection; the next one has new ones
         self.supervision.begin()
 
-    def _make_axes(self, robot: RobotDescriptor) -> list[CanopenAxis]:
-        joints = {joint.axis: joint for joint in robot.joints}
-        axes = []
+    def _make_axes(self, robot: RobotDescriptor) -> None:
         for number, layout in enumerate(self.layout.axes):
-            joint = joints.get(number)
-            name = joint.name if joint else f"axis {number}"
+            name, scaling = name_and_scaling(robot, layout.options)
             node = self._add_node(layout.options, name, _DRIVE, layout.dictionary)
-            known = (joint.rated_effort, joint.velocity) if joint else (None, None)
-            scaling = Scaling(layout.options, *known)
-            axes.append(CanopenAxis(number, layout, node, self.feedback, scaling))
+            drive = CanopenDrive(number, layout, node, self.feedback, self.bus)
+            self._add_axis(layout.options, drive, scaling)
             for pdo in layout.tpdos:
                 self.bus.subscribe(pdo.cob_id, self.feedback.handler(number, pdo, scaling))
-        return axes
 
     def _add_node(
         self, options: NodeOptions, what: str, profile: int, dictionary: ObjectDictionary
@@ -229,7 +222,7 @@ class Master:
         node = Node(
             self.bus,
             options,
-            f"{what} (node {options.node})",
+            what,
             profile,
             dictionary,
             self.options,
@@ -238,3 +231,10 @@ class Master:
         )
         self.nodes[options.node] = node
         return node
+
+
+def _try(node: Node, action: Callable[[], None]) -> None:
+    try:
+        action()
+    except Exception as error:  # noqa: BLE001 - the other nodes are stopped all the same
+        log.warning("stopping a node failed", node=node.name, reason=str(error))

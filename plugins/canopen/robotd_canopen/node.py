@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
@@ -10,18 +11,24 @@ from canopen.objectdictionary import ObjectDictionary
 from robotd.api import NANOSECONDS, Clock, OperationError, RobotdError, get_logger, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.dcf import DcfValue, dcf_values
-from robotd_canopen.duplicate_id import ANSWERS, HEARTBEATS, HeartbeatRate
-from robotd_canopen.nmt import NmtCommand, NmtState, heartbeat_state
+from robotd_canopen.nmt import (
+    ANSWERS,
+    HEARTBEATS,
+    HeartbeatRate,
+    NmtCommand,
+    NmtState,
+    heartbeat_state,
+)
 from robotd_canopen.object_dictionary import startup_writes, variable
 from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
 from robotd_canopen.sdo import Sdo
-from robotd_cia402.cyclic_objects import SdoAbort
-from robotd_cia402.emcy import Emergency, EmergencyLog, error_text, register_text
+from robotd_cia402.code_tables import error_text, register_text
+from robotd_cia402.drive_access import SdoAbort
+from robotd_cia402.node import IDENTITY, Emergency, FieldbusNode
 
 log = get_logger("canopen")
 
-_IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 _EMCY, _HEARTBEAT = 0x080, 0x700
 _START_S = 2.0  # for the first heartbeat in state OPERATIONAL
 _CONSUMER = 0x1016
@@ -31,39 +38,31 @@ MISSED = "it may have sent event-driven PDOs while it was lost; start communicat
 """Reason for a node that answers again and whose values may be old."""
 
 
-class Node:
-    """A drive or an I/O module.
+class Node(FieldbusNode):
+    """A drive or an I/O module; its number is the node id.
 
     Attributes:
-        name: for messages, ``joint2 (node 2)``.
-        online: brought up, and not lost since.
-        fault: why it is not online, without its name; "" while online and before bring-up.
         state: NMT state of its last heartbeat.
         configured: it has been brought up and has not been reset since.
         dcf_values: values of its DCF that are written while it starts, before ``startup``.
         startup: objects and values that are written while it starts.
-        identity: vendor, product, revision, serial; empty before they are read.
     """
 
     def __init__(
         self,
         bus: Bus,
         options: NodeOptions,
-        name: str,
+        what: str,
         profile: int,
         dictionary: ObjectDictionary,
         common: CanopenOptions,
-        emergencies: EmergencyLog,
+        emergencies: deque[Emergency],
         clock: Clock,
     ) -> None:
-        self.id = options.node
-        self.name = name
-        self.online = False
-        self.fault = ""
+        super().__init__("node", options.node, what, emergencies)
         self.state = NmtState.UNKNOWN
         self.lost_heartbeats = 0
         self.configured = False
-        self.identity: tuple[int, ...] = ()
         self.dcf_values = self._dcf_values(options, dictionary)
         self.startup = startup_writes(options)
         self._skipped = set(options.skip_writes)
@@ -75,16 +74,10 @@ class Node:
         self.clock, self._bus, self._common = clock, bus, common
         self._expected = options.identity
         self._profile = profile
-        self._emergencies = emergencies
-        path = f"{bus.name} → {name}"
-        self.sdo = Sdo(bus, self.id, path, dictionary, common.sdo_timeout_s, common.sdo_tries)
-        bus.subscribe(_HEARTBEAT + self.id, self._on_heartbeat)
-        bus.subscribe(_EMCY + self.id, self._on_emergency)
-
-    @property
-    def complaint(self) -> str:
-        """Error text for a command that needs the node online."""
-        return f"{self.name}: {self.fault or 'offline'}"
+        path = f"{bus.name} → {self.name}"
+        self.sdo = Sdo(bus, self.number, path, dictionary, common.sdo_timeout_s, common.sdo_tries)
+        bus.subscribe(_HEARTBEAT + self.number, self._on_heartbeat)
+        bus.subscribe(_EMCY + self.number, self._on_emergency)
 
     def share(self, options: NodeOptions, dictionary: ObjectDictionary) -> None:
         """A further axis of the drive."""
@@ -105,7 +98,7 @@ class Node:
                     f"device type 0x1000 is CiA {profile}, expected is CiA {self._profile}"
                 )
             self.identity = tuple(self._identity_part(sub) for sub in range(1, 5))
-        for sub, key in enumerate(_IDENTITY):
+        for sub, key in enumerate(IDENTITY):
             expected, actual = getattr(self._expected, key), self.identity[sub]
             if expected is not None and expected != actual:
                 raise OperationError(
@@ -136,7 +129,7 @@ class Node:
     def start(self) -> None:
         """Start the node and wait for a heartbeat in state OPERATIONAL. Raises OperationError."""
         self.state, self._has_booted, self._silence_ns = NmtState.UNKNOWN, False, 0
-        self._emergencies.forget_before(self.id, self._boot_ns)
+        self.forget_emergency_before(self._boot_ns)
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self.clock):
             raise OperationError(f"NMT start: {self._start_failure()}")
@@ -161,7 +154,7 @@ class Node:
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node alone."""
-        self._bus.send_message(0, bytes([command, self.id]))
+        self._bus.send_message(0, bytes([command, self.number]))
 
     def watch_master(self, *, watch: bool) -> None:
         """Make the node supervise our heartbeat, if it can (object 0x1016)."""
@@ -195,16 +188,6 @@ class Node:
             self.lost_heartbeats += self.online
             return f"no heartbeat for {self._silence_ns / 1e6:.0f} ms"
         return ""
-
-    @property
-    def emergency(self) -> Emergency | None:
-        """The emergency in force. Any thread."""
-        return self._emergencies.active.get(self.id)
-
-    def emergency_text(self) -> str:
-        """Return the emergency in force, with a leading comma; "" without one."""
-        active = self.emergency
-        return f", {active.text}" if active is not None else ""
 
     @contextmanager
     def require_unique_id(self, *, patient: bool = False) -> Iterator[None]:
@@ -260,7 +243,7 @@ class Node:
             self.configured = False
 
     def _on_emergency(self, data: bytearray) -> None:
-        self._emergencies.add(Emergency.decode(self.id, data, self.clock.now_ns()))
+        self.note_emergency(data, self.clock.now_ns())
 
 
 @contextmanager

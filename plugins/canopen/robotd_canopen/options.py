@@ -16,6 +16,7 @@ from robotd_cia402.options import (
     DriveOptions,
     Identity,
     Integer,
+    ModuleOptions,
     ObjectName,
     Positive,
     SdoWrite,
@@ -90,12 +91,10 @@ class AxisOptions(DriveOptions, NodeOptions):
     tpdos: tuple[PdoOptions, ...] = Field((), description="PDOs of the drive; empty: the default.")
 
 
-class IoOptions(NodeOptions):
+class IoOptions(ModuleOptions, NodeOptions):
     """One I/O module, and the bytes of the robot's I/O image that it serves."""
 
-    input_byte: int = Field(0, ge=0, lt=8000, description="First byte of the input image.")
     input_length: int = Field(0, ge=0, le=8, description="Bytes of inputs (object 0x6000).")
-    output_byte: int = Field(0, ge=0, lt=8000, description="First byte of the output image.")
     output_length: int = Field(0, ge=0, le=8, description="Bytes of outputs (object 0x6200).")
 
 
@@ -135,17 +134,10 @@ class CanopenOptions(BackendOptions):
     @model_validator(mode="after")
     def _unique(self) -> Self:
         """Each axis and each part of a node once."""
-        doubled_axes = given_twice(a.axis for a in self.axes)
-        problems = [f"axis {axis} is given twice" for axis in doubled_axes]
-        drives = {(a.node, a.axis_offset) for a in self.axes}
-        if len(drives) < len(self.axes):
-            doubled = given_twice((a.node, a.axis_offset) for a in self.axes)
-            problems += [f"node {n} is given twice with axis_offset {o}" for n, o in doubled]
+        drives = [(axis.node, axis.axis_offset) for axis in self.axes]
         modules = [module.node for module in self.io]
-        taken = {node for node, _ in drives} | {self.master_node}
-        problems += [f"node {node} is given twice" for node in given_twice(modules)]
-        problems += [f"node {node} is given twice" for node in modules if node in taken]
-        if self.master_node in {node for node, _ in drives}:
+        problems = given_twice("node", [axis.axis for axis in self.axes], drives, modules)
+        if self.master_node in {*modules, *(node for node, _ in drives)}:
             problems.append(f"node {self.master_node} is the master's own")
         if problems:
             raise ValueError("; ".join(dict.fromkeys(problems)))

@@ -14,7 +14,7 @@ from robotd.api import OperationError
 from robotd_canopen.object_dictionary import describe, variable
 from robotd_canopen.options import IoOptions, PdoOptions
 from robotd_canopen.sdo import Sdo
-from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.drive_access import SdoAbort
 from robotd_cia402.modes import VELOCITY as VELOCITY_MODES
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import (

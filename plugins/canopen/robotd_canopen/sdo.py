@@ -21,7 +21,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from robotd.api import DeviceTimeout, MonotonicClock, OperationError, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.object_dictionary import describe, variable
-from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.drive_access import SdoAbort
 
 _REQUEST, _RESPONSE = 0x600, 0x580
 _COMMAND = 0xE0  # bits of the first byte; the three bytes that follow an initiate name the object

@@ -7,13 +7,40 @@ from collections import defaultdict
 
 import can
 
-from robotd.api import RobotDescriptor
+from robotd.api import ConnectError, RobotDescriptor
 from robotd_canopen.object_dictionary import GENERIC_DRIVE, GENERIC_IO, eds_path
 from robotd_canopen.options import AxisOptions, CanopenOptions
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, SimulatedNode
 from robotd_cia402.options import Identity
 from robotd_cia402.simulated import Motors
 from robotd_cia402.simulated_axis import drive_model, initial_positions
+
+
+class Simulation:
+    """The robot's nodes in this process, for the option ``simulated``. Worker threads."""
+
+    def __init__(self, robot: RobotDescriptor, options: CanopenOptions) -> None:
+        self._robot, self._options = robot, options
+        self._network: SimulatedNetwork | None = None
+
+    def start(self) -> None:
+        """Power on; no effect on a running network."""
+        if self._network is None:
+            self._network = simulated_network(self._robot, self._options)
+            self._network.start()
+
+    def stop(self) -> None:
+        """Power off. Twice is not an error."""
+        network, self._network = self._network, None
+        if network is not None:
+            network.stop()
+
+    @property
+    def network(self) -> SimulatedNetwork:
+        """Raises ConnectError while powered off."""
+        if self._network is None:
+            raise ConnectError("the simulated nodes are not running")
+        return self._network
 
 
 def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> SimulatedNetwork:

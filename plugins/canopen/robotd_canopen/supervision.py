@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from enum import Enum
 
 from robotd.api import NANOSECONDS, get_logger
 from robotd_canopen.bus import Bus
-from robotd_canopen.canopen_axis import CanopenAxis
+from robotd_canopen.canopen_drive import CanopenDrive
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.node import MISSED, RESET, Node
-from robotd_canopen.outage_log import OutageLog, Return, causes
+from robotd_cia402.axis import Axis
 
 log = get_logger("canopen")
 
 _KEPT = 100  # latest losses
+_SETTLE_NS = 500_000_000  # without a further return: then those that came back are reported
+_MAX_NAMED = 3  # nodes whose causes a text lists; more at once have a common cause
+
+
+class Return(Enum):
+    """Kind of return of a lost node; the value is the log line."""
+
+    RESUMED = "nodes are back with their configuration"
+    RESET = "nodes answer again and need configuration; start communication again"
 
 
 class Supervision:
@@ -29,7 +39,7 @@ class Supervision:
         self,
         bus: Bus,
         nodes: Mapping[int, Node],
-        axes: Sequence[CanopenAxis],
+        axes: Sequence[Axis[CanopenDrive]],
         feedback: Feedback,
         heartbeat_timeout_s: float,
         sync_period_s: float,
@@ -46,7 +56,7 @@ class Supervision:
     @property
     def silent(self) -> list[Node]:
         """Lost nodes that have not answered since. Any thread."""
-        return [node for node in list(self.lost.values()) if node.id not in self._reset]
+        return [node for node in list(self.lost.values()) if node.number not in self._reset]
 
     def begin(self) -> None:
         """Worker: start with no node lost; communication has been started."""
@@ -95,21 +105,21 @@ class Supervision:
             cause = node.missing(period_ns, self._limit_ns)
             if cause and self._lose(node, cause):
                 lost.append(node)
-            elif cause == RESET and node.id in self.lost and node.id not in self._reset:
+            elif cause == RESET and node.number in self.lost and node.number not in self._reset:
                 self._wait_for_configuration(node, RESET)
-            elif not cause and node.id in self.lost and node.configured and not node.online:
+            elif not cause and node.number in self.lost and node.configured and not node.online:
                 self._take_back(node)  # unless a worker has started it just now
         for number, pdo, missed in self._feedback.stale():
-            age_ms, node = missed * self._sync_period_s * 1000, self._axes[number].node
+            age_ms, node = missed * self._sync_period_s * 1000, self._axes[number].drive.node
             if self._lose(node, f"{pdo.name} has not come for {age_ms:.0f} ms"):
                 lost.append(node)
         return lost
 
     def _note_duplicate(self, node: Node, now_ns: int) -> None:
         sign = node.duplicate(now_ns)
-        if sign and node.id not in self.doubled:
+        if sign and node.number not in self.doubled:
             log.warning("suspected duplicate node id", node=node.name, reason=sign)
-            self.doubled[node.id] = sign
+            self.doubled[node.number] = sign
 
     def _lose(self, node: Node, cause: str) -> bool:
         """Mark ``node`` as lost and stop all axes; False if it is not online."""
@@ -117,17 +127,17 @@ class Supervision:
             return False
         node.online = False
         node.fault = cause + node.emergency_text()
-        self.lost[node.id] = node
-        self._reset.discard(node.id)
+        self.lost[node.number] = node
+        self._reset.discard(node.number)
         if cause == RESET:
-            self._reset.add(node.id)
+            self._reset.add(node.number)
             self._forget(node)
         self.stop(f"{node.name}: {node.fault}")
         return True
 
     def _wait_for_configuration(self, node: Node, cause: str) -> None:
         """Mark a lost node that answers again: a worker must configure it."""
-        self._reset.add(node.id)
+        self._reset.add(node.number)
         node.fault, node.configured = cause, False
         self._forget(node)
         self._outage.came_back(node, Return.RESET)
@@ -135,7 +145,7 @@ class Supervision:
     def _forget(self, node: Node) -> None:
         """Discard the values of a node that needs configuration; it may map other objects."""
         for axis in self._axes:
-            if axis.node is node:
+            if axis.drive.node is node:
                 self._feedback.forget(axis.number)
 
     def _take_back(self, node: Node) -> None:
@@ -144,7 +154,7 @@ class Supervision:
         Event-driven TPDOs, as those of I/O modules are, may have been missed: a worker reads
         their values when it configures the node again.
         """
-        axes = [axis for axis in self._axes if axis.node is node]
+        axes = [axis for axis in self._axes if axis.drive.node is node]
         if any(self._feedback.overdue(axis.number) for axis in axes):
             return
         if not axes or any(self._feedback.event_driven(axis.number) for axis in axes):
@@ -153,5 +163,53 @@ class Supervision:
         for axis in axes:
             axis.resume()
         node.online, node.fault = True, ""
-        self.lost.pop(node.id, None)  # unless a worker has restarted communication meanwhile
+        self.lost.pop(node.number, None)  # unless a worker has restarted communication meanwhile
         self._outage.came_back(node, Return.RESUMED)
+
+
+class OutageLog:
+    """Reports nodes that are lost and that come back, many in one line. Control loop."""
+
+    def __init__(self) -> None:
+        self._returned: dict[Return, dict[int, Node]] = {how: {} for how in Return}
+        self._quiet_ns = 0
+
+    def lost(self, nodes: list[Node]) -> None:
+        """Note nodes lost in one period, with their causes; the core reports a lost device."""
+        for returned in self._returned.values():
+            for node in nodes:
+                returned.pop(node.number, None)
+        log.debug("nodes lost, all axes stop", reason=causes(nodes))
+
+    def came_back(self, node: Node, how: Return) -> None:
+        """Note the return of a node; reported with those that follow soon."""
+        self._returned[how][node.number] = node
+        self._quiet_ns = 0
+
+    def advance(self, period_ns: int, *, complete: bool) -> None:
+        """Report the returns that are due, ``period_ns`` later.
+
+        Args:
+            period_ns: time since the last call.
+            complete: no lost node is silent any more, so that none will follow.
+        """
+        self._quiet_ns += period_ns
+        if not complete and self._quiet_ns < _SETTLE_NS:
+            return
+        for how, nodes in self._returned.items():
+            if nodes:
+                write = log.debug if how is Return.RESUMED else log.warning
+                write(how.value, nodes=", ".join(node.name for node in nodes.values()))
+                nodes.clear()
+
+    def clear(self) -> None:
+        """Discard what has not been reported. Worker, while no cycle watches."""
+        for nodes in self._returned.values():
+            nodes.clear()
+
+
+def causes(nodes: Iterable[Node]) -> str:
+    """Format nodes with the cause of each, the first three in full."""
+    texts = [f"{node.name}: {node.fault}" for node in nodes]
+    more = [f"and {len(texts) - _MAX_NAMED} more nodes"] if len(texts) > _MAX_NAMED else []
+    return "; ".join(texts[:_MAX_NAMED] + more)

@@ -19,8 +19,8 @@ class SyncProducer:
 
     Attributes:
         count: SYNCs sent.
-        time_ns, before_ns: nominal times of the last SYNC and of the one before, monotonic; 0
-            without one.
+        timing: nominal time of the last SYNC, monotonic.
+        before_ns: nominal time of the one before; 0 without one.
         periods: whole periods from the SYNC before to the last one: above 1 if some were skipped, 0
             for one close behind a late one.
         jitter_ns: largest deviation of the distance of two SYNCs from the period.
@@ -32,20 +32,11 @@ class SyncProducer:
         self.count = self.before_ns = self.jitter_ns = 0
         self.periods = 1
         self._bus, self._clock = bus, clock
-        self._timing = SyncTiming(round(period_s * NANOSECONDS))
+        self.timing = SyncTiming(round(period_s * NANOSECONDS))
         self._heartbeat_ns = round(heartbeat_s * NANOSECONDS)
         self._heartbeat_due_ns = self._sent_ns = 0
         self._sync_frame = Frame(_SYNC, b"")
         self._heartbeat_frame = Frame(_HEARTBEAT + master_node, bytes([NmtState.OPERATIONAL]))
-
-    @property
-    def after_rest(self) -> bool:
-        """The last SYNC came so late that the drives had come to rest before it."""
-        return self._timing.after_rest
-
-    @property
-    def time_ns(self) -> int:
-        return self._timing.time_ns
 
     def begin(self) -> None:
         """Worker: communication starts; do not count the pause before as jitter."""
@@ -58,7 +49,7 @@ class SyncProducer:
         before: the drives then count for moving, because a setpoint that drives at rest execute is
         better than one withheld from drives that move, which would go back to the one before.
         """
-        self._clock.sleep_until_ns(self._timing.clear_ns(self._clock.now_ns()))
+        self._clock.sleep_until_ns(self.timing.clear_ns(self._clock.now_ns()))
         now_ns = self._clock.now_ns()
         self._bus.send(self._sync_frame)
         self._note(now_ns)
@@ -69,9 +60,9 @@ class SyncProducer:
 
     def _note(self, now_ns: int) -> None:
         if self._sent_ns:
-            deviation_ns = abs(now_ns - self._sent_ns - self._timing.period_ns)
+            deviation_ns = abs(now_ns - self._sent_ns - self.timing.period_ns)
             self.jitter_ns = max(self.jitter_ns, deviation_ns)
         self._sent_ns = now_ns
         self.count += 1
-        self.before_ns = self._timing.time_ns
-        self.periods = self._timing.note_event(now_ns)
+        self.before_ns = self.timing.time_ns
+        self.periods = self.timing.note_event(now_ns)

@@ -1,76 +1,129 @@
-"""Axis driver of CiA 402 drives: passes each call to its axes."""
+"""Axes of one fieldbus: the axis driver, which each backend completes with its exchange."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections import deque
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Generic
 
 from robotd.api import (
+    NANOSECONDS,
     AxisDriver,
     Clock,
     CommandMode,
+    ConnectionState,
     FloatArray,
+    LateSetpoint,
     NotReady,
-    ProcessImage,
     Profile,
     RobotdError,
+    RobotDescriptor,
     Underrun,
+    wait_until,
 )
-from robotd_cia402.axis import Axis
+from robotd_cia402.axis import Axis, DriveT
 from robotd_cia402.commands import Commands
 from robotd_cia402.drive_setup import write_quick_stop_ramp
+from robotd_cia402.module_io import ModuleIo
+from robotd_cia402.node import HISTORY, Emergency
+from robotd_cia402.options import DriveOptions
+from robotd_cia402.scaling import Scaling
+from robotd_cia402.sync_timing import SyncTiming
+
+_SETTLE_PERIODS = 10  # after which a command returns where no control loop runs
 
 
-class Cia402Master(Protocol):
-    """Axes of one fieldbus and their exchange; implemented by each backend."""
+class Cia402Master(AxisDriver, Generic[DriveT]):
+    """All axes of one fieldbus, their exchange, and its life cycle.
+
+    Commands go to the axes by workers, one at a time for each axis; the control loop calls
+    ``read``, ``stream`` and ``stream_torque``.
+
+    Attributes:
+        axes: by axis number.
+        clock, period_s: of the cyclic frames.
+        timing: nominal times of the cyclic frames.
+        emergencies: the latest of all nodes, newest last.
+        io: I/O modules of the bus.
+        bus_name: for messages.
+        settle_cycles: control periods until the image shows the change that a command has made.
+    """
+
+    timing: SyncTiming
+    io: ModuleIo[Any, Any]
+    bus_name: str
+    settle_cycles = 2
+
+    def __init__(self, clock: Clock, period_s: float, stream_timeout_s: float) -> None:
+        self.axes: list[Axis[DriveT]] = []
+        self.clock, self.period_s = clock, period_s
+        self.emergencies: deque[Emergency] = deque(maxlen=HISTORY)
+        self._commands: list[Commands] = []
+        self._cycles = self._streamed_ns = 0
+        self._stream_timeout_s = stream_timeout_s
+
+    def _add_axis(self, options: DriveOptions, drive: DriveT, scaling: Scaling) -> None:
+        axis = Axis(options, drive, scaling)
+        self.axes.append(axis)
+        self._commands.append(Commands(axis, self.clock))
 
     @property
-    def axes(self) -> Sequence[Axis]:
-        """By axis number."""
-        ...
+    @abstractmethod
+    def state(self) -> ConnectionState:
+        """UNKNOWN while a node or the bus is lost."""
 
-    @property
-    def clock(self) -> Clock: ...
+    @abstractmethod
+    def fault(self) -> str:
+        """Return what is lost, with the causes; "" if nothing is. Any thread."""
 
-    def read(self, image: ProcessImage) -> None:
-        """Control loop: as ``AxisDriver.read``."""
-        ...
+    @abstractmethod
+    def summary(self) -> str:
+        """Return one line about the configured nodes and those that do not answer."""
 
-    def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
-        """Control loop: as ``AxisDriver.stream``, with plain numbers."""
-        ...
+    @abstractmethod
+    def open(self) -> None:
+        """Open the bus and identify every node. Raises ConnectError."""
 
-    def stream_torque(self, torque: Sequence[float]) -> None:
-        """Control loop: as ``AxisDriver.stream_torque``, with plain numbers."""
-        ...
+    @abstractmethod
+    def close(self) -> None:
+        """Close the bus. Twice is not an error."""
 
-    def begin_stream(self) -> None:
-        """Worker: start the time-out of the stream."""
-        ...
+    @abstractmethod
+    def start(self, timeout_s: float) -> None:
+        """Bring the nodes into operation, with their servos off. Raises ConnectError."""
 
-    def settle(self) -> None:
-        """Worker: wait until the process image shows the latest change.
-
-        It returns after some periods where no control loop runs.
-        """
-        ...
-
-
-class Cia402Axes(AxisDriver):
-    """All axes of one fieldbus."""
-
-    def __init__(self, master: Cia402Master) -> None:
-        self._master, self._axes = master, master.axes
-        self._commands = [Commands(axis, master.clock) for axis in master.axes]
-
-    def read(self, image: ProcessImage) -> None:
-        self._master.read(image)
+    @abstractmethod
+    def end(self) -> None:
+        """End supervision and exchange; the axes are at rest. Raises RobotdError."""
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-        self._master.stream(position.tolist(), velocity.tolist(), due_ns)
+        """Control loop: take setpoints for the axes that stream, due at ``due_ns``.
+
+        Raises LateSetpoint when they are from before a stall in which the drives have come to
+        rest: they would move by the way of one period, and stop again.
+        """
+        self._streamed_ns = now_ns = self.clock.now_ns()
+        if self.timing.after_rest and now_ns > due_ns:
+            raise LateSetpoint
+        positions, velocities = position.tolist(), velocity.tolist()
+        for axis in self.axes:
+            if axis.activity.streaming:
+                axis.follow(positions[axis.number], velocities[axis.number])
 
     def stream_torque(self, torque: FloatArray, due_ns: int) -> None:
-        self._master.stream_torque(torque.tolist())
+        self._streamed_ns = self.clock.now_ns()
+        torques = torque.tolist()
+        for axis in self.axes:
+            axis.follow_torque(torques[axis.number])
+
+    def stream_problem(self, now_ns: int) -> str:
+        """Control loop: name the nodes that stream without a setpoint for too long; "": none."""
+        if now_ns - self._streamed_ns <= self._stream_timeout_s * NANOSECONDS:
+            return ""
+        streaming = [axis.drive.node.name for axis in self.axes if axis.activity.streaming]
+        names = ", ".join(dict.fromkeys(streaming))
+        return f"{names}: no setpoint for {self._stream_timeout_s:g} s" if names else ""
 
     @property
     def underrun(self) -> Underrun:
@@ -82,21 +135,21 @@ class Cia402Axes(AxisDriver):
         try:
             for axis in axes:
                 self._commands[axis].prepare_stream()
-            self._master.begin_stream()
+            self._streamed_ns = self.clock.now_ns()
             for axis in axes:
                 self._commands[axis].begin_stream()
         except RobotdError:
-            self._master.begin_stream()
+            self._streamed_ns = self.clock.now_ns()
             for axis in axes:
                 self._commands[axis].end_stream()
                 self._commands[axis].leave_torque()
             raise
-        self._master.settle()
+        self.settle()
 
     def end_stream(self, axes: Sequence[int]) -> None:
         for axis in axes:
             self._commands[axis].end_stream()
-        self._master.settle()
+        self.settle()
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         commands = self._commands[axis]
@@ -104,32 +157,32 @@ class Cia402Axes(AxisDriver):
             commands.enable(timeout_s)
         else:
             commands.disable(timeout_s)
-        self._master.settle()
+        self.settle()
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].clear_alarm(timeout_s)
-        self._master.settle()
+        self.settle()
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         self._commands[axis].set_mode(mode)
-        self._master.settle()
+        self.settle()
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         self._require_off(axis)
-        scaling = self._axes[axis].scaling
+        scaling = self.axes[axis].scaling
         scaling.change(scaling.counts_per_unit, polarity)
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         self._require_off(axis)
-        drive = self._axes[axis]
-        drive.scaling.change(numerator / denominator, drive.scaling.polarity)
-        drive.objects.forget()
-        if drive.drive.online:  # else it is written when the drive is configured again
-            write_quick_stop_ramp(drive)
+        scaled = self.axes[axis]
+        scaled.scaling.change(numerator / denominator, scaled.scaling.polarity)
+        scaled.drive.forget_written()
+        if scaled.drive.node.online:  # else it is written when the drive is configured again
+            write_quick_stop_ramp(scaled)
 
     def home(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].home(timeout_s)
-        self._master.settle()
+        self.settle()
 
     def move(self, axis: int, target: float, profile: Profile) -> None:
         self._commands[axis].move(target, profile)
@@ -145,8 +198,25 @@ class Cia402Axes(AxisDriver):
         for axis in axes:
             self._commands[axis].quick_stop()
 
+    def settle(self) -> None:
+        """Worker: wait until the image shows the latest change.
+
+        It returns after some periods where no control loop runs.
+        """
+        shown, period_s = self._cycles + self.settle_cycles, self.period_s
+        limit_s = _SETTLE_PERIODS * period_s
+        wait_until(lambda: self._cycles > shown, limit_s, self.clock, period_s / 4)
+
     def _require_off(self, axis: int) -> None:
-        drive = self._axes[axis]
-        if drive.report.powered:
-            text = f"{drive.drive.name}: its scale cannot be changed while the servo is on"
+        if self.axes[axis].report.powered:
+            node = self.axes[axis].drive.node
+            text = f"{node.label}: its scale cannot be changed while the servo is on"
             raise NotReady(text, axis=axis)
+
+
+def name_and_scaling(robot: RobotDescriptor, options: DriveOptions) -> tuple[str, Scaling]:
+    """Return name and units of an axis, which may be no joint."""
+    for joint in robot.joints:
+        if joint.axis == options.axis:
+            return joint.name, Scaling(options, joint.rated_effort, joint.velocity)
+    return f"axis {options.axis}", Scaling(options, None)

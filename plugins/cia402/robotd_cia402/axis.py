@@ -1,52 +1,47 @@
 """One axis, composed from its parts, and its work in each control period.
 
-Each part is the only writer of its own fields: ``DriveReport`` (received), ``PowerStage``,
-``ModeControl``, ``Setpoint``, ``Activity``, ``ProfileEstimate``, ``OutputValues`` (sent) and
-``DriveObjects`` (sent by SDO). Workers give commands (``commands.py``), one at a time for each
-axis; the control loop acts on them. Nothing here blocks.
+Each part is the only writer of its own fields: ``DriveReport`` (received), ``PowerStage`` and
+``ModeControl`` (controlword), ``Activity``, ``Setpoint`` and ``ProfileEstimate`` (commanded
+motion). Workers give commands (``commands.py``), one at a time for each axis; the control loop acts
+on them. Nothing here blocks.
 """
 
 from __future__ import annotations
 
 import math
 import threading
+from typing import Generic, TypeVar
 
 from robotd.api import CommandMode, Operation, ProcessImage, Profile, get_logger
-from robotd_cia402.activity import Activity
-from robotd_cia402.cyclic_objects import CyclicObjects
-from robotd_cia402.drive_objects import DriveObjects
-from robotd_cia402.drive_report import DriveReport, switches
-from robotd_cia402.mode_control import ModeControl
+from robotd_cia402.controlword import Control, DriveState, ModeControl, Phase, PowerStage, Status
+from robotd_cia402.drive_access import DriveAccess, DriveReport
 from robotd_cia402.modes import OperationMode, rest_mode
+from robotd_cia402.motion import Activity, ProfileEstimate, Setpoint
 from robotd_cia402.options import DriveOptions
-from robotd_cia402.output_values import OutputValues
-from robotd_cia402.power_stage import PowerStage
-from robotd_cia402.profile_estimate import ProfileEstimate
-from robotd_cia402.scaling import Scaling
-from robotd_cia402.set_point_handshake import Phase
-from robotd_cia402.setpoint import Setpoint
-from robotd_cia402.state_machine import Control, DriveState, Status
+from robotd_cia402.scaling import Scaling, wrapped
 
 log = get_logger("cia402")
+
+DriveT = TypeVar("DriveT", bound=DriveAccess)
 
 _GENERIC_ERROR = 0x1000  # of a drive that has no number for its fault
 _ENABLE_INTERPOLATION = int(Control.ENABLE_INTERPOLATION)
 _WATCHED = (Operation.POSITION, Operation.VELOCITY, Operation.STOPPING)  # end by the report
+_NOTHING_SENT = -1
 
 
-class Axis:
-    """Axis ``number`` of the robot.
+class Axis(Generic[DriveT]):
+    """Axis ``options.axis`` of the robot.
 
     Attributes:
         options, drive, scaling: its section, the objects of its drive, and the drive's units.
         lock: held by the worker whose command runs.
-        report, power, mode, setpoint, activity, estimate, outputs, objects: the parts.
+        report, power, mode, setpoint, activity, estimate: the parts.
+        controlword: of the last frame; -1 before the first.
     """
 
-    def __init__(
-        self, number: int, options: DriveOptions, drive: CyclicObjects, scaling: Scaling
-    ) -> None:
-        self.number, self.options, self.drive, self.scaling = number, options, drive, scaling
+    def __init__(self, options: DriveOptions, drive: DriveT, scaling: Scaling) -> None:
+        self.number, self.options, self.drive, self.scaling = options.axis, options, drive, scaling
         self.lock = threading.RLock()
         self.report = DriveReport(drive, scaling)
         self.power = PowerStage()
@@ -54,8 +49,7 @@ class Axis:
         self.setpoint = Setpoint(options.stop_deceleration_rad_s2)
         self.activity = Activity()
         self.estimate = ProfileEstimate(options.quick_stop_deceleration_rad_s2)
-        self.outputs = OutputValues(drive, scaling)
-        self.objects = DriveObjects(drive)
+        self.controlword = _NOTHING_SENT
         self._shown: tuple[object, ...] = ()  # state that the image has
 
     def transmit(self, period_s: float, periods: int = 1) -> None:
@@ -63,7 +57,7 @@ class Axis:
 
         ``periods`` have passed since the frame before; the drive's own profiles have advanced.
         """
-        powered = self.report.powered
+        setpoint, scaling, powered = self.setpoint, self.scaling, self.report.powered
         if not (powered and self.activity.streaming):
             self.estimate.advance(periods * period_s)
             self._advance(period_s)
@@ -71,8 +65,23 @@ class Axis:
         word = self.power.control | self.mode.bits
         if mode is OperationMode.INTERPOLATED_POSITION and powered:
             word |= _ENABLE_INTERPOLATION
-        self.outputs.put(word, mode, self.report.displayed_mode, self.setpoint)
-        self.setpoint.waits = False
+        position = setpoint.position
+        counts = wrapped(scaling.counts(position)) if math.isfinite(position) else 0
+        target, velocity, torque = counts, 0, 0
+        if mode is OperationMode.PROFILE_POSITION:
+            # A drive takes some frames to change its mode. While it has not displayed this one, it
+            # may still follow the target position as a cyclic setpoint.
+            if self.report.displayed_mode == mode:
+                target = wrapped(setpoint.target_counts)
+        elif mode is OperationMode.CYCLIC_VELOCITY:
+            velocity = scaling.velocity_units(setpoint.velocity)
+        elif mode is OperationMode.PROFILE_VELOCITY:
+            velocity = scaling.velocity_units(setpoint.target_velocity)
+        elif mode.is_torque:
+            torque = scaling.torque_units(setpoint.torque)
+        self.drive.put((word, mode, target, velocity, torque, counts))
+        self.controlword = word
+        setpoint.waits = False
 
     def observe(self, image: ProcessImage) -> None:
         """Control loop: act on the drive's report, and write this axis' part of ``image``."""
@@ -83,7 +92,7 @@ class Axis:
                 self.hold()
         else:
             if not report.powered:
-                self._watch_power()
+                self._note_off()
             if activity.operation in _WATCHED:
                 self._watch_operation()
             self._fill_values(image)
@@ -91,9 +100,14 @@ class Axis:
 
     def follow(self, position: float, velocity: float) -> None:
         """Control loop: a streamed setpoint; the position does not count in a velocity mode."""
-        mode = self.mode.requested
-        if not mode.is_torque:
-            self.setpoint.follow(position, velocity, by_velocity=mode.is_velocity)
+        mode, setpoint = self.mode.requested, self.setpoint
+        if mode.is_torque:
+            return
+        setpoint.velocity, setpoint.waits = velocity, True
+        if mode.is_velocity:
+            setpoint.target_velocity = velocity
+        else:
+            setpoint.position = position
 
     def follow_torque(self, torque: float) -> None:
         """Control loop: a streamed torque, N·m or N; NaN: unchanged."""
@@ -106,7 +120,7 @@ class Axis:
         self.setpoint.target_counts = self.scaling.counts(target)
         if self.mode.requested is not OperationMode.PROFILE_POSITION:
             self.estimate.rest(self.setpoint.position)
-        self.estimate.plan(target, profile)
+        self.estimate.planned = target, profile
         self.mode.begin_target()
         self.activity.begin(Operation.POSITION)
 
@@ -129,7 +143,7 @@ class Axis:
 
     def hold(self) -> None:
         """Idle from now on, at the present command."""
-        self.activity.end()
+        self.activity.begin(Operation.IDLE)
         self.setpoint.velocity = 0.0
 
     def present_position(self) -> float:
@@ -148,10 +162,10 @@ class Axis:
 
     def forget(self) -> None:
         """Worker: forget the state of a drive that has been configured again; it is off."""
-        self.report.forget()
+        self.drive.forget()
+        self.drive.forget_written()
         self.power.reset()
-        self.mode.clear_bits()
-        self.objects.forget()
+        self.mode.bits = 0
         self.activity.home_done = False
         self.hold()
 
@@ -173,24 +187,28 @@ class Axis:
 
     def _advance_target(self, period_s: float) -> None:
         """Run the handshake of a move; the estimate begins when the set-point bit is sent."""
-        phase = self.mode.advance_target(self.report, period_s)
-        if phase is Phase.ASKING:
+        mode, report = self.mode, self.report
+        if not mode.advance_target(report.statusword, report.displayed_mode, period_s):
+            return
+        if mode.phase is Phase.ASKING:
             self.estimate.begin_planned()
-        elif phase is Phase.FAILED:
-            log.error("the drive does not take the target", node=self.drive.name, axis=self.number)
+        elif mode.phase is Phase.FAILED:
+            node = self.drive.node.label
+            log.error("the drive does not take the target", node=node, axis=self.number)
             self.hold()
 
-    def _watch_power(self) -> None:
+    def _note_off(self) -> None:
         """Take note of a power stage that is off."""
-        if self.power.watch(self.report):
-            self.mode.clear_bits()
+        if self.power.note_off(self.report.statusword, self.report.state):
+            self.mode.bits = 0
         if not self.activity.is_idle:
             self.hold()
             self.activity.complete = False
 
     def _watch_operation(self) -> None:
+        reached = self.report.statusword & Status.TARGET_REACHED
         match self.activity.operation:
-            case Operation.POSITION if self._is_reached():
+            case Operation.POSITION if reached and self.mode.phase is Phase.DONE:
                 self.setpoint.position = self.setpoint.target_counts * self.scaling.position
                 self.activity.complete = True
                 self.hold()
@@ -202,9 +220,6 @@ class Axis:
                 self.hold()
             case _:
                 pass
-
-    def _is_reached(self) -> bool:
-        return self.mode.target_taken and bool(self.report.statusword & Status.TARGET_REACHED)
 
     def _is_at_rest(self) -> bool:
         """Return True for an axis whose command is 0 and whose motor is at rest."""
@@ -251,14 +266,14 @@ class Axis:
         if state == self._shown and not report.in_alarm and not image.offline[number]:
             return
         self._shown = state
-        known, powered, alarm, inputs, polarity, operation, complete, home_done, mode, lost = state
+        known, powered, alarm, _, _, operation, complete, home_done, mode, lost = state
         image.offline[number], image.servo_on[number] = not known, powered
         image.amp_alarm[number] = alarm
         image.alarm_code[number] = (report.error_code or _GENERIC_ERROR) if alarm else 0
         image.reason[number] = self._reason(lost)
         image.operation[number], image.motion_complete[number] = operation, complete
         image.home_done[number], image.mode[number] = home_done, mode
-        negative, positive, home = switches(inputs, polarity)
+        negative, positive, home = report.switches()
         image.negative_limit[number], image.positive_limit[number] = negative, positive
         image.home_switch[number] = home
 
@@ -267,9 +282,9 @@ class Axis:
 
         ``lost``: as ``PowerStage.lost``.
         """
-        name, report = self.drive.name, self.report
+        node, report = self.drive.node, self.report
         if not report.known:
-            return f"{name}: {self.drive.fault or self.drive.awaited}"
+            return f"{node.label}: {node.fault or self.drive.awaited}"
         if report.in_alarm:
-            return f"{name}: {report.alarm_text}"
-        return f"{name}: {lost}" if lost else ""
+            return f"{node.label}: {report.alarm_text}"
+        return f"{node.label}: {lost}" if lost else ""

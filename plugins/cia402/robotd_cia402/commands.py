@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from robotd.api import (
     NANOSECONDS,
@@ -20,9 +21,9 @@ from robotd.api import (
     wait_until,
 )
 from robotd_cia402.axis import Axis
+from robotd_cia402.controlword import TOWARDS_ENABLED, Control, DriveState, Status
 from robotd_cia402.modes import STREAM_MODES, VELOCITY_MODES, OperationMode, rest_mode
 from robotd_cia402.object_numbers import TARGET_TORQUE, TARGET_VELOCITY
-from robotd_cia402.state_machine import TOWARDS_ENABLED, Control, DriveState, Status
 
 _HERE = (35, 37)  # homing methods that take the present position
 _STEP_S = 1.0  # for a change of mode or a handshake
@@ -35,8 +36,8 @@ class Commands:
     A wait that fails raises an error that names node and state.
     """
 
-    def __init__(self, axis: Axis, clock: Clock) -> None:
-        self._axis, self._clock = axis, clock
+    def __init__(self, axis: Axis[Any], clock: Clock) -> None:
+        self._axis, self._report, self._clock = axis, axis.report, clock
         self._stops = 0  # when the stream was prepared
 
     def enable(self, timeout_s: float) -> None:
@@ -44,73 +45,73 @@ class Commands:
 
         An axis that is on is left as it is, and taken out of a quick stop.
         """
-        axis = self._axis
+        axis, report = self._axis, self._report
         with axis.lock:
             self.require_online()
-            if axis.power.requested and axis.report.powered:
+            if axis.power.requested and report.powered:
                 self._recover()
                 return
             deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
-            if not self._wait(lambda: axis.report.known, timeout_s):
-                reason = axis.drive.fault or axis.drive.awaited
+            if not self._wait(lambda: report.known, timeout_s):
+                reason = axis.drive.node.fault or axis.drive.awaited
                 raise self._error(NotReady, f"its position is not known: {reason}")
-            if not self._wait(lambda: not axis.report.powered, timeout_s):
-                text = f"the last servo-off has not ended within {timeout_s:g} s, {self._status()}"
-                raise self._error(DeviceTimeout, text)
-            axis.mode.clear_bits()
+            late = f"the last servo-off has not ended within {timeout_s:g} s"
+            self._require(lambda: not report.powered, timeout_s, late)
+            axis.mode.bits = 0
             axis.power.lost = ""
             axis.mode.requested = self._rest_mode()
             try:
-                while axis.report.state is not DriveState.OPERATION_ENABLED:
+                while (state := report.state) is not DriveState.OPERATION_ENABLED:
                     self._require_no_alarm()
+                    axis.power.control = int(TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE))
                     left_s = (deadline_ns - self._clock.now_ns()) / NANOSECONDS
-                    if left_s <= 0 or not self._next_state(left_s):
+                    left = partial(lambda old: report.state is not old, state)
+                    if left_s <= 0 or not self._wait(left, left_s):
                         text = f"the servo did not go on within {timeout_s:g} s, {self._status()}"
                         raise self._error(DeviceTimeout, text)
                 self._enter(axis.mode.requested)
             except RobotdError:
-                axis.power.command(Control.DISABLE_VOLTAGE)
+                axis.power.control = int(Control.DISABLE_VOLTAGE)
                 raise
-            axis.power.request()
+            axis.power.requested = True
 
     def disable(self, timeout_s: float) -> None:
         """Switch the power stage off; a homing ends by it.
 
         A command that is being started begins no motion.
         """
-        axis = self._axis
+        axis, report = self._axis, self._report
         axis.activity.stops += 1
         if axis.activity.operation is Operation.HOMING:  # it holds the lock
-            axis.power.release(axis.report)
+            axis.power.release(report.state)
         with axis.lock:
-            axis.power.release(axis.report)
-            axis.mode.clear_bits()
+            axis.power.release(report.state)
+            axis.mode.bits = 0
             self.require_online()
-            if not self._wait(lambda: not axis.report.powered, timeout_s):
-                text = f"the servo did not go off within {timeout_s:g} s, {self._status()}"
-                raise self._error(DeviceTimeout, text)
+            late = f"the servo did not go off within {timeout_s:g} s"
+            self._require(lambda: not report.powered, timeout_s, late)
             axis.hold()
 
     def clear_alarm(self, timeout_s: float) -> None:
         """Fault reset: bit 7 must rise, so it is sent as 0 first."""
-        axis = self._axis
+        axis, report = self._axis, self._report
         with axis.lock:
             self.require_online()
             # Just after the start the drive may not have reported its alarm yet.
-            self._wait(lambda: axis.report.state is not DriveState.UNKNOWN, _STEP_S)
-            if not axis.report.in_alarm:
+            self._wait(lambda: report.state is not DriveState.UNKNOWN, _STEP_S)
+            if not report.in_alarm:
                 return
-            axis.mode.clear_bits()
-            self._wait(lambda: axis.report.state is not DriveState.FAULT_REACTION_ACTIVE, timeout_s)
+            axis.mode.bits = 0
+            self._wait(lambda: report.state is not DriveState.FAULT_REACTION_ACTIVE, timeout_s)
             for word in (Control.DISABLE_VOLTAGE, Control.FAULT_RESET):
-                axis.power.command(word)
-                self._wait(partial(self._was_sent, word), _STEP_S)
-            cleared = self._wait(lambda: not axis.report.in_alarm, timeout_s)
-            axis.power.command(Control.DISABLE_VOLTAGE)
+                axis.power.control = int(word)
+                self._wait(partial(lambda sent: axis.controlword == sent, word), _STEP_S)
+            cleared = self._wait(lambda: not report.in_alarm, timeout_s)
+            axis.power.control = int(Control.DISABLE_VOLTAGE)
             axis.power.lost = ""
             if not cleared:
-                axis.report.read_error_register()
-                text = f"the alarm is still there after {timeout_s:g} s: {axis.report.alarm_text}"
+                report.read_error_register()
+                text = f"the alarm is still there after {timeout_s:g} s: {report.alarm_text}"
                 raise self._error(DeviceTimeout, text)
 
     def set_mode(self, mode: CommandMode) -> None:
@@ -183,7 +184,9 @@ class Commands:
             self._require_power()
             self._recover()
             axis.activity.complete = False
-            profile = self._write_profile(profile)
+            speed = abs(axis.scaling.velocity_units(profile.velocity))
+            axis.drive.set_value(0x6081, 0, speed)
+            profile = self._write_ramps(profile)
             self._require_no_stop(stops)
             axis.begin_move(target, profile)
             self._require_no_stop(stops)
@@ -206,7 +209,7 @@ class Commands:
                 setpoint.target_velocity = setpoint.velocity = 0.0
                 self._enter(mode)
             self._require_no_stop(stops)
-            axis.mode.clear_bits()
+            axis.mode.bits = 0
             axis.activity.complete = False
             setpoint.target_velocity = profile.velocity
             axis.estimate.run(profile.velocity, profile.acceleration, profile.deceleration)
@@ -216,25 +219,30 @@ class Commands:
 
     def home(self, timeout_s: float) -> None:
         """Homing mode with the configured method; 35 and 37 do not move."""
-        axis, options = self._axis, self._axis.options
+        axis, drive, options = self._axis, self._axis.drive, self._axis.options
         stops, braking_s = axis.activity.stops, 0.0
         with axis.lock:
             self._require_power()
             self._recover()
             axis.activity.home_done = False
-            axis.objects.write(0x6098, 0, options.homing_method)
+            drive.set_value(0x6098, 0, options.homing_method)
             if options.homing_method not in _HERE:
                 speeds = options.homing_speed_rad_s, options.homing_creep_rad_s
                 for sub, speed in enumerate(speeds, 1):
-                    axis.objects.write(0x6099, sub, abs(axis.scaling.velocity_units(speed)))
+                    drive.set_value(0x6099, sub, abs(axis.scaling.velocity_units(speed)))
                 ramp = axis.scaling.ramp_units(options.homing_acceleration_rad_s2)
-                axis.objects.write(0x609A, 0, ramp)
+                drive.set_value(0x609A, 0, ramp)
                 braking_s = max(speeds) / options.homing_acceleration_rad_s2
             try:
                 self._enter(OperationMode.HOMING)
                 self._run_homing(timeout_s, stops)
             finally:
-                self._end_homing(braking_s)
+                # End the drive's own motion; then every value is from after it.
+                axis.mode.bits = 0
+                if not axis.activity.is_idle:
+                    axis.activity.begin_stop()
+                    self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S)
+                self._wait_for_fresh_values()
                 axis.report.rebase()
                 axis.setpoint.position = axis.report.position
                 axis.mode.requested = self._rest_mode()
@@ -258,16 +266,16 @@ class Commands:
             axis.power.quick_stop()
 
     def require_online(self) -> None:
-        drive = self._axis.drive
-        if not drive.online:
-            raise self._error(NotReady, drive.fault or "offline")
+        node = self._axis.drive.node
+        if not node.online:
+            raise self._error(NotReady, node.fault or "offline")
 
     def _run_homing(self, timeout_s: float, stops: int) -> None:
-        axis, report, activity = self._axis, self._axis.report, self._axis.activity
+        axis, report, activity = self._axis, self._report, self._axis.activity
         activity.begin(Operation.HOMING)
         self._require_no_stop(stops)
         axis.mode.bits = int(Control.START_HOMING)
-        started = self._wait(lambda: bool(axis.outputs.controlword & Control.START_HOMING), _STEP_S)
+        started = self._wait(lambda: bool(axis.controlword & Control.START_HOMING), _STEP_S)
         self._wait_for_fresh_values()  # until then the statusword may be that of the homing before
         done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
 
@@ -275,29 +283,20 @@ class Commands:
             interrupted = activity.operation is not Operation.HOMING
             return interrupted or bool(report.statusword & Status.HOMING_ERROR)
 
-        ended = started and self._wait(
-            lambda: report.statusword & done == done or failed(), timeout_s
-        )
-        if not ended:
+        def ended() -> bool:
+            return report.statusword & done == done or failed()
+
+        if not started or not self._wait(ended, timeout_s):
             text = f"homing did not end within {timeout_s:g} s, {self._status()}"
             raise self._error(DeviceTimeout, text)
         if failed():
             raise self._error(OperationError, f"homing failed, {self._status()}")
 
-    def _end_homing(self, braking_s: float) -> None:
-        """End the drive's own motion; return when every value is from after it."""
-        axis = self._axis
-        axis.mode.clear_bits()
-        if not axis.activity.is_idle:
-            axis.activity.begin_stop()
-            self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S)
-        self._wait_for_fresh_values()
-
     def _wait_for_fresh_values(self) -> None:
         """Wait until every value is from after the present frame."""
-        report = self._axis.report
-        seen = report.frames
-        self._wait(lambda: report.frames > seen + _FRESH_FRAMES, _STEP_S)
+        drive = self._axis.drive
+        seen = drive.frames
+        self._wait(lambda: drive.frames > seen + _FRESH_FRAMES, _STEP_S)
 
     def _require_no_stop(self, stops: int) -> None:
         """Raise OperationError, with the axis stopped, after a stop since ``stops`` of them."""
@@ -305,29 +304,13 @@ class Commands:
             self.stop()
             raise self._error(OperationError, "stopped before the motion began")
 
-    def _error(self, kind: type[RobotdError], text: str) -> RobotdError:
-        """Return an error of this axis that names its node, or why that is lost."""
-        drive = self._axis.drive
-        if kind is DeviceTimeout and not drive.online:
-            kind, text = NotReady, drive.fault or "offline"
-        return kind(f"{self._axis.drive.name}: {text}", axis=self._axis.number)
-
-    def _was_sent(self, word: int) -> bool:
-        return self._axis.outputs.controlword == word
-
     def _rest_mode(self) -> OperationMode:
         """Mode of an axis without a command."""
         return rest_mode(self._axis.options, self._axis.mode.command_mode)
 
-    def _next_state(self, timeout_s: float) -> bool:
-        """One transition towards operation enabled."""
-        report, state = self._axis.report, self._axis.report.state
-        self._axis.power.command(TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE))
-        return self._wait(lambda: report.state is not state, timeout_s)
-
     def _enter(self, mode: OperationMode) -> None:
         """Change the mode of a powered axis at rest; wait for the mode display."""
-        axis, report = self._axis, self._axis.report
+        axis, report = self._axis, self._report
         if report.displayed_mode != mode or axis.mode.requested is not mode:
             if not axis.mode.requested.is_cyclic_position:
                 axis.setpoint.position = report.demand()
@@ -338,7 +321,7 @@ class Commands:
             text = f"mode {mode.name.lower()} was requested, {shown}"
             raise self._error(DeviceTimeout, text)
         if mode.is_cyclic_position:
-            axis.mode.clear_bits()
+            axis.mode.bits = 0
 
     def _enter_torque(self) -> None:
         """Enter the cyclic torque mode, with the torque that holds the axis."""
@@ -364,63 +347,68 @@ class Commands:
 
         Raises DeviceTimeout when it does not come to rest, or does not obey.
         """
-        axis = self._axis
-        report = axis.report
-        if report.state is DriveState.QUICK_STOP_ACTIVE:
-            braking_s = abs(report.velocity) / axis.options.quick_stop_deceleration_rad_s2
-            if not self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S):
-                text = f"it still moves in its quick stop, {self._status()}"
-                raise self._error(DeviceTimeout, text)
-            axis.setpoint.stand_at(axis.present_position())
-            if axis.mode.requested.is_torque:
-                axis.mode.requested = self._rest_mode()
-            torque = OperationMode.CYCLIC_TORQUE
-            if not self._wait(lambda: report.displayed_mode != torque, _STEP_S):
-                text = "the drive remains in its torque mode; switch the servo off and on"
-                raise self._error(DeviceTimeout, text)
-            axis.mode.halt()
-            axis.power.command(Control.ENABLE_OPERATION)
-            if not self._wait(lambda: report.state is DriveState.OPERATION_ENABLED, _STEP_S):
-                text = f"the drive remains in quick stop, {self._status()}"
-                raise self._error(DeviceTimeout, text)
-
-    def _write_profile(self, profile: Profile) -> Profile:
-        speed = abs(self._axis.scaling.velocity_units(profile.velocity))
-        self._axis.objects.write(0x6081, 0, speed)
-        return self._write_ramps(profile)
+        axis, report = self._axis, self._report
+        if report.state is not DriveState.QUICK_STOP_ACTIVE:
+            return
+        braking_s = abs(report.velocity) / axis.options.quick_stop_deceleration_rad_s2
+        late = "it still moves in its quick stop"
+        self._require(lambda: axis.activity.is_idle, braking_s + _STEP_S, late)
+        axis.setpoint.stand_at(axis.present_position())
+        if axis.mode.requested.is_torque:
+            axis.mode.requested = self._rest_mode()
+        torque = OperationMode.CYCLIC_TORQUE
+        if not self._wait(lambda: report.displayed_mode != torque, _STEP_S):
+            text = "the drive remains in its torque mode; switch the servo off and on"
+            raise self._error(DeviceTimeout, text)
+        if axis.mode.requested is OperationMode.PROFILE_POSITION:
+            axis.mode.bits |= Control.HALT
+        axis.power.control = int(Control.ENABLE_OPERATION)
+        late = "the drive remains in quick stop"
+        self._require(lambda: report.state is DriveState.OPERATION_ENABLED, _STEP_S, late)
 
     def _write_ramps(self, profile: Profile) -> Profile:
         """Write the ramps; return the profile with those that the drive has.
 
         Without 0x6084, which is optional, it has one ramp: that which stops in time.
         """
-        scaling, objects = self._axis.scaling, self._axis.objects
-        if not objects.write_optional(0x6084, scaling.ramp_units(profile.deceleration)):
+        scaling, drive = self._axis.scaling, self._axis.drive
+        if not drive.set_optional(0x6084, scaling.ramp_units(profile.deceleration)):
             profile = replace(profile, acceleration=profile.deceleration)
-        objects.write(0x6083, 0, scaling.ramp_units(profile.acceleration))
+        drive.set_value(0x6083, 0, scaling.ramp_units(profile.acceleration))
         return profile
 
     def _require_power(self) -> None:
         self.require_online()
         self._require_no_alarm()
-        if not self._axis.report.powered:
+        if not self._report.powered:
             lost = f": {self._axis.power.lost}" if self._axis.power.lost else ""
             raise self._error(NotReady, f"the servo is off{lost}")
 
     def _require_no_alarm(self) -> None:
-        report = self._axis.report
-        if report.in_alarm:
-            report.read_error_register()
-            raise self._error(NotReady, f"the drive is in alarm: {report.alarm_text}")
+        if self._report.in_alarm:
+            self._report.read_error_register()
+            raise self._error(NotReady, f"the drive is in alarm: {self._report.alarm_text}")
 
-    def _status(self) -> str:
-        axis = self._axis
-        if not axis.drive.online:
-            return axis.drive.fault
-        return f"statusword 0x{axis.report.statusword:04X} ({axis.report.state.value})"
+    def _require(self, condition: Callable[[], bool], timeout_s: float, late: str) -> None:
+        """Wait for ``condition``; raise DeviceTimeout with ``late`` and the state otherwise."""
+        if not self._wait(condition, timeout_s):
+            raise self._error(DeviceTimeout, f"{late}, {self._status()}")
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Wait for ``condition``; False at once when the node is lost."""
-        axis = self._axis
-        met = wait_until(lambda: condition() or not axis.drive.online, timeout_s, self._clock)
-        return met and axis.drive.online and condition()
+        node = self._axis.drive.node
+        met = wait_until(lambda: condition() or not node.online, timeout_s, self._clock)
+        return met and node.online and condition()
+
+    def _error(self, kind: type[RobotdError], text: str) -> RobotdError:
+        """Return an error of this axis that names its node, or why that is lost."""
+        node = self._axis.drive.node
+        if kind is DeviceTimeout and not node.online:
+            kind, text = NotReady, node.fault or "offline"
+        return kind(f"{node.label}: {text}", axis=self._axis.number)
+
+    def _status(self) -> str:
+        report, node = self._report, self._axis.drive.node
+        if not node.online:
+            return str(node.fault)
+        return f"statusword 0x{report.statusword:04X} ({report.state.value})"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from robotd.api import OperationError, get_logger
 from robotd_cia402.axis import Axis
-from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.drive_access import SdoAbort
 from robotd_cia402.modes import needed_modes
 
 log = get_logger("cia402")
@@ -20,7 +21,7 @@ _OPTION_CODES = {
 """Object → value, and effect of another one."""
 
 
-def set_up(axis: Axis, period_s: float) -> None:
+def set_up(axis: Axis[Any], period_s: float) -> None:
     """Check the supported modes and write the option codes. Nothing moves. Worker.
 
     The objects in ``STARTUP_WRITES`` are optional: one that is missing, cannot be written or is
@@ -42,7 +43,7 @@ def set_up(axis: Axis, period_s: float) -> None:
     axis.forget()
 
 
-def write_quick_stop_ramp(axis: Axis) -> None:
+def write_quick_stop_ramp(axis: Axis[Any]) -> None:
     """Write the ramp of the quick stop, in the scale in force. Worker.
 
     Raises as ``set_up``.
@@ -63,7 +64,7 @@ def interpolation_period(period_s: float) -> tuple[int, int]:
     return max(1, min(255, round(period_s * 1000))), -3
 
 
-def _check_modes(axis: Axis) -> None:
+def _check_modes(axis: Axis[Any]) -> None:
     try:
         supported = axis.drive.read(_SUPPORTED_MODES)
     except SdoAbort as error:
@@ -81,7 +82,7 @@ def _check_modes(axis: Axis) -> None:
 _WITHOUT_MODES = "if its manual lists the modes that are needed, set check_modes: false"
 
 
-def _write_period(axis: Axis, period_s: float) -> None:
+def _write_period(axis: Axis[Any], period_s: float) -> None:
     """Write the interpolation period; the power first, because it gives the value its meaning."""
     value, exponent = interpolation_period(period_s)
     otherwise = f"the drive must expect a frame each {period_s * 1000:g} ms by its own setting"
@@ -89,7 +90,7 @@ def _write_period(axis: Axis, period_s: float) -> None:
         _write(axis, _PERIOD, 1, value, otherwise)
 
 
-def _write(axis: Axis, index: int, sub: int, value: int, otherwise: str) -> bool:
+def _write(axis: Axis[Any], index: int, sub: int, value: int, otherwise: str) -> bool:
     """Write an optional object; False, with ``otherwise`` in the log, where it is not written."""
     drive = axis.drive
     if index in axis.options.skip_writes:
@@ -102,6 +103,6 @@ def _write(axis: Axis, index: int, sub: int, value: int, otherwise: str) -> bool
             reason = error.reason
         else:
             return True
-    if axis.objects.is_news(index):
-        log.warning("object not written", node=drive.name, reason=reason, effect=otherwise)
+    if drive.is_news(index):
+        log.warning("object not written", node=drive.node.label, reason=reason, effect=otherwise)
     return False

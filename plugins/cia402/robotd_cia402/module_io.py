@@ -2,78 +2,77 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Generic, TypeVar
 
 from robotd.api import InvalidArgument, IoDriver, NotReady
+from robotd_cia402.node import FieldbusNode
+from robotd_cia402.options import ModuleOptions
+
+NodeT = TypeVar("NodeT", bound=FieldbusNode)
+OptionsT = TypeVar("OptionsT", bound=ModuleOptions)
 
 
-class Module(Protocol):
-    """Node of an I/O module. Any thread."""
+class ModuleIo(IoDriver, Generic[NodeT, OptionsT]):
+    """Inputs received last, and outputs written last, of all modules. Any thread.
 
-    online: bool
+    A write to a byte without a module is rejected.
+    """
 
-    @property
-    def complaint(self) -> str:
-        """Name of the module, and why it is offline."""
-        ...
-
-
-class ModuleImage(Protocol):
-    """Inputs received last, and outputs written last, of all modules. Any thread."""
-
-    inputs: bytearray
-    outputs: bytearray
-
-    def write(self, byte: int, data: bytes) -> None:
-        """Write whole bytes. Raises OperationError when they cannot be sent."""
-        ...
-
-    def write_bit(self, byte: int, bit: int, *, value: bool) -> None:
-        """Write one bit, its neighbours untouched. Raises OperationError as ``write``."""
-        ...
-
-    def modules_of(self, byte: int, length: int) -> Sequence[Module]:
-        """Return the modules that serve the output bytes."""
-        ...
-
-
-class ModuleIo(IoDriver):
-    """Bytes of I/O modules; a write to a byte without a module is rejected."""
-
-    def __init__(self, image: ModuleImage) -> None:
-        self._image = image
+    def __init__(self, modules: Sequence[tuple[NodeT, OptionsT]]) -> None:
+        self.modules = modules
+        options = [module for _, module in modules]
+        self.inputs = bytearray(max((m.input_byte + m.input_length for m in options), default=0))
+        self.outputs = bytearray(max((m.output_byte + m.output_length for m in options), default=0))
+        self._lock = threading.Lock()
 
     @property
     def input_bytes(self) -> int:
-        return len(self._image.inputs)
+        return len(self.inputs)
 
     @property
     def output_bytes(self) -> int:
-        return len(self._image.outputs)
+        return len(self.outputs)
 
     @property
     def live(self) -> tuple[memoryview, memoryview]:
-        return memoryview(self._image.inputs), memoryview(self._image.outputs)
+        return memoryview(self.inputs), memoryview(self.outputs)
 
     def read_inputs(self, byte: int, length: int) -> bytes:
-        return bytes(self._image.inputs[byte : byte + length])
+        return bytes(self.inputs[byte : byte + length])
 
     def read_outputs(self, byte: int, length: int) -> bytes:
-        return bytes(self._image.outputs[byte : byte + length])
+        return bytes(self.outputs[byte : byte + length])
 
     def write_outputs(self, byte: int, data: bytes) -> None:
-        self._require_modules(byte, len(data))
-        self._image.write(byte, data)
+        modules = self._online_modules(byte, len(data))
+        with self._lock:
+            self.outputs[byte : byte + len(data)] = data
+            self._send(modules)
 
     def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
-        self._require_modules(byte, 1)
-        self._image.write_bit(byte, bit, value=value)
+        modules = self._online_modules(byte, 1)
+        with self._lock:
+            self.outputs[byte] = self.outputs[byte] & ~(1 << bit) | (int(value) << bit)
+            self._send(modules)
 
-    def _require_modules(self, byte: int, length: int) -> None:
-        modules = self._image.modules_of(byte, length)
-        if not modules:
+    def _send(self, modules: Sequence[tuple[NodeT, OptionsT]]) -> None:
+        """Send changed outputs, where the next cyclic frame does not carry them by itself.
+
+        Raises OperationError with the modules to which sending failed.
+        """
+
+    def _online_modules(self, byte: int, length: int) -> list[tuple[NodeT, OptionsT]]:
+        found = [
+            (node, module)
+            for node, module in self.modules
+            if module.output_byte < byte + length
+            and byte < module.output_byte + module.output_length
+        ]
+        if not found:
             raise InvalidArgument(f"no module serves output bytes {byte}..{byte + length - 1}")
-        for module in modules:
-            if not module.online:
-                raise NotReady(module.complaint)
+        for node, _ in found:
+            if not node.online:
+                raise NotReady(node.complaint)
+        return found

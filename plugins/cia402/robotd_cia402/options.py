@@ -145,6 +145,15 @@ class DriveOptions(Section):
         return self
 
 
+class ModuleOptions(Section):
+    """Bytes of the robot's I/O image that one I/O module serves."""
+
+    input_byte: int = Field(0, ge=0, lt=8000, description="First byte of the input image.")
+    input_length: int = Field(0, ge=0, description="Bytes of inputs.")
+    output_byte: int = Field(0, ge=0, lt=8000, description="First byte of the output image.")
+    output_length: int = Field(0, ge=0, description="Bytes of outputs.")
+
+
 Drive = TypeVar("Drive", bound=DriveOptions)
 
 
@@ -172,9 +181,28 @@ def with_robot_ramps(drives: Sequence[Drive], robot: RobotDescriptor) -> tuple[D
     return tuple(filled(drive) for drive in drives)
 
 
-def given_twice(values: Any) -> list[Any]:
-    """Return the values that occur more than once."""
-    return [value for value, count in Counter(values).items() if count > 1]
+def given_twice(
+    kind: str, axes: Sequence[int], drives: Sequence[tuple[int, int]], modules: Sequence[int]
+) -> list[str]:
+    """Name axes, nodes and parts of nodes that occur more than once.
+
+    Args:
+        kind: of the nodes, "slave".
+        axes: axis of each drive.
+        drives: its node and axis offset.
+        modules: nodes of the I/O modules.
+    """
+
+    def doubled(values: Sequence[Any]) -> list[Any]:
+        return [value for value, count in Counter(values).items() if count > 1]
+
+    taken = {node for node, _ in drives}
+    return [
+        *(f"axis {axis} is given twice" for axis in doubled(axes)),
+        *(f"{kind} {n} is given twice with axis_offset {o}" for n, o in doubled(drives)),
+        *(f"{kind} {node} is given twice" for node in doubled(modules)),
+        *(f"{kind} {node} is given twice" for node in modules if node in taken),
+    ]
 
 
 def parse_object(name: str) -> tuple[int, int]:

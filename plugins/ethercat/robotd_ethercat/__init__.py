@@ -8,62 +8,53 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from robotd.api import (
-    AxisDriver,
-    AxisKeys,
     BackendInfo,
     Capability,
     DeviceContext,
     DeviceDriver,
     FaultInjector,
-    FieldbusDriver,
-    IoDriver,
+    RobotDescriptor,
     hookimpl,
 )
-from robotd_cia402.drive_scan import stated_scales
-from robotd_ethercat.section import EthercatSection
+from robotd_cia402.hooks import backend_info, robotd_axes, robotd_fieldbus, robotd_io
+from robotd_ethercat.options import EthercatOptions
 
 if TYPE_CHECKING:
-    from robotd_ethercat.device import EthercatDevice
+    from robotd_ethercat.fault_injector import EthercatDevice
     from robotd_ethercat.plan import BusPlan
 
-CAPABILITIES = frozenset(
-    {
-        Capability.VELOCITY_MODE,
-        Capability.TORQUE_MODE,
-        Capability.HOMING,
-        Capability.SCALING,
-        Capability.STATISTICS,
-        Capability.OBJECTS,
-        Capability.REGISTER_READ,
-        Capability.DEVICE_WATCHDOG,
-    }
-)
+__all__ = [
+    "robotd_axes",
+    "robotd_backend",
+    "robotd_fault_injector",
+    "robotd_fieldbus",
+    "robotd_io",
+    "robotd_open_device",
+]
+
+
+class EthercatSection(EthercatOptions):
+    """The section ``backends.ethercat``, from which the bus is planned."""
+
+    def check_robot(self, robot: RobotDescriptor) -> BusPlan:
+        """Plan the bus. Raises DescriptorError with every problem."""
+        from robotd_ethercat.plan import plan_bus
+
+        return plan_bus(robot, self)
 
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
     """Axes, I/O and diagnostics; no parameter files."""
-    return BackendInfo(
-        summary="CiA 402 servo drives and I/O modules on EtherCAT, with an open master",
-        api_version=1,
-        capabilities=CAPABILITIES,
-        options=EthercatSection,
-        axis_keys=AxisKeys(
-            items="axes",
-            scale="counts_per_rad",
-            polarity="polarity",
-            node="slave",
-            identity="identity",
-            window_object="0x6065",
-            stated_scales=lambda read, item: stated_scales(read, item["axis_offset"]),
-        ),
-    )
+    summary = "CiA 402 servo drives and I/O modules on EtherCAT, with an open master"
+    return backend_info(summary, EthercatSection, "slave", Capability.REGISTER_READ)
 
 
 @hookimpl
 def robotd_open_device(context: DeviceContext[BusPlan]) -> DeviceDriver:
     """Make the device from the bus planned when the options were checked."""
-    from robotd_ethercat.device import EthercatDevice
+    from robotd_cia402.device import Cia402Device
+    from robotd_ethercat.fieldbus import EthercatFieldbus
     from robotd_ethercat.master import Master
     from robotd_ethercat.simulation import Simulation
     from robotd_ethercat.soem import Soem
@@ -71,32 +62,8 @@ def robotd_open_device(context: DeviceContext[BusPlan]) -> DeviceDriver:
     plan = context.options
     simulation = Simulation(context.robot, plan) if plan.options.simulated else None
     bus = Soem(plan.options.sdo_timeout_s, simulation.run if simulation else None)
-    return EthercatDevice(Master(context.robot, plan, bus, context.clock), simulation)
-
-
-@hookimpl
-def robotd_axes(device: EthercatDevice) -> AxisDriver:
-    """One axis for each entry of ``axes``."""
-    from robotd_cia402.axes import Cia402Axes
-
-    return Cia402Axes(device.master)
-
-
-@hookimpl
-def robotd_io(device: EthercatDevice) -> IoDriver | None:
-    """None without modules."""
-    from robotd_cia402.module_io import ModuleIo
-
-    master = device.master
-    return ModuleIo(master.io) if master.options.io else None
-
-
-@hookimpl
-def robotd_fieldbus(device: EthercatDevice) -> FieldbusDriver:
-    """One master."""
-    from robotd_ethercat.fieldbus import EthercatFieldbus
-
-    return EthercatFieldbus(device.master)
+    master = Master(context.robot, plan, bus, context.clock)
+    return Cia402Device(master, EthercatFieldbus(master), simulation)
 
 
 @hookimpl
@@ -104,4 +71,4 @@ def robotd_fault_injector(device: EthercatDevice) -> FaultInjector:
     """Fault injection into simulated slaves."""
     from robotd_ethercat.fault_injector import EthercatFaultInjector
 
-    return EthercatFaultInjector(device.master, device.simulation)
+    return EthercatFaultInjector(device)

@@ -19,12 +19,12 @@ from robotd_cia402.drive_setup import set_up
 from robotd_cia402.object_numbers import CONTROLWORD, on_axis
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.clocks import slaves_with_clocks
+from robotd_ethercat.ethercat_drive import EthercatDrive
 from robotd_ethercat.exchange import Exchange, full_counter
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, write_mapping
 from robotd_ethercat.options import AxisOptions, Clocks
 from robotd_ethercat.plan import NEEDED_INPUTS, BusPlan, missing_text, needed_outputs
 from robotd_ethercat.slave import Slave
-from robotd_ethercat.slave_objects import SlaveObjects
 from robotd_ethercat.soem import MappingError, Soem
 
 log = get_logger("ethercat")
@@ -44,7 +44,7 @@ class BringUp:
         plan: BusPlan,
         bus: Soem,
         slaves: Sequence[Slave],
-        axes: Sequence[tuple[Axis, SlaveObjects, Slave]],
+        axes: Sequence[Axis[EthercatDrive]],
         exchange: Exchange,
         clock: Clock,
     ) -> None:
@@ -115,9 +115,9 @@ class BringUp:
         self._require_objects(slave, rx_pdos, tx_pdos)
         slave.image.set_layout(rx_pdos, tx_pdos)
         self._take_present_outputs(slave)
-        for axis, objects, owner in self._axes:
-            if owner is slave:
-                objects.find_slots()
+        for axis in self._axes:
+            if axis.drive.node is slave:
+                axis.drive.find_slots()
                 set_up(axis, self._plan.period_s)
 
     def _require_objects(

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 from robotd.api import FaultInjector
+from robotd_cia402.device import Cia402Device
+from robotd_cia402.simulated_axis import switch_bit
 from robotd_ethercat.master import Master
 from robotd_ethercat.simulation import Simulation
 
-_SWITCHES = ("negative_limit", "positive_limit", "home_switch")  # bits of object 0x60FD
+EthercatDevice: TypeAlias = Cia402Device[Master, Simulation]
 
 
 class EthercatFaultInjector(FaultInjector):
     """Fault injection into simulated slaves; not on real ones. Any thread, one at a time."""
 
-    def __init__(self, master: Master, simulation: Simulation | None) -> None:
-        self._master, self._simulation = master, simulation
+    def __init__(self, device: EthercatDevice) -> None:
+        self._master, self._simulation = device.master, device.simulation
 
     @property
     def in_process(self) -> bool:  # type: ignore[override]  # depends on the robot
@@ -42,9 +46,7 @@ class EthercatFaultInjector(FaultInjector):
         self._inject("freeze", f"0 loss {1.0 if frozen else 0.0}")
 
     def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
-        bit = _SWITCHES.index(switch)
-        if self._master.axes[axis].scaling.polarity < 0:
-            bit = (1, 0, 2)[bit]
+        bit = switch_bit(switch, self._master.axes[axis].scaling.polarity)
         self._inject("press_switch", f"{self._slave(axis)} press {bit} {int(pressed)}")
 
     def torque(self, axis: int) -> float:
@@ -65,7 +67,7 @@ class EthercatFaultInjector(FaultInjector):
                 self._inject("set_input_bit", line)
 
     def _slave(self, axis: int) -> int:
-        return self._master.drives[axis][1].number
+        return self._master.axes[axis].drive.node.number
 
     def _inject(self, method: str, line: str) -> str:
         if self._simulation is None:

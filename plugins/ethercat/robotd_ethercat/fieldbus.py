@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from robotd.api import (
-    BusNode,
-    BusState,
-    BusStatus,
-    ConnectionState,
-    DeviceTimeout,
-    FieldbusDriver,
-    NotReady,
-)
+from robotd.api import BusNode, BusState, BusStatus, DeviceTimeout, NotReady
+from robotd_cia402.fieldbus import BUS_STATES, Cia402Fieldbus
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.exchange import Counters
 from robotd_ethercat.master import Master
@@ -23,15 +16,12 @@ _REGISTER_BYTES = 0x1000  # of a slave controller, without its process memory
 _CLEAR = bytes(1)
 
 
-class EthercatFieldbus(FieldbusDriver):
+class EthercatFieldbus(Cia402Fieldbus[Master]):
     """One bus, number 0; nodes are named by their place on the cable, from 0."""
 
-    def __init__(self, master: Master) -> None:
-        self._master = master
-
     @property
-    def buses(self) -> int:
-        return 1
+    def nodes(self) -> Mapping[int, Slave]:
+        return self._master.slaves
 
     @property
     def register_bytes(self) -> int:
@@ -41,10 +31,10 @@ class EthercatFieldbus(FieldbusDriver):
         master = self._master
         counters = master.exchange.counters
         ports = {slave.number: _ports(slave) for slave in master.slaves.values()}
-        nodes = tuple(self._node(slave, ports[number]) for number, slave in master.slaves.items())
+        nodes = tuple(self._status(slave, ports[number]) for number, slave in master.slaves.items())
         return BusStatus(
-            state=_STATES[master.state],
-            period_s=master.plan.period_s,
+            state=BUS_STATES[master.state],
+            period_s=master.period_s,
             axes=len(master.axes),
             input_size=sum(node.input_size for node in nodes),
             output_size=sum(node.output_size for node in nodes),
@@ -60,23 +50,8 @@ class EthercatFieldbus(FieldbusDriver):
             },
         )
 
-    def node_ids(self, bus: int) -> Sequence[int]:
-        return [*self._master.slaves]
-
     def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
         return self._slave(node).read_register(address, length)
-
-    def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
-        return self._slave(node).upload(index, subindex)
-
-    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
-        slave = self._slave(node)
-        try:
-            slave.download(index, subindex, data, retry=False)
-        finally:  # a write without an answer may have been executed
-            for axis, owner in self._master.drives:
-                if owner is slave:
-                    axis.objects.forget()
 
     def reset_statistics(self, bus: int) -> None:
         self._master.exchange.counters = Counters()
@@ -85,6 +60,12 @@ class EthercatFieldbus(FieldbusDriver):
             slave.losses = 0
             for address in REGISTERS:
                 self._clear(slave, address)
+
+    def _upload(self, node: int, index: int, sub: int) -> bytes:
+        return self._slave(node).upload(index, sub)
+
+    def _download(self, node: int, index: int, sub: int, data: bytes) -> None:
+        self._slave(node).download(index, sub, data, retry=False)
 
     def _clear(self, slave: Slave, address: int) -> None:
         try:
@@ -98,26 +79,17 @@ class EthercatFieldbus(FieldbusDriver):
             raise NotReady(f"{slave.name}: it has not been found on the bus")
         return slave
 
-    def _node(self, slave: Slave, ports: PortCounters | None) -> BusNode:
-        vendor, product, revision, serial = slave.identity
-        emergency = slave.emergency
-        reason = slave.fault or (emergency.text if emergency is not None else "")
+    def _status(self, slave: Slave, ports: PortCounters | None) -> BusNode:
         outputs, inputs = slave.sizes
-        return BusNode(
-            id=slave.number,
-            state=_NODE_STATES[slave.state],
+        return self._node(
+            slave,
+            _NODE_STATES[slave.state],
+            al_code_text(slave.al_code),
             error_code=slave.al_code,
             position=slave.number,
             address=slave.alias,
-            offline=not slave.online,
-            vendor_id=vendor,
-            product_code=product,
-            revision=revision,
-            serial=serial,
             input_size=inputs,
             output_size=outputs,
-            axes=sum(owner is slave for _, owner in self._master.drives),
-            fault=reason or al_code_text(slave.al_code),
             extra={
                 "alias": slave.alias,
                 "inaccessible": int(slave.state is AlState.NONE),
@@ -126,9 +98,8 @@ class EthercatFieldbus(FieldbusDriver):
         )
 
     def _note(self) -> str:
-        master = self._master
-        fault = master.supervision.fault() if master.state is ConnectionState.UNKNOWN else ""
-        base = f"EtherCAT on {master.plan.bus_name}"
+        fault = self._master.fault()
+        base = f"EtherCAT on {self._master.bus_name}"
         return f"{base}; {fault}" if fault else base
 
     def _details(self, ports: Mapping[int, PortCounters | None]) -> Mapping[str, str]:
@@ -168,14 +139,6 @@ def _ports(slave: Slave) -> PortCounters | None:
     except DeviceTimeout:
         return None
 
-
-_STATES = {
-    ConnectionState.IDLE: BusState.INITIALISING,
-    ConnectionState.RUNNING: BusState.CONFIGURABLE,
-    ConnectionState.COMMUNICATING: BusState.OPERATIONAL,
-    ConnectionState.UNKNOWN: BusState.OPERATIONAL,
-    ConnectionState.SHUTDOWN: BusState.INITIALISING,
-}
 
 _NODE_STATES = {
     AlState.NONE: BusState.UNKNOWN,

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from typing import Any
 
+from robotd_cia402.module_io import ModuleIo
 from robotd_ethercat.options import IoOptions
 from robotd_ethercat.slave import Slave
 
 
-class IoImage:
-    """Inputs received last, and outputs that are sent in each period.
-
-    ``pack`` and ``take`` belong to the control loop, the others to any thread.
-    """
+class IoImage(ModuleIo[Slave, IoOptions]):
+    """Outputs are sent in each period: ``pack`` and ``take`` belong to the control loop."""
 
     def __init__(self, slaves: Sequence[Slave]) -> None:
-        self.modules = [(slave, slave.module) for slave in slaves if slave.module is not None]
-        options = [module for _, module in self.modules]
-        self.inputs = bytearray(max((m.input_byte + m.input_length for m in options), default=0))
-        self.outputs = bytearray(max((m.output_byte + m.output_length for m in options), default=0))
-        self._lock = threading.Lock()
+        super().__init__([(slave, slave.module) for slave in slaves if slave.module is not None])
         self._raw: list[tuple[IoOptions, Any]] = []
 
     def begin(self, raw_slaves: Sequence[Any]) -> None:
@@ -33,7 +26,9 @@ class IoImage:
         """Switch the outputs of a lost module off: its return must not switch them on."""
         for each, module in self.modules:
             if each is slave:
-                self.write(module.output_byte, bytes(module.output_length))
+                first, length = module.output_byte, module.output_length
+                with self._lock:
+                    self.outputs[first : first + length] = bytes(length)
 
     def take(self) -> None:
         """Copy the inputs of all modules."""
@@ -48,22 +43,3 @@ class IoImage:
             first, length = module.output_byte, module.output_length
             if length:
                 raw.output = bytes(self.outputs[first : first + length])
-
-    def write(self, byte: int, data: bytes) -> None:
-        """Write whole bytes."""
-        with self._lock:
-            self.outputs[byte : byte + len(data)] = data
-
-    def write_bit(self, byte: int, bit: int, *, value: bool) -> None:
-        """Write one bit, its neighbours untouched."""
-        with self._lock:
-            self.outputs[byte] = self.outputs[byte] & ~(1 << bit) | (int(value) << bit)
-
-    def modules_of(self, byte: int, length: int) -> list[Slave]:
-        """Return the modules that serve the output bytes."""
-        return [
-            slave
-            for slave, module in self.modules
-            if module.output_byte < byte + length
-            and byte < module.output_byte + module.output_length
-        ]

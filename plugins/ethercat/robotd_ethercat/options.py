@@ -16,6 +16,7 @@ from robotd_cia402.options import (
     DriveOptions,
     Identity,
     Integer,
+    ModuleOptions,
     ObjectName,
     Positive,
     SdoWrite,
@@ -78,12 +79,10 @@ class AxisOptions(DriveOptions, SlaveOptions):
     velocity_mode: VelocityMode = Field(VelocityMode.CSV, description="Mode of velocity commands.")
 
 
-class IoOptions(SlaveOptions):
+class IoOptions(ModuleOptions, SlaveOptions):
     """One I/O module, and the bytes of the robot's I/O image that it serves."""
 
-    input_byte: int = Field(0, ge=0, lt=8000, description="First byte of the input image.")
     input_length: int = Field(0, ge=0, le=1486, description="Bytes of inputs.")
-    output_byte: int = Field(0, ge=0, lt=8000, description="First byte of the output image.")
     output_length: int = Field(0, ge=0, le=1486, description="Bytes of outputs.")
 
 
@@ -130,17 +129,9 @@ class EthercatOptions(BackendOptions):
     @model_validator(mode="after")
     def _unique(self) -> Self:
         """Each axis and each part of a slave once."""
-        problems = [
-            f"axis {axis} is given twice" for axis in given_twice(a.axis for a in self.axes)
-        ]
         drives = [(axis.slave, axis.axis_offset) for axis in self.axes]
-        problems += [
-            f"slave {n} is given twice with axis_offset {o}" for n, o in given_twice(drives)
-        ]
         modules = [module.slave for module in self.io]
-        taken = {slave for slave, _ in drives}
-        problems += [f"slave {slave} is given twice" for slave in given_twice(modules)]
-        problems += [f"slave {slave} is given twice" for slave in modules if slave in taken]
+        problems = given_twice("slave", [axis.axis for axis in self.axes], drives, modules)
         if self.redundant_interface is not None and self.redundant_interface == self.interface:
             problems.append(f"redundant_interface is {self.interface!r} as well")
         if self.redundant_interface is not None and self.clocks is not Clocks.OFF:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from robotd.api import Clock, OperationError, RobotdError
-from robotd_cia402.cyclic_objects import SdoAbort
-from robotd_cia402.emcy import Emergency, EmergencyLog
+from robotd_cia402.drive_access import SdoAbort
+from robotd_cia402.node import IDENTITY, Emergency, FieldbusNode
 from robotd_cia402.options import parse_object
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.object_types import object_format
@@ -17,22 +18,17 @@ from robotd_ethercat.soem import Soem
 
 RESET = "it was reset and has lost its configuration; start communication again"
 """Cause of the loss of a slave that has restarted by itself."""
-_IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 _ALIAS_REGISTER = 0x0012  # configured station alias (ETG.1000.4)
 T = TypeVar("T")
 _SIZES = {"b": 1, "h": 2, "i": 4}
 
 
-class Slave:
-    """A drive or I/O module at place ``number`` of the cable, from 0 on.
+class Slave(FieldbusNode):
+    """A drive or I/O module; its number is its place on the cable.
 
     Attributes:
-        name: for messages, ``joint2 (slave 1)``.
         options: its sections; several for a multi-axis drive.
-        online: in state Op, and not lost since.
-        fault: why it is not online, without its name; "" while online and before bring-up.
         state, al_code: AL state and status code, as read last.
-        identity: vendor, product, revision, serial; zeros before they are read.
         counter: part of the working counter that it adds while it is operational.
         sizes: bytes of outputs and of inputs; 0 before bring-up.
         image: process data of a drive; empty for an I/O module.
@@ -42,20 +38,18 @@ class Slave:
         self,
         bus: Soem,
         number: int,
-        name: str,
+        what: str,
         options: Sequence[SlaveOptions],
-        emergencies: EmergencyLog,
+        emergencies: deque[Emergency],
         clock: Clock,
     ) -> None:
-        self.number, self.name, self.options = number, f"{name} (slave {number})", options
-        self.online = False
-        self.fault = ""
+        super().__init__("slave", number, what, emergencies)
+        self.options = options
         self.state, self.al_code = AlState.NONE, 0
-        self.identity: tuple[int, ...] = (0, 0, 0, 0)
         self.alias = self.counter = self.losses = 0
         self.sizes = (0, 0)
         self.image = SlaveImage()
-        self._bus, self._emergencies, self._clock = bus, emergencies, clock
+        self._bus, self._clock = bus, clock
 
     @property
     def is_drive(self) -> bool:
@@ -68,22 +62,12 @@ class Slave:
         options = self.options[0]
         return options if isinstance(options, IoOptions) else None
 
-    @property
-    def complaint(self) -> str:
-        """Error text for a command that needs the slave online."""
-        return f"{self.name}: {self.fault or 'offline'}"
-
-    @property
-    def emergency(self) -> Emergency | None:
-        """Emergency in force; None without one."""
-        return self._emergencies.active.get(self.number)
-
     def identify(self) -> None:
         """Read identity and alias and compare them. Raises OperationError with both values.
 
         The slave is in Init: errors that it has reported before are not in force any more.
         """
-        self._emergencies.forget_before(self.number, self._clock.now_ns())
+        self.forget_emergency_before(self._clock.now_ns())
         self.identity = self._bus.identity(self.number)
         self.alias = int.from_bytes(
             self._bus.read_register(self.number, _ALIAS_REGISTER, 2), "little"
@@ -94,7 +78,7 @@ class Slave:
                 raise OperationError(
                     f"alias: the station alias is {self.alias}, expected is {options.alias}"
                 )
-            for key, actual in zip(_IDENTITY, self.identity, strict=True):
+            for key, actual in zip(IDENTITY, self.identity, strict=True):
                 expected = getattr(options.identity, key)
                 if expected not in (None, actual):
                     raise OperationError(
@@ -168,4 +152,4 @@ class Slave:
             raise
 
     def _on_emergency(self, data: bytes) -> None:
-        self._emergencies.add(Emergency.decode(self.number, data, self._clock.now_ns()))
+        self.note_emergency(data, self._clock.now_ns())

@@ -17,7 +17,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from robotd.api import ConnectError, DeviceTimeout, OperationError, PluginError
-from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.drive_access import SdoAbort
 from robotd_ethercat.al_status import ERROR_FLAG, AlState, al_state
 from robotd_ethercat.network_interface import prepared, problem_of, raw_sockets
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from robotd.api import DeviceTimeout, RobotdError, get_logger
 from robotd_cia402.axis import Axis
 from robotd_ethercat.al_status import AlState, al_code_text
+from robotd_ethercat.ethercat_drive import EthercatDrive
 from robotd_ethercat.exchange import Exchange
 from robotd_ethercat.io_image import IoImage
 from robotd_ethercat.slave import RESET, Slave
@@ -35,7 +36,7 @@ class Supervision:
         self,
         bus: Soem,
         slaves: Sequence[Slave],
-        axes: Sequence[tuple[Axis, Slave]],
+        axes: Sequence[Axis[EthercatDrive]],
         exchange: Exchange,
         io: IoImage,
         max_lost_frames: int,
@@ -116,7 +117,7 @@ class Supervision:
         log.error("motion stopped", reason=reason)
         self.faults.append(reason)
         del self.faults[:-_KEPT]
-        for axis, _ in self._axes:
+        for axis in self._axes:
             axis.brake(axis.options.stop_deceleration_rad_s2)
 
     def check(self) -> None:
@@ -159,11 +160,10 @@ class Supervision:
 
     def _lose(self, slave: Slave, cause: str) -> None:
         """Mark ``slave`` as lost, and switch it off."""
-        emergency = slave.emergency
         slave.online, slave.losses = False, slave.losses + 1
-        slave.fault = f"{cause}, {emergency.text}" if emergency is not None else cause
-        for axis, owner in self._axes:
-            if owner is slave:
+        slave.fault = cause + slave.emergency_text()
+        for axis in self._axes:
+            if axis.drive.node is slave:
                 axis.power.reset()
         self._io.clear(slave)
 
@@ -186,8 +186,8 @@ class Supervision:
         Frames that it has not processed hold its values from before: none counts from now on.
         """
         self._exchange.expect(slave)
-        for axis, owner in self._axes:
-            if owner is slave:
+        for axis in self._axes:
+            if axis.drive.node is slave:
                 axis.power.reset()
                 axis.drive.forget()
                 axis.hold()
@@ -220,7 +220,7 @@ class Supervision:
 
     def _poll_mailbox(self) -> None:
         """Fetch emergencies: of drives in alarm, and of one other slave in turn."""
-        alarmed = [slave for axis, slave in self._axes if axis.report.in_alarm]
+        alarmed = [axis.drive.node for axis in self._axes if axis.report.in_alarm]
         drives = [slave for slave in self._slaves if slave.is_drive]
         self._turn += 1
         for slave in dict.fromkeys((*alarmed, *drives[self._turn % max(1, len(drives)) :][:1])):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd_canopen.duplicate_id import HeartbeatRate
+from robotd_canopen.nmt import HeartbeatRate
 
 PERIOD_S, STEP_NS = 0.1, 10_000_000
 

@@ -9,9 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd_canopen.bus_load import frame_bits, wire_bits
-from robotd_canopen.error_frame import error_frame_text
-from robotd_canopen.frame import Frame
+from robotd_canopen.frame import Frame, bus_load, error_frame_text, frame_bits, wire_bits
 
 
 @given(st.integers(0, 0x7FF), st.binary(max_size=8), st.booleans())
@@ -41,3 +39,14 @@ def test_error_frames_in_words(flags: int, data: bytes, text: str) -> None:
 def test_bits_on_the_wire(sizes: list[int]) -> None:
     exact = sum(map(frame_bits, sizes))
     assert exact <= wire_bits(len(sizes), sum(sizes)) <= exact + len(sizes)
+
+
+def test_worst_case_bits_of_a_frame() -> None:
+    assert frame_bits(0) == 55  # 47 + 33 // 4
+    assert frame_bits(8) == 135  # the figure of the literature for eight bytes
+
+
+def test_a_full_second_of_frames_is_the_whole_bus() -> None:
+    frames = 125_000 / frame_bits(8)
+    load = bus_load([(8, frames)], 1.0, 0, 1.0, 125_000)
+    assert abs(load - 1.0 - frame_bits(0) / 125_000) < 1e-9

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from tests.fakes import FakeClock
 from tests.unit.canopen.network import options, plan
@@ -40,7 +41,7 @@ class Harness:
         self.clock.advance(self.before_sync_s)
         self.master.sync.send()
         self.clock.advance(self.after_sync_s)
-        self.master.stream([0.0, 0.0], [0.0, 0.0], self.due_ns)
+        self.master.stream(np.zeros(2), np.zeros(2), self.due_ns)
 
 
 @pytest.fixture
@@ -92,4 +93,4 @@ def test_the_first_setpoint_after_skipped_periods_is_sent(harness: Harness) -> N
     """It was made for where the drives hold."""
     harness.due_ns += 10 * PERIOD_NS
     harness.period()
-    assert harness.master.sync.after_rest
+    assert harness.master.timing.after_rest

@@ -10,7 +10,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from robotd_canopen.node import Node
-from robotd_canopen.outage_log import OutageLog, Return, causes
+from robotd_canopen.supervision import OutageLog, Return, causes
 
 PERIOD_NS = 4_000_000
 Lines = list[MutableMapping[str, Any]]
@@ -18,7 +18,7 @@ Lines = list[MutableMapping[str, Any]]
 
 def nodes(count: int) -> list[Node]:
     return [
-        cast(Node, SimpleNamespace(id=number, name=f"node{number}", fault="silent"))
+        cast(Node, SimpleNamespace(number=number, name=f"node{number}", fault="silent"))
         for number in range(1, count + 1)
     ]
 

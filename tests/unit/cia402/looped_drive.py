@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,9 +10,9 @@ from robotd.api import NANOSECONDS, ProcessImage
 from robotd.clock.simulated import SteppedClock
 from robotd_cia402.axis import Axis
 from robotd_cia402.commands import Commands
-from robotd_cia402.cyclic_objects import CyclicObjects, SdoAbort
+from robotd_cia402.drive_access import DriveAccess, SdoAbort
 from robotd_cia402.drive_setup import set_up
-from robotd_cia402.emcy import Emergency
+from robotd_cia402.node import Emergency, FieldbusNode
 from robotd_cia402.object_numbers import INPUTS, INTERPOLATION, OUTPUTS, on_axis
 from robotd_cia402.options import DriveOptions
 from robotd_cia402.scaling import Scaling
@@ -23,15 +24,15 @@ PERIOD_NS = round(PERIOD_S * NANOSECONDS)
 SUPPORTED_MODES, UNKNOWN_OBJECT = 0x6502, 0x06020000
 
 
-class LoopedObjects:
-    """``CyclicObjects`` of a drive in this process; a frame is one ``exchange``."""
+class LoopedObjects(DriveAccess):
+    """Objects of a drive in this process; a frame is one ``exchange``."""
 
-    name = "node 1"
+    frames = 0
 
     def __init__(self, axis_offset: int) -> None:
-        self.online, self.fault = True, ""
-        self.frames = 0
-        self.emergency: Emergency | None = None
+        super().__init__()
+        self.node = FieldbusNode("node", 1, "joint1", deque())
+        self.node.online = True
         self.inputs, self.outputs = INPUTS, OUTPUTS
         self.dictionary = drive_defaults(axes=2)  # the drive's side
         self.written: list[tuple[int, int, int]] = []
@@ -42,7 +43,7 @@ class LoopedObjects:
 
     @property
     def known(self) -> bool:
-        return self.online and self._complete
+        return self.node.online and self._complete
 
     def put(self, values: Sequence[int]) -> None:
         self._sent = values
@@ -56,7 +57,7 @@ class LoopedObjects:
     def read(self, index: int, sub: int = 0) -> int:
         key = on_axis(index, self._offset), sub
         if key not in self.dictionary:
-            raise SdoAbort(f"{self.name}: no object 0x{index:04X}", UNKNOWN_OBJECT)
+            raise SdoAbort(f"{self.node.label}: no object 0x{index:04X}", UNKNOWN_OBJECT)
         return self.dictionary[key]
 
     def write(self, index: int, sub: int, value: int) -> None:
@@ -92,8 +93,9 @@ class LoopedDrive:
         section = DriveOptions.model_validate({"axis": 0, "counts_per_rad": 1e5, **options})
         self.clock = SteppedClock()
         self.objects = LoopedObjects(section.axis_offset)
-        drive: CyclicObjects = self.objects
-        self.axis = Axis(0, section, drive, Scaling(section, rated_torque_nm=50.0))
+        self.axis: Axis[LoopedObjects] = Axis(
+            section, self.objects, Scaling(section, rated_torque_nm=50.0)
+        )
         self.commands = Commands(self.axis, self.clock)
         self.image = ProcessImage(1)
         self.faults = DriveFaults()
@@ -113,7 +115,7 @@ class LoopedDrive:
         self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
     def _period(self, due_ns: int) -> int:
-        if self.objects.online:
+        if self.objects.node.online:
             self._exchange()
         self.axis.observe(self.image)
         self.axis.transmit(PERIOD_S)
@@ -128,4 +130,4 @@ class LoopedDrive:
 
     def _on_emergency(self, code: int, register: int) -> None:
         emergency = Emergency(self.clock.now_ns(), 1, code, register, bytes(5))
-        self.objects.emergency = None if emergency.is_reset else emergency
+        self.objects.node.emergency = None if emergency.is_reset else emergency

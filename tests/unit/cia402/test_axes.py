@@ -2,53 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+import numpy as np
 import pytest
-from tests.unit.cia402.looped_drive import PERIOD_S, LoopedDrive
+from tests.unit.cia402.looped_drive import PERIOD_NS, PERIOD_S, LoopedDrive, LoopedObjects
 
 from robotd.api import (
     CommandMode,
+    ConnectionState,
     NotReady,
     Operation,
     OperationError,
     ProcessImage,
     Profile,
 )
-from robotd_cia402.axes import Cia402Axes
+from robotd_cia402.axes import Cia402Master
+from robotd_cia402.sync_timing import SyncTiming
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
 
 
-class LoopedMaster:
-    """Master of one looped drive."""
+class LoopedAxes(Cia402Master[LoopedObjects]):
+    """Axis driver of one looped drive, on no bus."""
+
+    state = ConnectionState.COMMUNICATING
 
     def __init__(self, looped: LoopedDrive) -> None:
-        self.looped, self.axes, self.clock = looped, [looped.axis], looped.clock
-        self.begun = 0
+        super().__init__(looped.clock, PERIOD_S, stream_timeout_s=0.1)
+        self.looped, self.timing = looped, SyncTiming(PERIOD_NS)
+        self.axes, self._commands = [looped.axis], [looped.commands]
 
     def read(self, image: ProcessImage) -> None:
         self.looped.axis.observe(image)
 
-    def stream(self, position: Sequence[float], velocity: Sequence[float], due_ns: int) -> None:
-        self.looped.axis.follow(position[0], velocity[0])
-
-    def stream_torque(self, torque: Sequence[float]) -> None:
-        self.looped.axis.follow_torque(torque[0])
-
-    def begin_stream(self) -> None:
-        self.begun += 1
-
     def settle(self) -> None:
         self.looped.run(2 * PERIOD_S)
 
+    def fault(self) -> str:
+        return ""
 
-class LoopedAxes(Cia402Axes):
-    """Axis driver of one looped drive."""
+    def summary(self) -> str:
+        return ""
 
-    def __init__(self, looped: LoopedDrive) -> None:
-        self.master, self.looped = LoopedMaster(looped), looped
-        super().__init__(self.master)
+    def open(self) -> None:
+        """No bus."""
+
+    def close(self) -> None:
+        """No bus."""
+
+    def start(self, timeout_s: float) -> None:
+        """No bus."""
+
+    def end(self) -> None:
+        """No bus."""
 
 
 @pytest.fixture
@@ -79,7 +84,6 @@ def test_motion_and_its_stops(axes: LoopedAxes) -> None:
 
 def test_a_stream_begins_and_ends(axes: LoopedAxes) -> None:
     axes.begin_stream([0])
-    assert axes.master.begun == 1
     assert axes.looped.axis.activity.streaming
     axes.end_stream([0])
     assert axes.looped.axis.activity.is_idle
@@ -120,10 +124,10 @@ def test_a_stop_while_a_stream_is_being_started_prevents_it(
 
 
 def test_a_stream_of_a_lost_axis_does_not_begin(axes: LoopedAxes) -> None:
-    axes.looped.objects.online = False
+    axes.looped.objects.node.online = False
     with pytest.raises(NotReady, match="node 1: offline"):
         axes.begin_stream([0])
-    assert axes.master.begun == 0
+    assert not axes.looped.axis.activity.streaming
 
 
 def test_the_scale_changes_with_the_servo_off_only(axes: LoopedAxes) -> None:
@@ -142,3 +146,15 @@ def test_an_alarm_is_cleared_and_the_axis_homed(axes: LoopedAxes) -> None:
     axes.servo(0, on=True, timeout_s=1.0)
     axes.home(0, 5.0)
     assert axes.looped.image.home_done[0]
+
+
+def test_a_stream_without_setpoints_is_named_after_the_limit(axes: LoopedAxes) -> None:
+    axes.begin_stream([0])
+    begun_ns = axes.clock.now_ns() - 2 * PERIOD_NS
+    assert axes.stream_problem(begun_ns + 100_000_000) == ""
+    late_ns = begun_ns + 101_000_000
+    assert axes.stream_problem(late_ns) == "joint1 (node 1): no setpoint for 0.1 s"
+    axes.stream(np.zeros(1), np.zeros(1), axes.clock.now_ns())
+    assert axes.stream_problem(axes.clock.now_ns() + 100_000_000) == ""
+    axes.end_stream([0])
+    assert axes.stream_problem(late_ns + 1_000_000_000) == ""

@@ -1,6 +1,9 @@
+from collections import deque
+
 import pytest
 
-from robotd_cia402.emcy import Emergency, EmergencyLog, error_text
+from robotd_cia402.code_tables import error_text
+from robotd_cia402.node import Emergency, FieldbusNode
 
 
 @pytest.mark.parametrize(
@@ -21,13 +24,23 @@ def test_codes_in_words(code: int, text: str) -> None:
 
 
 def test_a_reset_ends_what_is_in_force_and_stays_in_the_history() -> None:
-    log = EmergencyLog(size=3)
-    log.add(Emergency.decode(5, bytes.fromhex("1032010102030405"), 1))
-    assert "node 5: EMCY 0x3210" in str(log.active[5])
-    assert "01 02 03 04 05" in str(log.active[5])
-    log.add(Emergency.decode(5, bytes(8), 2))
-    assert not log.active
-    assert len(log.history) == 2
+    history = deque[Emergency](maxlen=3)
+    node = FieldbusNode("node", 5, "joint5", history)
+    node.note_emergency(bytes.fromhex("1032010102030405"), 1)
+    assert "node 5: EMCY 0x3210" in str(node.emergency)
+    assert "01 02 03 04 05" in node.emergency_text()
+    node.note_emergency(bytes(8), 2)
+    assert node.emergency is None
+    assert len(history) == 2
+
+
+def test_an_emergency_from_before_a_reset_is_not_in_force() -> None:
+    node = FieldbusNode("node", 5, "joint5", deque())
+    node.note_emergency(bytes.fromhex("1032010102030405"), 5)
+    node.forget_emergency_before(5)
+    assert node.emergency is not None
+    node.forget_emergency_before(6)
+    assert node.emergency is None
 
 
 def test_a_frame_of_another_length_is_rejected() -> None:

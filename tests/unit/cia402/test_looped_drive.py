@@ -21,12 +21,12 @@ from robotd.api import (
     RobotdError,
     wait_until,
 )
+from robotd_cia402.controlword import DriveState
+from robotd_cia402.device import switch_off
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, MODE_DISPLAY, POSITION
 from robotd_cia402.simulated.mode_motion import Mode
-from robotd_cia402.state_machine import DriveState
-from robotd_cia402.switch_off import switch_off
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
 
@@ -395,7 +395,7 @@ def test_a_statusword_that_never_changes_ends_in_a_time_out() -> None:
 
 
 def test_a_lost_node_is_offline_with_its_cause(on: LoopedDrive) -> None:
-    on.objects.online, on.objects.fault = False, "no frame for 20 ms"
+    on.objects.node.online, on.objects.node.fault = False, "no frame for 20 ms"
     on.run(0.02)
     assert on.image.offline[0]
     assert on.image.reason[0] == "node 1: no frame for 20 ms"
@@ -413,10 +413,10 @@ def test_an_image_that_was_forgotten_is_filled_again(on: LoopedDrive) -> None:
 def test_a_node_that_returns_holds_its_position(on: LoopedDrive) -> None:
     on.commands.move(1.0, FAST)
     on.run(0.3)
-    on.objects.online = False
+    on.objects.node.online = False
     on.run(0.1)
     assert on.axis.activity.is_idle
-    on.objects.online = True
+    on.objects.node.online = True
     on.axis.resume()
     on.run(0.1)
     assert on.image.velocity_command[0] == 0.0
@@ -424,10 +424,10 @@ def test_a_node_that_returns_holds_its_position(on: LoopedDrive) -> None:
 
 def test_a_node_that_returns_continues_where_it_has_got_to(on: LoopedDrive) -> None:
     """Its first values after the loss count: the command of before would be a jump."""
-    on.objects.online = False
+    on.objects.node.online = False
     on.run(0.1)
     on.objects.dictionary[DEMAND, 0] = on.objects.dictionary[POSITION, 0] = 30_000
-    on.objects.online = True
+    on.objects.node.online = True
     on.objects.take()
     on.axis.resume()
     assert on.axis.setpoint.position == pytest.approx(0.3)
@@ -478,15 +478,15 @@ def test_an_axis_in_motion_is_stopped_before_it_is_switched_off(on: LoopedDrive)
 def test_an_axis_that_is_being_switched_on_is_switched_off() -> None:
     looped = LoopedDrive()
     off = threading.Thread(target=switch_off, args=([looped.axis], 1.0, looped.clock))
-    next_state = looped.commands._next_state
+    require_no_alarm = looped.commands._require_no_alarm
 
-    def switch_off_meanwhile(timeout_s: float) -> bool:
+    def switch_off_meanwhile() -> None:
         if off.ident is None:
             off.start()
             off.join(0.2)
-        return next_state(timeout_s)
+        require_no_alarm()
 
-    looped.commands._next_state = switch_off_meanwhile  # type: ignore[method-assign]
+    looped.commands._require_no_alarm = switch_off_meanwhile  # type: ignore[method-assign]
     looped.commands.enable(1.0)
     off.join(10.0)
     assert not looped.axis.report.powered
@@ -549,7 +549,10 @@ def test_a_drive_that_is_lost_during_a_command_is_the_reason(
     def exchange_until_lost() -> None:
         exchange()
         if looped.objects.frames == last:
-            looped.objects.online, looped.objects.fault = False, "it went to SafeOp by itself"
+            looped.objects.node.online, looped.objects.node.fault = (
+                False,
+                "it went to SafeOp by itself",
+            )
 
     monkeypatch.setattr(looped, "_exchange", exchange_until_lost)
     with pytest.raises(NotReady, match="node 1: it went to SafeOp by itself"):

@@ -10,9 +10,9 @@ from tests.unit.cia402.looped_drive import PERIOD_S, LoopedDrive
 from tests.unit.cia402.test_axes import LoopedAxes
 
 from robotd.api import CommandMode, NotReady, Operation
+from robotd_cia402.controlword import DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import MODE, OUTPUTS, TARGET_POSITION, TARGET_TORQUE
-from robotd_cia402.state_machine import DriveState
 
 # The model of a motor, see ``Motors.push``.
 INERTIA, VISCOUS, COULOMB = 0.5, 1.0, 2.0

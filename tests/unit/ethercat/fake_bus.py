@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from robotd.api import Clock, ConnectError, DeviceTimeout
-from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.drive_access import SdoAbort
 from robotd_cia402.object_numbers import on_axis
 from robotd_cia402.simulated import (
     DRIVE_OBJECTS,

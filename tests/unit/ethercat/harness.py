@@ -14,7 +14,7 @@ from robotd.descriptor import RobotDescriptor
 from robotd.device.capabilities import Capability
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_ethercat.device import EthercatDevice
+from robotd_ethercat.fault_injector import EthercatDevice
 from robotd_ethercat.master import Master
 from robotd_ethercat.supervision import Supervision
 

@@ -182,11 +182,11 @@ def test_an_sdo_abort_names_slave_and_object(harness: Harness) -> None:
 
 def test_another_interface_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     device = Harness(monkeypatch).device
-    with pytest.raises(InvalidArgument, match="the interface is 'eth0'"):
+    with pytest.raises(InvalidArgument, match="the bus is 'eth0'"):
         device.open("eth7")
-    with pytest.raises(NotReady, match="the interface is not open"):
+    with pytest.raises(NotReady, match="the bus is not open"):
         device.start_communication(1.0)
-    with pytest.raises(NotReady, match="the interface is not open"):
+    with pytest.raises(NotReady, match="the bus is not open"):
         device.scan_network()
 
 

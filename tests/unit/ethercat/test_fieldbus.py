@@ -7,7 +7,6 @@ from tests.unit.ethercat.harness import Harness
 
 from robotd.device.bus_status import BusState
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady
-from robotd_cia402.module_io import ModuleIo
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.fieldbus import EthercatFieldbus
 
@@ -96,7 +95,7 @@ def test_counters_of_a_slave_without_answer_are_left_out(harness: Harness) -> No
 
 
 def test_inputs_and_outputs_of_a_module(harness: Harness) -> None:
-    io = ModuleIo(harness.master.io)
+    io = harness.master.io
     harness.slave(2).input = b"\x81\x02"
     io.write_output_bit(1, 3, True)
     harness.robot.step(3)

@@ -187,7 +187,7 @@ def test_a_slave_that_was_reset_needs_a_new_start(harness: Harness) -> None:
 
 
 def test_outputs_of_a_lost_module_stay_off_when_it_is_back(harness: Harness) -> None:
-    harness.master.io.write(0, b"\x05")
+    harness.master.io.write_outputs(0, b"\x05")
     harness.robot.step(2)
     assert harness.slave(2).output == b"\x05\x00"
     harness.slave(2).state = AlState.SAFE_OP

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from tests.unit.ethercat.fake_bus import COUNTS_PER_RAD
 from tests.unit.ethercat.harness import Harness
@@ -111,7 +112,7 @@ class Periods:
         self.read(before_read_ns)
         self.clock._now_ns += after_read_ns
         self.position += 0.001
-        self.master.stream([self.position] * 2, [0.5] * 2, self.due_ns)
+        self.master.stream(np.full(2, self.position), np.full(2, 0.5), self.due_ns)
 
     def read(self, late_ns: int = 0) -> None:
         """Begin a period, ``late_ns`` after its nominal time."""
@@ -195,7 +196,7 @@ def test_the_drives_count_from_the_nominal_time_of_the_frame_before(periods: Per
 
 def test_a_late_frame_waits_until_its_periods_are_counted_alike(periods: Periods) -> None:
     """At the end of a period the drives may count one more or one less."""
-    periods.due_ns = periods.master._timing.time_ns + 2 * PERIOD_NS  # one period is missed
+    periods.due_ns = periods.master.timing.time_ns + 2 * PERIOD_NS  # one period is missed
     begin_ns = periods.due_ns
     periods.run()
     waited_ns = periods.master.exchange.sent_ns - begin_ns

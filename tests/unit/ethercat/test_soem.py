@@ -13,7 +13,7 @@ import pysoem
 import pytest
 
 from robotd.errors import ConnectError, DeviceTimeout, OperationError, PluginError
-from robotd_cia402.cyclic_objects import SdoAbort
+from robotd_cia402.drive_access import SdoAbort
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.soem import NO_ANSWER, MappingError, SlaveState, Soem
 

@@ -1,11 +1,11 @@
-"""Objects of one drive axis in the process data and by SDO, for ``robotd_cia402``."""
+"""Objects of one axis of a slave: process data, and SDO."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from operator import itemgetter
 
-from robotd_cia402.emcy import Emergency
+from robotd_cia402.drive_access import DriveAccess
 from robotd_cia402.object_numbers import AXIS_STEP, INPUTS, OUTPUTS, PROFILE_AREA, on_axis
 from robotd_ethercat.exchange import Exchange
 from robotd_ethercat.slave import Slave
@@ -13,37 +13,28 @@ from robotd_ethercat.slave import Slave
 _UNMAPPED = -1  # slot of the 0 that follows the values of the slave
 
 
-class SlaveObjects:
-    """Implements ``robotd_cia402.CyclicObjects`` for one axis of a slave.
+class EthercatDrive(DriveAccess):
+    """One axis of ``node``; a cyclic frame is one of the process data.
 
     Mapped outputs that no part of robotd sets, such as a torque limit, keep the value that the
     drive had when it was configured.
     """
 
+    node: Slave
+
     def __init__(self, slave: Slave, axis_offset: int, exchange: Exchange) -> None:
-        self._slave, self._offset, self._exchange = slave, axis_offset, exchange
-        self._image = slave.image
-        self._forgotten_at = 0
+        super().__init__()
+        self.node, self._offset, self._exchange = slave, axis_offset, exchange
         self.inputs: Collection[int] = ()
         self.outputs: Collection[int] = ()
+        self._image = slave.image
+        self._forgotten_at = 0
         self._pick_inputs = itemgetter(*[_UNMAPPED] * len(INPUTS))
         self._output_slots: list[tuple[int, int]] = []  # places in OUTPUTS, and in the image
 
     @property
-    def name(self) -> str:
-        return f"slave {self._slave.number}"
-
-    @property
-    def online(self) -> bool:
-        return self._slave.online
-
-    @property
-    def fault(self) -> str:
-        return self._slave.fault
-
-    @property
     def known(self) -> bool:
-        return self._slave.online and self._exchange.good_frames > self._forgotten_at
+        return self.node.online and self._exchange.good_frames > self._forgotten_at
 
     @property
     def awaited(self) -> str:
@@ -52,10 +43,6 @@ class SlaveObjects:
     @property
     def frames(self) -> int:
         return self._exchange.frames
-
-    @property
-    def emergency(self) -> Emergency | None:
-        return self._slave.emergency
 
     def put(self, values: Sequence[int]) -> None:
         outputs = self._image.outputs
@@ -68,13 +55,13 @@ class SlaveObjects:
 
     def writable(self, index: int, sub: int) -> bool:
         # Whether it is read-only shows when it is written.
-        return self._slave.has(on_axis(index, self._offset))
+        return self.node.has(on_axis(index, self._offset))
 
     def read(self, index: int, sub: int = 0) -> int:
-        return self._slave.read(on_axis(index, self._offset), sub)
+        return self.node.read(on_axis(index, self._offset), sub)
 
     def write(self, index: int, sub: int, value: int) -> None:
-        self._slave.write(on_axis(index, self._offset), sub, value)
+        self.node.write(on_axis(index, self._offset), sub, value)
 
     def forget(self) -> None:
         self._forgotten_at = self._exchange.good_frames

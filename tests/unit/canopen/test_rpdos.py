@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from tests.fakes import FakeClock
 from tests.unit.canopen.network import drive, options, plan
 
+from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError
 from robotd_canopen.frame import Frame
-from robotd_canopen.rpdo_writer import RpdoWriter
+from robotd_canopen.master import Master
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import MODE, OUTPUTS
 
@@ -30,10 +32,11 @@ class SentFrames:
 def sent(mode: OperationMode, *mappings: list[str], **keys: Any) -> list[int]:
     """Return the numbers of the RPDOs that are sent in ``mode``."""
     rpdos = [{"number": number, "objects": each} for number, each in enumerate(mappings, 1)]
-    layout = plan(options(axes=[drive(0, rpdos=rpdos, **keys), drive(1)])).axes[0]
-    writer, bus = RpdoWriter(layout), SentFrames()
-    writer.values = [mode if index == MODE else 0 for index in OUTPUTS]
-    writer.send(bus)  # type: ignore[arg-type]
+    layout = plan(options(axes=[drive(0, rpdos=rpdos, **keys), drive(1)]))
+    robot = RobotDescriptor.model_validate({"schema": 1, "name": "test", "axes": 2})
+    axis, bus = Master(robot, layout, FakeClock()).axes[0], SentFrames()
+    axis.drive._bus = bus  # type: ignore[assignment]
+    axis.drive.put([mode if index == MODE else 0 for index in OUTPUTS])
     return [(cob_id - 0x100) // 0x100 for cob_id in bus.cob_ids]
 
 

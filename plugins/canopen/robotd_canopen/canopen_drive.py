@@ -1,0 +1,147 @@
+"""Objects of one axis on a CAN bus: PDOs with SYNC, and SDO."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robotd.api import OperationError, wait_until
+from robotd_canopen.bus import Bus
+from robotd_canopen.feedback import Feedback
+from robotd_canopen.frame import Frame
+from robotd_canopen.layout import AxisLayout
+from robotd_canopen.nmt import ANSWERS, FRAMES
+from robotd_canopen.node import Node
+from robotd_canopen.object_dictionary import variable
+from robotd_canopen.pdo import Pdo
+from robotd_cia402.drive_access import DriveAccess, SdoAbort
+from robotd_cia402.object_numbers import MODE, OUTPUTS
+
+_EVENT_S = 1.0  # for an event-driven TPDO whose objects cannot be read
+_MODE = OUTPUTS.index(MODE)
+
+
+@dataclass(frozen=True)
+class _Rpdo:
+    """One RPDO, with the frame that is sent again and again."""
+
+    pdo: Pdo
+    frame: Frame
+    places: list[int]  # of its objects in OUTPUTS, or of the 0 behind them
+    modes: frozenset[int] | None  # as Pdo.modes
+
+
+class CanopenDrive(DriveAccess):
+    """Axis ``number`` of the robot, on ``node``; a cyclic frame is a SYNC.
+
+    Attributes:
+        layout: its options, dictionary and PDOs.
+    """
+
+    node: Node
+
+    def __init__(
+        self, number: int, layout: AxisLayout, node: Node, feedback: Feedback, bus: Bus
+    ) -> None:
+        super().__init__()
+        self.node = node
+        self.inputs = frozenset(entry.base for pdo in layout.tpdos for entry in pdo.entries)
+        self.outputs = frozenset(entry.base for pdo in layout.rpdos for entry in pdo.entries)
+        self.layout, self._number = layout, number
+        self._feedback, self._bus = feedback, bus
+        self._rpdos = [
+            _Rpdo(
+                pdo,
+                Frame(pdo.cob_id, bytes(pdo.layout.size)),
+                [_place(entry.base) for entry in pdo.entries],
+                pdo.modes,
+            )
+            for pdo in layout.rpdos
+        ]
+
+    @property
+    def known(self) -> bool:
+        return self.node.online and self._feedback.complete(self._number)
+
+    @property
+    def awaited(self) -> str:
+        names = [pdo.name for pdo in self._feedback.missing(self._number)]
+        return f"{', '.join(names)} not received yet"
+
+    @property
+    def frames(self) -> int:
+        return self._feedback.syncs
+
+    def put(self, values: Sequence[int]) -> None:
+        """Send the RPDOs of this SYNC, to take effect with the next one."""
+        values = (*values, 0)
+        mode = values[_MODE]
+        for rpdo in self._rpdos:
+            if rpdo.modes is None or mode in rpdo.modes:
+                data = [values[place] for place in rpdo.places]
+                rpdo.pdo.layout.pack_into(rpdo.frame.data, 0, *data)
+                self._bus.send(rpdo.frame)
+
+    def values(self) -> Sequence[int]:
+        return self._feedback.values[self._number]
+
+    def writable(self, index: int, sub: int) -> bool:
+        found = variable(self.node.sdo.dictionary, self.layout.index(index), sub)
+        return found is not None and found.writable
+
+    def read(self, index: int, sub: int = 0) -> int:
+        return self.node.sdo.read(self.layout.index(index), sub)
+
+    def write(self, index: int, sub: int, value: int) -> None:
+        self.node.sdo.write(self.layout.index(index), sub, value)
+
+    def forget(self) -> None:
+        self._feedback.forget(self._number)
+
+    def accept(self) -> None:
+        """Worker: the node is configured and starts; its TPDOs count from now on."""
+        self._feedback.accept(self._number)
+
+    def query(self) -> None:
+        """Worker: read the values that an operational node sends on an event only.
+
+        Nothing may change for hours, and until then they would be unknown. Raises OperationError
+        and DeviceTimeout naming the object.
+        """
+        number, feedback, sdo = self._number, self._feedback, self.node.sdo
+        for pdo in feedback.event_driven(number):
+            if feedback.has_come(number, pdo):
+                continue
+            try:
+                values = {entry.base: sdo.read(entry.index, entry.sub) for entry in pdo.inputs}
+            except SdoAbort as error:
+                if not self._comes(pdo):
+                    raise OperationError(
+                        f"first values: {pdo.name} is event-driven and has not come within"
+                        f" {_EVENT_S:g} s, and {error.reason}"
+                    ) from error
+            else:
+                feedback.seed(number, pdo, values)
+
+    def require_unique(self, timeout_s: float) -> None:
+        """Worker: wait for some SYNCs, and raise OperationError where two nodes have the id.
+
+        Positions of both would be mixed.
+        """
+        number, feedback, node = self._number, self._feedback, self.node
+        counted = lambda: feedback.is_counted(number) or not node.online  # noqa: E731
+        wait_until(counted, timeout_s, node.clock)
+        if node.sdo.doubled:
+            raise OperationError(f"{node.name}: {ANSWERS}")
+        if pdo := feedback.doubled(number):
+            raise OperationError(f"{node.name}: {FRAMES.format(pdo.name)}")
+
+    def _comes(self, pdo: Pdo) -> bool:
+        return wait_until(
+            lambda: self._feedback.has_come(self._number, pdo), _EVENT_S, self.node.clock
+        )
+
+
+def _place(index: int) -> int:
+    """Return the place of an object in ``OUTPUTS``; behind them where none sets it."""
+    return OUTPUTS.index(index) if index in OUTPUTS else len(OUTPUTS)

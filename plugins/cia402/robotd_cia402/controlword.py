@@ -1,0 +1,219 @@
+"""Controlword of one axis: state machine, mode of operation, and hand-over of targets.
+
+Masks and values are those of CiA 402-2, tables 27 to 30. The controlword has bits of the state
+machine (``PowerStage``) and bits whose meaning depends on the mode (``ModeControl``).
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntFlag, auto
+
+from robotd.api import CommandMode
+from robotd_cia402.modes import OperationMode
+
+_LOW_FRAMES = 2  # frames in the mode, with the target and the bit low, before it may rise
+_HANDSHAKE_S = 1.0
+
+
+class DriveState(Enum):
+    """State in a statusword."""
+
+    NOT_READY_TO_SWITCH_ON = "not ready to switch on"
+    SWITCH_ON_DISABLED = "switch on disabled"
+    READY_TO_SWITCH_ON = "ready to switch on"
+    SWITCHED_ON = "switched on"
+    OPERATION_ENABLED = "operation enabled"
+    QUICK_STOP_ACTIVE = "quick stop active"
+    FAULT_REACTION_ACTIVE = "fault reaction active"
+    FAULT = "fault"
+    UNKNOWN = "unknown"
+
+
+class Status(IntFlag):
+    """Bits of the statusword that do not belong to the state."""
+
+    VOLTAGE_ENABLED = 1 << 4
+    WARNING = 1 << 7
+    TARGET_REACHED = 1 << 10
+    INTERNAL_LIMIT = 1 << 11
+    ACKNOWLEDGE = 1 << 12  # profile position: the new set-point is taken
+    HOMING_ATTAINED = 1 << 12
+    SPEED_ZERO = 1 << 12  # profile velocity
+    FOLLOWS = 1 << 12  # cyclic modes: the drive follows the target
+    FOLLOWING_ERROR = 1 << 13
+    HOMING_ERROR = 1 << 13
+
+
+class Control(IntFlag):
+    """Controlwords of the state machine, and the bits of the modes."""
+
+    DISABLE_VOLTAGE = 0x00
+    SHUTDOWN = 0x06
+    SWITCH_ON = 0x07
+    ENABLE_OPERATION = 0x0F
+    QUICK_STOP = 0x02
+    FAULT_RESET = 0x80
+    NEW_SET_POINT = 1 << 4
+    START_HOMING = 1 << 4
+    ENABLE_INTERPOLATION = 1 << 4
+    CHANGE_IMMEDIATELY = 1 << 5
+    HALT = 1 << 8
+
+
+_STATES = (
+    (0x4F, 0x00, DriveState.NOT_READY_TO_SWITCH_ON),
+    (0x4F, 0x40, DriveState.SWITCH_ON_DISABLED),
+    (0x6F, 0x21, DriveState.READY_TO_SWITCH_ON),
+    (0x6F, 0x23, DriveState.SWITCHED_ON),
+    (0x6F, 0x27, DriveState.OPERATION_ENABLED),
+    (0x6F, 0x07, DriveState.QUICK_STOP_ACTIVE),
+    (0x4F, 0x0F, DriveState.FAULT_REACTION_ACTIVE),
+    (0x4F, 0x08, DriveState.FAULT),
+)
+
+
+def _decode(word: int) -> DriveState:
+    for mask, value, state in _STATES:
+        if word & mask == value:
+            return state
+    return DriveState.UNKNOWN
+
+
+_DECODED = tuple(_decode(word) for word in range(0x80))
+
+TOWARDS_ENABLED: dict[DriveState, Control] = {
+    DriveState.SWITCH_ON_DISABLED: Control.SHUTDOWN,  # transition 2
+    DriveState.READY_TO_SWITCH_ON: Control.SWITCH_ON,  # 3
+    DriveState.SWITCHED_ON: Control.ENABLE_OPERATION,  # 4
+    DriveState.OPERATION_ENABLED: Control.ENABLE_OPERATION,
+    DriveState.QUICK_STOP_ACTIVE: Control.ENABLE_OPERATION,  # 16
+}
+"""State → controlword that leads to OPERATION_ENABLED; other states need no command."""
+
+POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+FAULTY = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+
+
+def drive_state(statusword: int) -> DriveState:
+    """Return the state in a statusword."""
+    return _DECODED[statusword & 0x7F]
+
+
+class PowerStage:
+    """Commanded state of the power stage. Set by workers; switched off by the control loop.
+
+    Attributes:
+        control: bits of the controlword that belong to the state machine.
+        requested: the servo is meant to be on.
+        lost: why the servo went off by itself; "" if it did not.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Worker: off, with nothing remembered."""
+        self.requested, self.lost = False, ""
+        self.control = Control.DISABLE_VOLTAGE.value
+
+    def release(self, state: DriveState) -> None:
+        """Worker: switch the power stage off, to ready to switch on.
+
+        From a quick stop only switch on disabled can be reached (transition 12).
+        """
+        stopped = self.control == Control.QUICK_STOP or state is DriveState.QUICK_STOP_ACTIVE
+        self.requested = False
+        self.control = (Control.DISABLE_VOLTAGE if stopped else Control.SHUTDOWN).value
+
+    def quick_stop(self) -> None:
+        """Any thread: quick stop, unless the power stage is being switched off."""
+        if self.requested:
+            self.control = Control.QUICK_STOP.value
+
+    def note_off(self, statusword: int, state: DriveState) -> bool:
+        """Control loop: do not switch on again a drive that switched itself off.
+
+        Returns True at the moment at which it did.
+        """
+        if not self.requested:
+            return False
+        self.requested = False
+        self.control = Control.DISABLE_VOLTAGE.value
+        self.lost = f"statusword 0x{statusword:04X} ({state.value})"
+        return True
+
+
+class Phase(Enum):
+    """Phase of the new-set-point handshake of the profile position mode (CiA 402-2, 10.3)."""
+
+    DONE = auto()  # nothing is under way; the target is in force
+    ENTERING = auto()  # until the drive is in the mode and the bit was low
+    ASKING = auto()  # the bit is high, until the drive acknowledges
+    RELEASING = auto()  # the bit is low again, until the acknowledge goes
+    FAILED = auto()  # the drive did not answer in time
+
+
+class ModeControl:
+    """Requested mode of operation. Set by workers; the control loop runs the handshake.
+
+    Attributes:
+        requested: mode of operation (object 0x6060).
+        command_mode: as the user has set it.
+        bits: bits of the controlword whose meaning depends on the mode.
+        phase: of the handshake.
+    """
+
+    def __init__(self, requested: OperationMode) -> None:
+        self.requested = requested
+        self.command_mode = CommandMode.POSITION
+        self.bits = self._frames = self._low_frames = 0
+        self.phase = Phase.DONE
+
+    def begin_target(self) -> None:
+        """Worker: hand a new target over; the control loop does it, frame by frame.
+
+        An axis that is halted remains so until the target is acknowledged.
+        """
+        in_mode = self.requested is OperationMode.PROFILE_POSITION
+        halted = self.bits & Control.HALT if in_mode else 0
+        self.bits = int(Control.CHANGE_IMMEDIATELY | halted)
+        self._enter(Phase.ENTERING)
+        self.requested = OperationMode.PROFILE_POSITION
+
+    def cancel_target(self) -> None:
+        """Halt a profile position move, whatever its handshake has reached."""
+        self.bits = int(Control.HALT)
+        self._enter(Phase.DONE)
+
+    def advance_target(self, statusword: int, displayed_mode: int, period_s: float) -> bool:
+        """Control loop: one frame of the handshake; True if another phase begins with it.
+
+        The target is sent from when on the drive displays the mode. It comes some frames before
+        the bit: a drive may read the controlword of a frame first.
+        """
+        before = self.phase
+        if before in (Phase.DONE, Phase.FAILED):
+            return False
+        in_mode = displayed_mode == OperationMode.PROFILE_POSITION
+        self._frames += 1
+        self._low_frames = self._low_frames + 1 if in_mode else 0
+        acknowledged = bool(statusword & Status.ACKNOWLEDGE)
+        match before:
+            case Phase.ENTERING if self._low_frames > _LOW_FRAMES and not acknowledged:
+                self.bits |= Control.NEW_SET_POINT
+                self._enter(Phase.ASKING)
+            case Phase.ASKING if acknowledged:
+                self.bits = int(Control.CHANGE_IMMEDIATELY)
+                self._enter(Phase.RELEASING)
+            case Phase.RELEASING if not acknowledged:
+                self._enter(Phase.DONE)
+            case _ if self._frames * period_s > _HANDSHAKE_S:
+                self.bits = int(Control.CHANGE_IMMEDIATELY | Control.HALT)
+                self._enter(Phase.FAILED)
+            case _:
+                pass
+        return self.phase is not before
+
+    def _enter(self, phase: Phase) -> None:
+        self.phase = phase
+        self._frames = self._low_frames = 0

@@ -1,0 +1,135 @@
+"""Device driver of a fieldbus with CiA 402 drives: life cycle of the connection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Generic, Protocol, TypeVar
+
+from robotd.api import (
+    Clock,
+    ConnectionState,
+    DeviceDriver,
+    FieldbusDriver,
+    InvalidArgument,
+    NotReady,
+    RobotdError,
+    get_logger,
+    wait_until,
+)
+from robotd_cia402.axes import Cia402Master
+from robotd_cia402.axis import Axis
+from robotd_cia402.commands import Commands
+
+log = get_logger("cia402")
+
+_SERVO_S = 0.5  # for a stop, and for one servo, while the control loop may not be running
+
+
+class Simulation(Protocol):
+    """Simulated nodes of the robot."""
+
+    def start(self) -> None:
+        """Power on; no effect on running nodes. Raises ConnectError."""
+
+    def stop(self) -> None:
+        """Power off. Twice is not an error."""
+
+
+MasterT = TypeVar("MasterT", bound=Cia402Master[Any])
+SimulationT = TypeVar("SimulationT", bound=Simulation)
+
+
+class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
+    """Opens, starts and stops the bus. Any worker thread may call.
+
+    Attributes:
+        master, fieldbus: drivers of the same bus.
+        simulation: simulated nodes of the robot; None on real ones.
+    """
+
+    def __init__(
+        self, master: MasterT, fieldbus: FieldbusDriver, simulation: SimulationT | None
+    ) -> None:
+        self.master, self.fieldbus, self.simulation = master, fieldbus, simulation
+
+    def open(self, path: str = "", name: str = "") -> None:
+        """Open the configured bus; ``path`` may name no other one, ``name`` is not used."""
+        bus = self.master.bus_name
+        if path and path != bus:
+            raise InvalidArgument(f"the bus is {bus!r}, another one ({path!r}) is not configured")
+        if self.master.state is not ConnectionState.IDLE:
+            return
+        if self.simulation is not None:
+            self.simulation.start()
+        try:
+            self.master.open()
+        except RobotdError:
+            self._end_simulation()
+            raise
+
+    def close(self) -> None:
+        if self.master.state in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
+            self.stop_communication(_SERVO_S)
+        self.master.close()
+        self._end_simulation()
+
+    def start_communication(self, timeout_s: float) -> None:
+        """Bring the nodes into operation; after a fault again, with all servos off.
+
+        Raises ConnectError with every node that fails, its step, and what was found.
+        """
+        if self.master.state is ConnectionState.IDLE:
+            raise NotReady("communication cannot start: the bus is not open")
+        if self.master.state is not ConnectionState.COMMUNICATING:
+            self.master.start(timeout_s)
+
+    def stop_communication(self, timeout_s: float) -> None:
+        """Also of nodes that a start which failed for others has started."""
+        if self.master.state is ConnectionState.IDLE:
+            return
+        switch_off(self.master.axes, timeout_s, self.master.clock)
+        try:
+            self.master.end()
+        except RobotdError as error:
+            log.warning("stopping the bus failed", reason=str(error))
+
+    def state(self) -> ConnectionState:
+        return self.master.state
+
+    def fault(self) -> str:
+        return self.master.fault()
+
+    def scan_network(self) -> str:
+        if self.master.state is ConnectionState.IDLE:
+            raise NotReady("the network cannot be scanned: the bus is not open")
+        return self.master.summary()
+
+    def _end_simulation(self) -> None:
+        if self.simulation is not None:
+            self.simulation.stop()
+
+
+def switch_off(axes: Iterable[Axis[Any]], timeout_s: float, clock: Clock) -> None:
+    """Stop the axes that are powered, then switch their servos off. Worker.
+
+    A servo that is being switched on goes off when that has ended.
+
+    Args:
+        axes: those whose node is lost are left alone: their drives stop by themselves.
+        timeout_s: for all to come to rest; then the servos are switched off in motion.
+
+    A servo that does not go off is logged; the others are switched off all the same.
+    """
+    online = [axis for axis in axes if axis.drive.node.online]
+    live = [axis for axis in online if axis.report.powered]
+    for axis in live:
+        axis.brake(axis.options.stop_deceleration_rad_s2)
+    wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, clock)
+    for axis in online:
+        with axis.lock:  # of a command that still switches on
+            if not axis.report.powered:
+                continue
+            try:
+                Commands(axis, clock).disable(_SERVO_S)
+            except RobotdError as error:
+                log.warning("switching off failed", axis=axis.number, reason=str(error))

@@ -1,0 +1,214 @@
+"""Drive of one axis: its objects, cyclic and by SDO, and its report."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Sequence
+
+from robotd.api import OperationError, RobotdError
+from robotd_cia402.code_tables import error_text, register_text
+from robotd_cia402.controlword import FAULTY, POWERED, DriveState, drive_state
+from robotd_cia402.node import FieldbusNode
+from robotd_cia402.object_numbers import DEMAND, TORQUE
+from robotd_cia402.scaling import Scaling, wrapped
+
+_MISSING = (0x06020000, 0x06090011)  # abort codes: no such object, no such subindex
+
+
+class SdoAbort(OperationError):
+    """SDO transfer aborted by the node; ``code`` is the code of CiA 301."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class DriveAccess(ABC):
+    """Objects of one axis of a node; implemented by each backend.
+
+    ``index`` is the number of an object in the profile, such as 0x6041, without the offset of a
+    multi-axis drive. Values are integers in the drive's units, signed if the object's type is.
+    The time of received values is not part of it: the backend dates the whole process image.
+
+    Attributes:
+        node: on the bus.
+        inputs, outputs: objects in the cyclic frames, once it is configured.
+    """
+
+    node: FieldbusNode
+    inputs: Collection[int]
+    outputs: Collection[int]
+
+    def __init__(self) -> None:
+        self._written: dict[tuple[int, int], int] = {}
+        self._missing: set[int] = set()
+        self._reported: set[int] = set()
+
+    @property
+    @abstractmethod
+    def known(self) -> bool:
+        """True for an online node whose cyclic inputs have all come since it was configured.
+
+        Control loop.
+        """
+
+    @property
+    @abstractmethod
+    def awaited(self) -> str:
+        """Cyclic inputs that a node which is online but not ``known`` has not sent yet.
+
+        Control loop.
+        """
+
+    @property
+    @abstractmethod
+    def frames(self) -> int:
+        """Cyclic frames sent so far; a value may be one frame old. Any thread."""
+
+    @abstractmethod
+    def put(self, values: Sequence[int]) -> None:
+        """Send the outputs, or set them for the next cyclic frame. Control loop.
+
+        Args:
+            values: of the objects in ``OUTPUTS``; those that the frames do not hold are ignored.
+        """
+
+    @abstractmethod
+    def values(self) -> Sequence[int]:
+        """Return the inputs taken last, in the order of ``INPUTS``. Control loop.
+
+        0 before an object has come, and for one that the frames do not hold.
+        """
+
+    @abstractmethod
+    def writable(self, index: int, sub: int) -> bool:
+        """Return False for an object that is missing or read-only. Worker."""
+
+    @abstractmethod
+    def read(self, index: int, sub: int = 0) -> int:
+        """Read an object by SDO. Worker. Raises SdoAbort, DeviceTimeout, OperationError."""
+
+    @abstractmethod
+    def write(self, index: int, sub: int, value: int) -> None:
+        """Write an object by SDO. Worker. Raises SdoAbort, DeviceTimeout, OperationError."""
+
+    @abstractmethod
+    def forget(self) -> None:
+        """Discard the inputs: the drive has been configured anew. Worker."""
+
+    def set_value(self, index: int, sub: int, value: int) -> None:
+        """Write an object unless it has that value already. Worker. Raises as ``write``."""
+        if self._written.get((index, sub)) != value:
+            self.write(index, sub, value)
+            self._written[index, sub] = value
+
+    def set_optional(self, index: int, value: int) -> bool:
+        """Set an object if the drive has it; return whether it does. Raises as ``write``."""
+        if index in self._missing:
+            return False
+        try:
+            if (index, 0) in self._written or self.writable(index, 0):
+                self.set_value(index, 0, value)
+                return True
+        except SdoAbort as error:
+            if error.code not in _MISSING:
+                raise
+        self._missing.add(index)
+        return False
+
+    def is_news(self, index: int) -> bool:
+        """Return True the first time that an object is reported as not written or not mapped."""
+        news = index not in self._reported
+        self._reported.add(index)
+        return news
+
+    def forget_written(self) -> None:
+        """Write everything again when it is needed next: reset drive, or another scale."""
+        self._written.clear()
+
+
+class DriveReport:
+    """State and values that the drive sent last.
+
+    Updated by the control loop, read by any thread.
+
+    Attributes:
+        known: the node is online and every cyclic input has come.
+        state: UNKNOWN while the drive is not ``known``.
+        powered, in_alarm: the power stage is on, the drive reports a fault.
+        statusword, displayed_mode, error_code: objects 0x6041, 0x6061, 0x603F.
+        error_register: object 0x1001, read at start and after a failed command; 0: not known.
+        position: measured, rad or m; an endless axis runs over 32 bits.
+        velocity: measured, rad/s or m/s.
+        torque: measured, N·m; NaN where it or the rated torque is not known.
+        digital_inputs: object 0x60FD.
+    """
+
+    def __init__(self, drive: DriveAccess, scaling: Scaling) -> None:
+        self.known = False
+        self.state = DriveState.UNKNOWN
+        self.powered = self.in_alarm = False
+        self.statusword = self.displayed_mode = self.error_code = self.digital_inputs = 0
+        self.error_register = 0
+        self.position = self.velocity = self.torque = 0.0
+        self._drive, self._scaling = drive, scaling
+        self._counts = self._raw = 0  # position without and with the wrap of the encoder
+        self._demand = 0
+
+    @property
+    def alarm_text(self) -> str:
+        """Cause of an alarm: the emergency in force, else object 0x603F, else what is known."""
+        active = self._drive.node.emergency
+        if active is not None:
+            return active.text
+        if self.error_code:
+            return f"error code {error_text(self.error_code)}"
+        register = self.error_register
+        named = f", error register {register_text(register)}" if register else ""
+        return f"no error code, statusword 0x{self.statusword:04X} ({self.state.value}){named}"
+
+    def demand(self) -> float:
+        """Return the drive's own position command; the measured one where it reports none."""
+        if DEMAND not in self._drive.inputs:
+            return self.position
+        ahead = wrapped(self._demand - self._raw)
+        return (self._counts + ahead) * self._scaling.position
+
+    def update(self) -> None:
+        """Control loop: decode the values taken last."""
+        drive, scaling = self._drive, self._scaling
+        word, mode, raw, self._demand, velocity, torque, error, inputs = drive.values()
+        self.displayed_mode, self.error_code, self.digital_inputs = mode, error, inputs
+        self._counts += wrapped(raw - self._raw)
+        self._raw = raw
+        self.position = self._counts * scaling.position
+        self.velocity = velocity * scaling.velocity
+        self.torque = torque * scaling.torque if TORQUE in drive.inputs else math.nan
+        known = drive.known
+        if word != self.statusword or known is not self.known:
+            self.statusword, self.known = word, known
+            self.state = state = drive_state(word) if known else DriveState.UNKNOWN
+            self.powered, self.in_alarm = state in POWERED, state in FAULTY
+            if known and not self.in_alarm:
+                self.error_register = 0
+
+    def read_error_register(self) -> None:
+        """Worker: read object 0x1001, where the drive answers."""
+        try:
+            self.error_register = self._drive.read(0x1001) & 0xFF
+        except RobotdError:
+            self.error_register = 0
+
+    def rebase(self) -> None:
+        """Worker: restart the count at a position that the drive has set."""
+        self._counts = self._raw
+        self.position = self._counts * self._scaling.position
+
+    def switches(self) -> tuple[bool, bool, bool]:
+        """Return negative limit, positive limit and home switch, by the axis' own direction."""
+        inputs = self.digital_inputs
+        negative, positive = bool(inputs & 1), bool(inputs & 2)  # as the drive counts
+        if self._scaling.polarity < 0:
+            negative, positive = positive, negative
+        return negative, positive, bool(inputs & 4)
