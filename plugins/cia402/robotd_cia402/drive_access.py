@@ -118,7 +118,7 @@ class DriveAccess(ABC):
         return False
 
     def is_news(self, index: int) -> bool:
-        """Return True the first time that an object is reported as not written or not mapped."""
+        """Return True the first time that an object is reported as missing."""
         news = index not in self._reported
         self._reported.add(index)
         return news
