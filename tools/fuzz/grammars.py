@@ -73,6 +73,32 @@ def eds(random: Random) -> str:
     return "\n".join(line for _ in range(random.randrange(6)) for line in section())
 
 
+def esi(random: Random) -> str:
+    def pdo() -> str:
+        tag = random.choice(("RxPdo", "TxPdo"))
+        index = random.choice(("#x6040", "#x6041", "#x607A", "#x0", _number(random)))
+        entry = f"<Entry><Index>{index}</Index><BitLen>{_number(random)}</BitLen></Entry>"
+        number = random.choice(("#x1600", "#x1A00", _number(random)))
+        excluded = f"<Exclude>{_number(random)}</Exclude>"
+        return (
+            f'<{tag} Sm="2"><Index>{number}</Index>{excluded}{entry * random.randrange(4)}</{tag}>'
+        )
+
+    tags = ("Device", "Module", "RxPdo", "Entry", "Slots", "Slot", "Dc", "OpMode", "Name", "Type")
+    devices = (
+        f'<Device><Type ProductCode="{_number(random)}">x</Type>'
+        f"{''.join(pdo() for _ in range(random.randrange(5)))}{_xml(random, tags)}"
+        f'<Slots SlotPdoIncrement="{_number(random)}"><Slot MaxInstances="{_number(random)}">'
+        f"<ModuleIdent>1</ModuleIdent></Slot></Slots></Device>"
+        for _ in range(random.randrange(3))
+    )
+    module = f'<Module><Type ModuleIdent="1"/>{pdo()}{_xml(random, tags)}</Module>'
+    return (
+        f"<EtherCATInfo><Vendor><Id>{_number(random)}</Id></Vendor><Descriptions><Devices>"
+        f"{''.join(devices)}</Devices><Modules>{module}</Modules></Descriptions></EtherCATInfo>"
+    )
+
+
 def words(random: Random) -> str:
     keys = [
         *FAULTS,

@@ -14,7 +14,7 @@ from random import Random
 
 import atheris
 
-with atheris.instrument_imports(include=["robotd", "robotd_canopen"]):
+with atheris.instrument_imports(include=["robotd", "robotd_canopen", "robotd_ethercat"]):
     from tools.fuzz.campaign import shortened, try_input
     from tools.fuzz.mutations import mutate_bytes
     from tools.fuzz.readers import READERS, ROOT

@@ -18,7 +18,11 @@ from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError, RobotdError
 from robotd.plugin.manager import load_backend
 from robotd.scenario import load_scenario, nested, validate_fault
+from robotd_canopen.eds_report import eds_report
 from robotd_canopen.object_dictionary import read_eds
+from robotd_cia402.options import StreamMode
+from robotd_ethercat.esi_reader import read_esi
+from robotd_ethercat.esi_report import detail_lines, esi_sections
 from robotd_wmx_parameters import read_wmx_parameters
 
 ROOT = Path(__file__).parents[2]
@@ -72,7 +76,14 @@ def _robot(path: Path) -> object:
 
 
 def _eds(path: Path) -> object:
-    return read_eds.__wrapped__(path, 5)
+    """Read an EDS or DCF and what robotd does with it; the reader keeps what it has read."""
+    read_eds.cache_clear()
+    return list(eds_report(path, 5, StreamMode.CSP))
+
+
+def _esi(path: Path) -> object:
+    devices = read_esi(path)
+    return [*(list(detail_lines(device)) for device in devices), esi_sections(devices)]
 
 
 def _urdf(path: Path) -> None:
@@ -121,10 +132,19 @@ READERS = (
         (
             "plugins/canopen/robotd_canopen/eds/generic_401.eds",
             "plugins/canopen/robotd_canopen/eds/generic_402.eds",
+            "tests/unit/canopen/eds/small.dcf",
         ),
         _eds,
         mutate_lines,
         grammars.eds,
+    ),
+    Reader(
+        "esi",
+        "device.xml",
+        ("tests/unit/ethercat/esi/drive.xml", "tests/unit/ethercat/esi/modular.xml"),
+        _esi,
+        mutate_xml,
+        grammars.esi,
     ),
     Reader(
         "urdf",

@@ -31,7 +31,7 @@ def eds_report(path: Path, node: int, stream_mode: StreamMode) -> Iterator[str]:
     if profile == _DRIVE or (not profile and 0x6040 in dictionary):
         yield from _modes(dictionary)
         axis = {"stream_mode": stream_mode, "eds": path.absolute()}
-        yield from _drive(_planned(axis, node), dictionary)
+        yield from _drive(_planned(path, axis, node), dictionary)
     else:
         yield from _module(dictionary)
     yield from _values(values)
@@ -63,7 +63,7 @@ def _modes(dictionary: ObjectDictionary) -> Iterator[str]:
     yield f"modes (0x6502): {stated}; those of the drive are read at start"
 
 
-def _planned(axis: dict[str, Any], node: int) -> AxisLayout:
+def _planned(path: Path, axis: dict[str, Any], node: int) -> AxisLayout:
     """Return the layout of an axis with this file. Raises DescriptorError."""
     robot = RobotDescriptor.model_validate({"schema": 1, "name": "eds", "axes": 1})
     section = {
@@ -75,11 +75,9 @@ def _planned(axis: dict[str, Any], node: int) -> AxisLayout:
     try:
         return plan_network(robot, CanopenOptions.model_validate(section)).axes[0]
     except DescriptorError as error:
-        where = "backends.canopen.axes.0: "
-        text = str(error).replace(where, "")
-        raise DescriptorError(
-            f"a drive cannot use it without other PDOs\n{text}", path=None
-        ) from error
+        text = str(error).replace("backends.canopen.axes.0: ", "")
+        what = f"a drive with it needs rpdos and tpdos of its own, or cannot be used:\n{text}"
+        raise DescriptorError(what, path=path) from None
 
 
 def _drive(axis: AxisLayout, dictionary: ObjectDictionary) -> Iterator[str]:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from robotd.api import MonotonicClock, OperationError, RobotdError, wait_until
 from robotd_cia402.drive_scan import FoundAxis, read_axes, read_or_zero
 from robotd_cia402.modes import OperationMode
 from robotd_ethercat.al_status import AlState, al_code_text
+from robotd_ethercat.esi_choice import clock_keys, pdo_keys, with_remark
+from robotd_ethercat.esi_device import EsiDevice
+from robotd_ethercat.esi_library import EsiLibrary
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, size_bytes
 from robotd_ethercat.soem import Soem
 
@@ -62,6 +66,10 @@ class FoundSlave:
     def is_drive(self) -> bool:
         return self.profile == _DRIVE
 
+    def device(self, library: EsiLibrary | None) -> EsiDevice | None:
+        """Return what an ESI says of it; None where there is none."""
+        return library.find(*self.identity[:3]) if library is not None else None
+
     def __str__(self) -> str:
         vendor, product, revision, serial = self.identity
         kind = f"CiA {self.profile}, " if self.profile else ""
@@ -109,13 +117,30 @@ def pdos_of(access: SlaveAccess) -> dict[Assignment, list[Pdo]]:
     return {assignment: read_mapping(access, assignment) for assignment in Assignment}
 
 
-def scan_sections(slaves: Sequence[FoundSlave], interface: str) -> dict[str, Any]:
-    """Return the scan in the form that ``robotd new-robot --bus`` reads."""
+def read_library(path: Path, slaves: Sequence[FoundSlave]) -> EsiLibrary:
+    """Read the ESI files of ``path`` for the slaves. Raises DescriptorError: no such path."""
+    return EsiLibrary(path, {slave.identity[:2] for slave in slaves})
+
+
+def scan_sections(
+    slaves: Sequence[FoundSlave], interface: str, library: EsiLibrary | None = None
+) -> dict[str, Any]:
+    """Return the scan in the form that ``robotd new-robot --bus`` reads.
+
+    With ``library`` the drives have the PDOs and clocks that their ESI files offer.
+    """
+    found = {slave.number: slave.device(library) for slave in slaves}
+    drives = [found[slave.number] for slave in slaves if slave.is_drive]
+    clocks = clock_keys([one for one in drives if one]) if all(drives) else {}
     return {
         "backend": "ethercat",
         "scale": "counts_per_rad",
-        "options": {"interface": interface},
-        "axes": [_axis_section(slave, axis) for slave in slaves for axis in slave.axes],
+        "options": {"interface": interface, **clocks},
+        "axes": [
+            _axis_section(slave, axis, found[slave.number])
+            for slave in slaves
+            for axis in slave.axes
+        ],
         "io": [
             {
                 "slave": slave.number,
@@ -176,7 +201,7 @@ def _sizes(bus: Soem, access: SlaveAccess, number: int) -> tuple[int, int]:
     return size_bytes(pdos[Assignment.OUTPUTS]), size_bytes(pdos[Assignment.INPUTS])
 
 
-def _axis_section(slave: FoundSlave, axis: FoundAxis) -> dict[str, Any]:
+def _axis_section(slave: FoundSlave, axis: FoundAxis, esi: EsiDevice | None) -> dict[str, Any]:
     section: dict[str, Any] = {"slave": slave.number, "identity": _identity(slave)}
     if axis.offset:
         section["axis_offset"] = axis.offset
@@ -185,7 +210,10 @@ def _axis_section(slave: FoundSlave, axis: FoundAxis) -> dict[str, Any]:
     modes = axis.modes
     if OperationMode.CYCLIC_VELOCITY not in modes and OperationMode.PROFILE_VELOCITY in modes:
         section["velocity_mode"] = "pv"
-    return section | axis.scale_keys
+    section |= axis.scale_keys
+    own = pdo_keys(esi, pv="velocity_mode" in section).get(axis.offset, {}) if esi else {}
+    remark = own.pop("remark", "")
+    return with_remark(section | own, remark) if remark else section | own
 
 
 def _identity(slave: FoundSlave) -> dict[str, int]:

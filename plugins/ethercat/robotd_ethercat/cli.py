@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -23,6 +24,12 @@ def _bus_option(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 SLAVE = IntegerRange(0, 198)
+_esi_option = click.option(
+    "--esi",
+    type=click.Path(exists=True, path_type=Path),
+    metavar="DIR|FILE",
+    help="ESI files (EtherCAT XML) of the slaves: names, PDOs, clocks. Not required.",
+)
 
 
 @click.group()
@@ -35,35 +42,49 @@ def ethercat() -> None:
 
 @ethercat.command()
 @_bus_option
+@_esi_option
 @click.option("--json", "as_json", is_flag=True, help="JSON, which 'new-robot --bus' reads.")
-def scan(interface: str, *, as_json: bool) -> None:
+def scan(interface: str, esi: Path | None, *, as_json: bool) -> None:
     """List the slaves in the order of the cable, with identity, state and supported modes.
 
     The slaves go to PreOp; nothing moves.
     """
-    from robotd_ethercat.bus_scan import open_bus, scan_bus, scan_sections
+    from robotd_ethercat.bus_scan import open_bus, read_library, scan_bus, scan_sections
+    from robotd_ethercat.esi_report import scan_lines
 
     with open_bus(interface) as bus:
         found = scan_bus(bus)
+    library = read_library(esi, found) if esi is not None else None
+    for problem in library.problems if library is not None else ():
+        click.echo(f"ESI left out: {problem}", err=True)
     if as_json:
-        click.echo(json.dumps(scan_sections(found, interface), indent=2))
+        click.echo(json.dumps(scan_sections(found, interface, library), indent=2))
         return
     for slave in found:
         click.echo(str(slave))
+        if library is not None:
+            for line in scan_lines(slave.device(library)):
+                click.echo(f"           {line}")
     advice = "" if found else ": check power and the cable to the IN port of the first one"
     click.echo(f"{len(found)} slave{'' if len(found) == 1 else 's'} on {interface}{advice}")
 
 
 @ethercat.command()
 @_bus_option
+@_esi_option
 @click.argument("slave", type=SLAVE)
-def pdo(interface: str, slave: int) -> None:
+def pdo(interface: str, esi: Path | None, slave: int) -> None:
     """Show the assigned PDOs of SLAVE and their objects, as rx_pdos and tx_pdos name them."""
     from robotd_ethercat.bus_scan import open_bus, pdos_of, slave_of
+    from robotd_ethercat.esi_library import EsiLibrary
     from robotd_ethercat.mapping import Assignment, size_bytes
 
+    device = None
     with open_bus(interface) as bus:
         assignments = pdos_of(slave_of(bus, slave))
+        identity = bus.identity(slave)
+    if esi is not None:
+        device = EsiLibrary(esi, {identity[:2]}).find(*identity[:3])
     for assignment, pdos in assignments.items():
         outputs = assignment is Assignment.OUTPUTS
         key, way = ("rx_pdos", "to") if outputs else ("tx_pdos", "of")
@@ -71,7 +92,39 @@ def pdo(interface: str, slave: int) -> None:
         for one in pdos:
             click.echo(f"  0x{one.index:04X}")
             for entry in one.entries:
-                click.echo(f"    {entry}")
+                name = device.object_name(entry.index, entry.sub) if device is not None else ""
+                click.echo(f"    {entry} {name}".rstrip())
+
+
+@ethercat.command("esi")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--product",
+    "products",
+    type=ObjectNumber(),
+    multiple=True,
+    metavar="CODE",
+    help="Product code; may be given several times, in the order of the cable.",
+)
+@click.option("--json", "as_json", is_flag=True, help="JSON, which 'new-robot --bus' reads.")
+def show_esi(file: Path, products: tuple[int, ...], *, as_json: bool) -> None:
+    """Show the devices of an ESI FILE (EtherCAT XML), and the PDOs that robotd chooses.
+
+    With --product their PDOs, slots and clocks, too. No bus is needed.
+    """
+    from robotd_ethercat.esi_library import of_products
+    from robotd_ethercat.esi_reader import read_esi
+    from robotd_ethercat.esi_report import detail_lines, device_line, esi_sections
+
+    found = read_esi(file)
+    devices = of_products(found, products, file) if products else found
+    if as_json:
+        click.echo(json.dumps(esi_sections(devices), indent=2))
+        return
+    for device in devices:
+        click.echo(device_line(device))
+        for line in detail_lines(device) if products or len(devices) == 1 else ():
+            click.echo(f"  {line}")
 
 
 @ethercat.group()

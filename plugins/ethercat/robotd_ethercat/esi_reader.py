@@ -1,0 +1,246 @@
+"""Reader of ESI files (EtherCAT Slave Information, ETG.2000): devices with PDOs, clocks, names.
+
+Values that no device needs to be recognised are read leniently: real files break the schema.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NoReturn
+
+from lxml import etree
+
+from robotd.api import DescriptorError, read_limited
+from robotd_ethercat.esi_device import (
+    MAX_PARTS,
+    MAX_SHOWN,
+    EsiClock,
+    EsiDevice,
+    EsiEntry,
+    EsiModule,
+    EsiPdo,
+    with_modules,
+)
+from robotd_ethercat.mapping import Assignment
+
+MAX_BYTES = 32_000_000  # of a file; one of a series of terminals has 10 MB
+MAX_SLOTS = 256
+_ENGLISH = "1033"  # LcId
+_NUMBER = re.compile(r"(?:[#0][xX]([0-9A-Fa-f]{1,16})|([0-9]{1,20}))")
+_DIRECTIONS = {"RxPdo": Assignment.OUTPUTS, "TxPdo": Assignment.INPUTS}
+
+
+def read_esi(path: Path, wanted: Collection[tuple[int, int]] | None = None) -> list[EsiDevice]:
+    """Return the devices of a file. Raises DescriptorError.
+
+    Args:
+        wanted: (vendor, product) of the devices that are read; None: all.
+    """
+    data = read_limited(path, MAX_BYTES)
+    if b"<!DOCTYPE" in data:
+        raise DescriptorError("a DOCTYPE is not allowed", path=path)
+    reader = _Reader(path, wanted)
+    events = etree.iterparse(
+        BytesIO(data),
+        tag=("Vendor", "Device", "Module"),
+        resolve_entities=False,
+        load_dtd=False,
+        no_network=True,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+    )
+    try:
+        for _, element in events:
+            reader.take(element)
+    except etree.XMLSyntaxError as error:
+        what = f"not valid XML: {error.msg}"
+        raise DescriptorError(what, path=path, line=error.lineno or None) from None
+    root: Any = events.root
+    if root.getroottree().docinfo.doctype:
+        raise DescriptorError("a DOCTYPE is not allowed", path=path)
+    if root.tag != "EtherCATInfo":
+        raise DescriptorError(f"is no ESI: the root is {str(root.tag)[:MAX_SHOWN]!r}", path=path)
+    return list(reader.devices())
+
+
+class _Reader:
+    """Makes devices and modules of the elements, which it clears."""
+
+    def __init__(self, path: Path, wanted: Collection[tuple[int, int]] | None) -> None:
+        self._path, self._wanted = path, wanted
+        self._vendor, self._vendor_name = 0, ""
+        self._devices: list[EsiDevice] = []
+        self._modules: dict[int, EsiModule] = {}
+
+    def take(self, element: Any) -> None:
+        parent = element.getparent()
+        place = None if parent is None else parent.tag
+        match element.tag, place:
+            case "Vendor", "EtherCATInfo":
+                self._vendor = self._number(element, "Id")
+                self._vendor_name = _name(element)
+            case "Device", "Devices":
+                product = self._attribute(element.find("Type"), "ProductCode")
+                if self._wanted is None or (self._vendor, product) in self._wanted:
+                    self._devices.append(self._device(element, product))
+                element.clear()
+            case "Module", "Modules":
+                if any(device.slots for device in self._devices):
+                    module = self._module(element)
+                    self._modules[module.ident] = module
+                element.clear()
+
+    def devices(self) -> Iterator[EsiDevice]:
+        """Yield the devices, with their default modules in their slots."""
+        for device in self._devices:
+            yield with_modules(device, self._modules)
+
+    def _device(self, element: Any, product: int) -> EsiDevice:
+        kind = element.find("Type")
+        profiles = [self._number(profile, "ProfileNo") for profile in element.findall("Profile")]
+        coe = element.find("Mailbox/CoE")
+        slots = element.find("Slots")
+        steps = ("SlotIndexIncrement", "SlotPdoIncrement")
+        return EsiDevice(
+            path=self._path,
+            vendor=self._vendor,
+            vendor_name=self._vendor_name,
+            product=product,
+            revision=self._attribute(kind, "RevisionNo"),
+            name=_name(element) or _text(kind),
+            profiles=tuple(number & 0xFFFF for number in profiles if number),
+            can_map=coe is not None and _is_true(coe.get("PdoConfig")),
+            pdos=self._pdos(element),
+            clocks=tuple(self._clock(mode) for mode in element.iterfind("Dc/OpMode")),
+            names=self._names(element),
+            slots=tuple(self._slots(slots)) if slots is not None else (),
+            slot_steps=(self._attribute(slots, steps[0]), self._attribute(slots, steps[1])),
+        )
+
+    def _module(self, element: Any) -> EsiModule:
+        kind = element.find("Type")
+        return EsiModule(
+            self._attribute(kind, "ModuleIdent"),
+            _name(element) or _text(kind),
+            self._pdos(element),
+            self._names(element),
+        )
+
+    def _pdos(self, element: Any) -> tuple[EsiPdo, ...]:
+        pdos = (child for child in element if child.tag in _DIRECTIONS)
+        found = tuple(self._pdo(child) for child in pdos)
+        self._limit(sum(len(pdo.entries) for pdo in found), element)
+        return found
+
+    def _pdo(self, element: Any) -> EsiPdo:
+        return EsiPdo(
+            assignment=_DIRECTIONS[element.tag],
+            index=self._number(element, "Index"),
+            name=_name(element),
+            is_assigned=bool(element.get("Sm")),
+            is_fixed=_is_true(element.get("Fixed")),
+            excluded=frozenset(self._value(one) for one in element.iterfind("Exclude")),
+            entries=tuple(self._entry(entry) for entry in element.iterfind("Entry")),
+            on_slot=_on_slot(element),
+        )
+
+    def _entry(self, element: Any) -> EsiEntry:
+        index, sub = self._number(element, "Index"), self._number(element, "SubIndex")
+        bits = self._number(element, "BitLen")
+        return EsiEntry(index, sub, bits, _name(element), _on_slot(element))
+
+    def _clock(self, element: Any) -> EsiClock:
+        shift = _text(element.find("ShiftTimeSync0"))
+        number = int(shift) if re.fullmatch(r"-?[0-9]{1,12}", shift) else 0
+        return EsiClock(_name(element), self._number(element, "AssignActivate"), number)
+
+    def _slots(self, element: Any) -> Iterator[tuple[str, int | None]]:
+        """Yield name and default module of each slot."""
+        count = 0
+        for slot in element.iterfind("Slot"):
+            idents = slot.findall("ModuleIdent")
+            chosen = [one for one in idents if _is_true(one.get("Default"))] or idents
+            least = self._attribute(slot, "MinInstances")
+            most = max(1, self._attribute(slot, "MaxInstances"), least)
+            count += most
+            if count > MAX_SLOTS:
+                self._refuse(slot, f"more than {MAX_SLOTS} slots")
+            for place in range(most):
+                plugged = place < least and chosen
+                yield _name(slot), self._value(chosen[0]) if plugged else None
+
+    def _names(self, element: Any) -> dict[tuple[int, int], str]:
+        """Return the names of objects, of the dictionary inside the file."""
+        names: dict[tuple[int, int], str] = {}
+        for profile in element.iterfind("Profile"):
+            types = {
+                _text(kind.find("Name")): [
+                    (self._number(sub, "SubIdx"), _name(sub)) for sub in kind.iterfind("SubItem")
+                ]
+                for kind in profile.iterfind("Dictionary/DataTypes/DataType")
+            }
+            objects = [
+                *profile.iterfind("Dictionary/Objects/Object"),
+                *profile.iterfind("Objects/Object"),
+            ]
+            for found in objects:
+                index, name = self._number(found, "Index"), _name(found)
+                names[index, 0] = name
+                for sub, part in types.get(_text(found.find("Type")), ()):
+                    if sub:
+                        names[index, sub] = f"{name}: {part}"
+                self._limit(len(names), element)
+        return names
+
+    def _limit(self, count: int, element: Any) -> None:
+        if count > MAX_PARTS:
+            self._refuse(element, f"more than {MAX_PARTS:_} objects in {element.tag}")
+
+    def _number(self, element: Any, tag: str) -> int:
+        """Return the number in a child; 0 without one."""
+        child = element.find(tag)
+        return self._value(child) if child is not None else 0
+
+    def _value(self, element: Any) -> int:
+        return self._parse(_text(element), element, element.tag)
+
+    def _attribute(self, element: Any, name: str) -> int:
+        text = element.get(name) if element is not None else None
+        return self._parse(text.strip(), element, f"{element.tag}/@{name}") if text else 0
+
+    def _parse(self, text: str, element: Any, place: str) -> int:
+        if not text:
+            return 0
+        found = _NUMBER.fullmatch(text)
+        if found is None:
+            self._refuse(element, f"{place}: {text[:MAX_SHOWN]!r} is not a number")
+        return int(found.group(1), 16) if found.group(1) else int(found.group(2))
+
+    def _refuse(self, element: Any, what: str) -> NoReturn:
+        raise DescriptorError(what, path=self._path, line=element.sourceline or None)
+
+
+def _text(element: Any) -> str:
+    """Return the text of an element; "" without one."""
+    return "" if element is None else (element.text or "").strip()
+
+
+def _name(element: Any) -> str:
+    """Return the name of an element, the English one if there are several."""
+    names = element.findall("Name")
+    english = [name for name in names if name.get("LcId") == _ENGLISH]
+    found: Sequence[Any] = english or names
+    return " ".join(_text(found[0]).split()) if found else ""
+
+
+def _is_true(text: str | None) -> bool:
+    return text is not None and text.strip().lower() in ("1", "true")
+
+
+def _on_slot(element: Any) -> bool:
+    index = element.find("Index")
+    return index is not None and _is_true(index.get("DependOnSlot"))

@@ -1,0 +1,47 @@
+"""ESI files beside slaves on a cable, which pysoem scans."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from click.testing import CliRunner, Result
+
+from robotd.cli import main
+from robotd_ethercat.bus_namespace import run_in_namespace
+from robotd_ethercat.slaves_process import SlavesProcess
+
+ESI = """\
+<EtherCATInfo>
+  <Vendor><Id>#x52424F54</Id><Name>robotd</Name></Vendor>
+  <Descriptions><Devices><Device>
+    <Type ProductCode="1" RevisionNo="0">GENERIC</Type><Name>Generic slave of the tests</Name>
+    <TxPdo Sm="3"><Index>#x1A00</Index><Name>Inputs</Name>
+      <Entry><Index>#x6000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen><Name>1</Name></Entry>
+    </TxPdo>
+  </Device></Devices></Descriptions>
+</EtherCATInfo>
+"""
+
+
+def run(slaves: SlavesProcess, *words: str) -> Result:
+    arguments = ["ethercat", *words[:1], "--interface", slaves.interface, *words[1:]]
+    done: list[Result] = []
+    run_in_namespace(slaves.namespace, lambda: done.append(CliRunner().invoke(main, arguments)))
+    assert done[0].exit_code == 0, done[0].output
+    return done[0]
+
+
+def test_a_scan_names_the_slaves(generic_slaves: SlavesProcess, tmp_path: Path) -> None:
+    (tmp_path / "generic.xml").write_text(ESI, encoding="utf-8")
+    (tmp_path / "broken.xml").write_text(ESI[:300], encoding="utf-8")
+    result = run(generic_slaves, "scan", "--esi", str(tmp_path))
+    assert result.output.count("ESI generic.xml: Generic slave of the tests (robotd)") == 3
+    assert "ESI left out: " in result.stderr
+    found = json.loads(run(generic_slaves, "scan", "--json", "--esi", str(tmp_path)).stdout)
+    assert len(found["slaves"]) == 3
+
+
+def test_a_scan_needs_no_esi(generic_slaves: SlavesProcess, tmp_path: Path) -> None:
+    assert run(generic_slaves, "scan", "--esi", str(tmp_path)).output.count("no ESI") == 3
+    assert "ESI" not in run(generic_slaves, "scan").output
