@@ -70,7 +70,7 @@ def test_two_nodes_with_one_id_are_rejected(open_rig: OpenRig) -> None:
         harness.robot.connection.open()
         with harness.second_network():
             found = scan_bus("virtual", harness.master.bus.name, 1_000_000, 0.3)
-        assert [node.id for node in found] == [1, 2, 3, 16]
+        assert [node.number for node in found] == [1, 2, 3, 16]
         assert all("DUPLICATE ID" in str(node) for node in found)
 
 

@@ -15,7 +15,7 @@ from robotd.descriptor import load_robot_descriptor
 from robotd_ethercat.simulate_command import MASTER, SLAVES
 from robotd_ethercat.simulated import Bus
 from robotd_ethercat.simulated.virtual_cable import make_cable, new_namespace
-from robotd_ethercat.simulated_robot import SimulatedSection, simulated_line
+from robotd_ethercat.simulated_robot import simulated_line
 
 RATE_HZ = 250
 STALE_AFTER_S = 1.0
@@ -47,12 +47,12 @@ def slaves(folder: Path) -> Iterator[tuple[str, MotorRecorder]]:
     new_namespace()
     make_cable(MASTER, SLAVES)
     robot_file = write_robot(folder)
-    section = SimulatedSection.load(str(robot_file), None)
-    line = simulated_line(section)
+    robot = load_robot_descriptor(str(robot_file))
+    line = simulated_line(robot)
     bus = Bus(line, SLAVES)
 
     def serve() -> None:
-        request_realtime(section.priority)
+        request_realtime(max(1, robot.cycle.realtime_priority - 2))
         bus.run()
 
     thread = threading.Thread(target=serve, name="slaves")

@@ -6,12 +6,14 @@ import json
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import click
 
-from robotd.api import IntegerRange, NumberRange, ObjectNumber
+from robotd.api import IntegerRange, NumberRange
+from robotd_cia402.object_commands import Objects, object_commands
 
 # Only click is imported at module level: other commands must not load python-can.
 
@@ -34,14 +36,22 @@ def _bus_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-_answer_timeout = click.option(
-    "--timeout",
-    "timeout_s",
-    type=NumberRange(0.001, 60),
-    default=0.3,
-    show_default=True,
-    help="Seconds to wait for an answer.",
-)
+def _node_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    timeout = click.option(
+        "--timeout",
+        "timeout_s",
+        type=NumberRange(0.001, 60),
+        default=0.3,
+        show_default=True,
+        help="Seconds to wait for an answer; a store takes seconds.",
+    )
+    return _bus_options(timeout(command))
+
+
+def _open_node(**options: Any) -> AbstractContextManager[Objects]:
+    from robotd_canopen.bus_scan import sdo_of
+
+    return sdo_of(**options)
 
 
 @click.group()
@@ -95,58 +105,7 @@ def eds(file: Path, node: int, stream_mode: str) -> None:
         click.echo(line)
 
 
-@canopen.group()
-def sdo() -> None:
-    """Read and write objects of a node, without a running robot ('robotd sdo')."""
-
-
-@sdo.command("read")
-@_bus_options
-@_answer_timeout
-@click.argument("node", type=IntegerRange(1, 127))
-@click.argument("index", type=ObjectNumber())
-@click.argument("sub", type=ObjectNumber(), default=0)
-def read(
-    interface: str, channel: str, bitrate: int, timeout_s: float, node: int, index: int, sub: int
-) -> None:
-    """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
-    from robotd.api import object_text
-    from robotd_canopen.bus_scan import sdo_of
-
-    with sdo_of(interface, channel, bitrate, node, timeout_s) as client:
-        click.echo(object_text(client.upload(index, sub)))
-
-
-@sdo.command("write", context_settings={"ignore_unknown_options": True})  # -5 is a value
-@_bus_options
-@_answer_timeout
-@click.argument("node", type=IntegerRange(1, 127))
-@click.argument("index", type=ObjectNumber())
-@click.argument("sub", type=ObjectNumber())
-@click.argument("value", type=ObjectNumber())
-@click.option("--size", type=IntegerRange(1, 8), help="Bytes; by default as long as it reads.")
-def write(
-    interface: str,
-    channel: str,
-    bitrate: int,
-    timeout_s: float,
-    node: int,
-    index: int,
-    sub: int,
-    value: int,
-    size: int | None,
-) -> None:
-    """Write VALUE to object INDEX:SUB of NODE, and print the value read back.
-
-    It is sent once: without an answer it may have been executed. A store takes seconds: --timeout.
-    """
-    from robotd.api import object_bytes, object_text
-    from robotd_canopen.bus_scan import sdo_of
-
-    with sdo_of(interface, channel, bitrate, node, timeout_s) as client:
-        length = size or len(client.upload(index, sub))
-        client.download(index, sub, object_bytes(value, length))
-        click.echo(object_text(client.upload(index, sub)))
+canopen.add_command(object_commands("node", IntegerRange(1, 127), _node_options, _open_node))
 
 
 @canopen.command()

@@ -8,6 +8,7 @@ from collections import defaultdict
 import can
 
 from robotd.api import ConnectError, RobotDescriptor
+from robotd_canopen.fault_commands import inject
 from robotd_canopen.object_dictionary import GENERIC_DRIVE, GENERIC_IO, eds_path
 from robotd_canopen.options import AxisOptions, CanopenOptions
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, SimulatedNode
@@ -34,6 +35,13 @@ class Simulation:
         network, self._network = self._network, None
         if network is not None:
             network.stop()
+
+    def inject(self, line: str) -> str:
+        """Inject a fault. Raises ConnectError while powered off, ValueError."""
+        answer = inject(self.network, line)
+        if answer.startswith("not understood"):
+            raise ValueError(answer)
+        return answer
 
     @property
     def network(self) -> SimulatedNetwork:

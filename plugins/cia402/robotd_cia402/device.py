@@ -34,6 +34,9 @@ class Simulation(Protocol):
     def stop(self) -> None:
         """Power off. Twice is not an error."""
 
+    def inject(self, line: str) -> str:
+        """Inject a fault by a line of text; return ``ok`` or a value. Raises ValueError."""
+
 
 MasterT = TypeVar("MasterT", bound=Cia402Master[Any])
 SimulationT = TypeVar("SimulationT", bound=Simulation)

@@ -1,16 +1,18 @@
-"""Axes of a drive, as it describes them itself: supported modes and position units."""
+"""Scan of a fieldbus: nodes that answer, and axes as their drives describe them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from robotd.api import RobotdError
 from robotd_cia402.modes import OperationMode
+from robotd_cia402.node import IDENTITY
 from robotd_cia402.object_numbers import AXIS_STEP
 
+DRIVE, MODULE = 402, 401  # device profiles, the low half of object 0x1000
 MAX_AXES = 8  # of one drive
 SAME = 1e-6  # part; scales that differ by less are the same
 
@@ -48,6 +50,103 @@ class FoundAxis:
             stated = ", ".join(f"{scale:.10g} ({name})" for name, scale in self.scales.items())
             keys["remark"] = f"scale in doubt, the drive states for a turn {stated}: measure it"
         return keys
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundNode:
+    """One node that answered.
+
+    Attributes:
+        number: node id, or place on the cable.
+        identity: vendor, product, revision, serial.
+        state: of communication, in words.
+        profile: number of its device profile; 0 for none.
+        axes: of a drive.
+        sizes: bytes of outputs and inputs of an I/O module.
+    """
+
+    kind: ClassVar[str] = "node"
+
+    number: int
+    name: str
+    identity: tuple[int, ...]
+    state: str
+    profile: int = 0
+    axes: tuple[FoundAxis, ...] = ()
+    sizes: tuple[int, int] = (0, 0)
+
+    @property
+    def is_drive(self) -> bool:
+        return self.profile == DRIVE
+
+    @property
+    def more(self) -> dict[str, Any]:
+        """Further keys of the node, which an axis does not have."""
+        return {}
+
+    @property
+    def remark(self) -> str:
+        """Text behind the name in the list of the nodes."""
+        return ""
+
+    def mode_keys(self, axis: FoundAxis) -> dict[str, Any]:
+        """Return the keys of an axis that follow from its modes."""
+        return {}
+
+    def section(self, **keys: Any) -> dict[str, Any]:
+        """Return the keys of one item of ``axes`` or ``io``."""
+        # Vendor and product alone: a spare part has another serial number.
+        identity = dict(zip(IDENTITY[:2], self.identity, strict=False))
+        return {self.kind: self.number, "identity": identity, **keys}
+
+    def axis_section(self, axis: FoundAxis) -> dict[str, Any]:
+        """Return the keys of one item of ``axes`` that the scan knows."""
+        offset = {"axis_offset": axis.offset} if axis.offset else {}
+        return self.section(**offset, **self.mode_keys(axis), **axis.scale_keys)
+
+    def __str__(self) -> str:
+        profile = f"CiA {self.profile}, " if self.profile else ""
+        vendor, product, revision, serial = self.identity
+        modes = " ".join(mode.name.lower() for axis in self.axes[:1] for mode in axis.modes)
+        alias = f"alias {self.more['alias']}, " if self.more.get("alias") else ""
+        return (
+            f"{self.kind} {self.number:3}: {profile}{alias}vendor 0x{vendor:08X},"
+            f" product 0x{product:08X}, revision 0x{revision:08X}, serial {serial},"
+            f" {self.state}, {self.name!r}{self.remark}{f'; {modes}' if modes else ''}"
+        )
+
+
+def scan_sections(
+    backend: str, nodes: Sequence[FoundNode], options: Mapping[str, Any], max_io_bytes: int
+) -> dict[str, Any]:
+    """Return a scan in the form that ``robotd new-robot --bus`` reads."""
+    modules = [node for node in nodes if not node.is_drive and any(node.sizes)]
+    kind = nodes[0].kind if nodes else "node"
+    return {
+        "backend": backend,
+        "scale": "counts_per_rad",
+        "options": dict(options),
+        "axes": [node.axis_section(axis) for node in nodes for axis in node.axes],
+        "io": [
+            node.section(
+                input_length=min(node.sizes[1], max_io_bytes),
+                output_length=min(node.sizes[0], max_io_bytes),
+            )
+            for node in modules
+        ],
+        f"{kind}s": [
+            {
+                kind: node.number,
+                "name": node.name,
+                "profile": node.profile,
+                **dict(zip(IDENTITY, node.identity, strict=True)),
+                **node.more,
+                "state": node.state,
+                "modes": [[mode.name.lower() for mode in axis.modes] for axis in node.axes],
+            }
+            for node in nodes
+        ],
+    }
 
 
 def read_axes(read: Read) -> tuple[FoundAxis, ...]:

@@ -8,7 +8,6 @@ from robotd.api import RobotDescriptor
 from robotd_cia402.options import DriveOptions
 from robotd_cia402.simulated import DriveModel, Scale, Switches
 
-_SWITCHES = ("negative_limit", "positive_limit", "home_switch")  # bits of object 0x60FD
 _RATED_NM = 100.0  # where the descriptor has no rated torque
 
 
@@ -45,9 +44,3 @@ def _switches(axis: DriveOptions) -> Switches:
         return Switches(*ends, given.home_rad, given.home_width_rad)
     low, high, home = (None if one is None else -one for one in (*reversed(ends), given.home_rad))
     return Switches(low, high, home, given.home_width_rad)
-
-
-def switch_bit(switch: str, polarity: int) -> int:
-    """Return the bit of object 0x60FD of a switch by its row in ``ProcessImage``."""
-    bit = _SWITCHES.index(switch)
-    return (1, 0, 2)[bit] if polarity < 0 else bit

@@ -56,7 +56,7 @@ def robotd_open_device(context: DeviceContext[BusPlan]) -> DeviceDriver:
     from robotd_cia402.device import Cia402Device
     from robotd_ethercat.fieldbus import EthercatFieldbus
     from robotd_ethercat.master import Master
-    from robotd_ethercat.simulation import Simulation
+    from robotd_ethercat.slaves_process import Simulation
     from robotd_ethercat.soem import Soem
 
     plan = context.options

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from robotd.api import MonotonicClock, OperationError, RobotdError, wait_until
-from robotd_cia402.drive_scan import FoundAxis, read_axes, read_or_zero
+from robotd_cia402 import drive_scan
+from robotd_cia402.drive_scan import DRIVE, FoundAxis, FoundNode, read_axes, read_or_zero
 from robotd_cia402.modes import OperationMode
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.esi_choice import clock_keys, pdo_keys, with_remark
 from robotd_ethercat.esi_device import EsiDevice
 from robotd_ethercat.esi_library import EsiLibrary
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, size_bytes
+from robotd_ethercat.options import MAX_IO_BYTES
 from robotd_ethercat.soem import Soem
 
-_DRIVE = 402  # device profile, the low half of object 0x1000
 _STATE_S = 3.0
 _SDO_S, _FRAME_S = 0.7, 0.05
 
@@ -35,51 +36,57 @@ class SlaveAccess:
     def download(self, index: int, sub: int, data: bytes) -> None:
         self._bus.download(self._slave, index, sub, data, retry=False)
 
+    def identity(self) -> tuple[int, int, int, int]:
+        """Return vendor, product, revision and serial of the SII."""
+        return self._bus.identity(self._slave)
+
     def unsigned(self, index: int, sub: int = 0) -> int:
         """Return an object as an unsigned number. Raises OperationError, DeviceTimeout."""
         return int.from_bytes(self.upload(index, sub), "little")
 
 
-@dataclass(frozen=True)
-class FoundSlave:
+@dataclass(frozen=True, kw_only=True)
+class FoundSlave(FoundNode):
     """One slave on the bus.
 
     Attributes:
-        number: place on the cable, from 0.
-        identity: vendor, product, revision, serial.
+        alias: station alias; 0 for none.
         state: AL state and code in words; "PreOp" where all is well.
-        profile: of object 0x1000, 0 without a mailbox.
-        axes: of a drive.
-        sizes: bytes of outputs and inputs, by the PDOs that are assigned now.
+        sizes: by the PDOs that are assigned now.
+        esi: what an ESI says of it; None where there is none.
     """
 
-    number: int
-    name: str
-    identity: tuple[int, int, int, int]
-    alias: int
-    state: str
-    profile: int = 0
-    axes: tuple[FoundAxis, ...] = ()
-    sizes: tuple[int, int] = (0, 0)
+    kind: ClassVar[str] = "slave"
+
+    alias: int = 0
+    esi: EsiDevice | None = None
 
     @property
-    def is_drive(self) -> bool:
-        return self.profile == _DRIVE
+    def more(self) -> dict[str, Any]:
+        return {"alias": self.alias}
 
     def device(self, library: EsiLibrary | None) -> EsiDevice | None:
         """Return what an ESI says of it; None where there is none."""
         return library.find(*self.identity[:3]) if library is not None else None
 
-    def __str__(self) -> str:
-        vendor, product, revision, serial = self.identity
-        kind = f"CiA {self.profile}, " if self.profile else ""
-        modes = " ".join(mode.name.lower() for mode in self.axes[0].modes) if self.axes else ""
-        alias = f"alias {self.alias}, " if self.alias else ""
-        return (
-            f"slave {self.number:3}: {kind}{alias}vendor 0x{vendor:08X}, product 0x{product:08X},"
-            f" revision 0x{revision:08X}, serial {serial}, {self.state}, {self.name!r},"
-            f" {self.sizes[0]} bytes out, {self.sizes[1]} in{f'; {modes}' if modes else ''}"
-        )
+    @property
+    def remark(self) -> str:
+        return f", {self.sizes[0]} bytes out, {self.sizes[1]} in"
+
+    def mode_keys(self, axis: FoundAxis) -> dict[str, Any]:
+        modes = axis.modes
+        keys: dict[str, Any] = {"alias": self.alias} if self.alias else {}
+        if OperationMode.CYCLIC_VELOCITY not in modes and OperationMode.PROFILE_VELOCITY in modes:
+            keys["velocity_mode"] = "pv"
+        return keys
+
+    def axis_section(self, axis: FoundAxis) -> dict[str, Any]:
+        section = super().axis_section(axis)
+        if self.esi is None:
+            return section
+        own = pdo_keys(self.esi, pv="velocity_mode" in section).get(axis.offset, {})
+        remark = own.pop("remark", "")
+        return with_remark(section | own, remark) if remark else section | own
 
 
 @contextmanager
@@ -103,13 +110,14 @@ def scan_bus(bus: Soem) -> list[FoundSlave]:
     return [_ask(bus, number, states[number]) for number in range(len(bus.slaves))]
 
 
-def slave_of(bus: Soem, slave: int) -> SlaveAccess:
-    """Return the access to one slave. Raises OperationError if there is none."""
-    if slave >= len(bus.slaves):
-        count = len(bus.slaves)
-        found = f"it has {count} slaves, 0 to {count - 1}" if count else "no slave answers"
-        raise OperationError(f"slave {slave} is not on the bus: {found}")
-    return SlaveAccess(bus, slave)
+@contextmanager
+def open_slave(interface: str, slave: int) -> Iterator[SlaveAccess]:
+    """Yield the access to one slave. Raises ConnectError, OperationError if there is none."""
+    with open_bus(interface) as bus:
+        if slave >= (count := len(bus.slaves)):
+            found = f"it has {count} slaves, 0 to {count - 1}" if count else "no slave answers"
+            raise OperationError(f"slave {slave} is not on the bus: {found}")
+        yield SlaveAccess(bus, slave)
 
 
 def pdos_of(access: SlaveAccess) -> dict[Assignment, list[Pdo]]:
@@ -119,7 +127,7 @@ def pdos_of(access: SlaveAccess) -> dict[Assignment, list[Pdo]]:
 
 def read_library(path: Path, slaves: Sequence[FoundSlave]) -> EsiLibrary:
     """Read the ESI files of ``path`` for the slaves. Raises DescriptorError: no such path."""
-    return EsiLibrary(path, {slave.identity[:2] for slave in slaves})
+    return EsiLibrary(path, {(slave.identity[0], slave.identity[1]) for slave in slaves})
 
 
 def scan_sections(
@@ -129,44 +137,11 @@ def scan_sections(
 
     With ``library`` the drives have the PDOs and clocks that their ESI files offer.
     """
-    found = {slave.number: slave.device(library) for slave in slaves}
-    drives = [found[slave.number] for slave in slaves if slave.is_drive]
+    found = [replace(slave, esi=slave.device(library)) for slave in slaves]
+    drives = [slave.esi for slave in found if slave.is_drive]
     clocks = clock_keys([one for one in drives if one]) if all(drives) else {}
-    return {
-        "backend": "ethercat",
-        "scale": "counts_per_rad",
-        "options": {"interface": interface, **clocks},
-        "axes": [
-            _axis_section(slave, axis, found[slave.number])
-            for slave in slaves
-            for axis in slave.axes
-        ],
-        "io": [
-            {
-                "slave": slave.number,
-                "identity": _identity(slave),
-                "input_length": slave.sizes[1],
-                "output_length": slave.sizes[0],
-            }
-            for slave in slaves
-            if not slave.is_drive and any(slave.sizes)
-        ],
-        "slaves": [
-            {
-                "slave": slave.number,
-                "name": slave.name,
-                "profile": slave.profile,
-                "vendor_id": slave.identity[0],
-                "product_code": slave.identity[1],
-                "revision": slave.identity[2],
-                "serial": slave.identity[3],
-                "alias": slave.alias,
-                "state": slave.state,
-                "modes": [[mode.name.lower() for mode in axis.modes] for axis in slave.axes],
-            }
-            for slave in slaves
-        ],
-    }
+    options = {"interface": interface, **clocks}
+    return drive_scan.scan_sections("ethercat", found, options, MAX_IO_BYTES)
 
 
 def _settled(bus: Soem) -> bool:
@@ -177,7 +152,7 @@ def _ask(bus: Soem, number: int, found: Any) -> FoundSlave:
     access = SlaveAccess(bus, number)
     text = al_code_text(found.code) if found.error else ""
     profile = read_or_zero(access.unsigned, 0x1000, 0) & 0xFFFF
-    axes = read_axes(access.unsigned) if profile == _DRIVE else ()
+    axes = read_axes(access.unsigned) if profile == DRIVE else ()
     return FoundSlave(
         number=number,
         name=bus.slaves[number].name,
@@ -199,23 +174,3 @@ def _sizes(bus: Soem, access: SlaveAccess, number: int) -> tuple[int, int]:
 
         return process_data_sizes(lambda word: bus.read_sii(number, word))
     return size_bytes(pdos[Assignment.OUTPUTS]), size_bytes(pdos[Assignment.INPUTS])
-
-
-def _axis_section(slave: FoundSlave, axis: FoundAxis, esi: EsiDevice | None) -> dict[str, Any]:
-    section: dict[str, Any] = {"slave": slave.number, "identity": _identity(slave)}
-    if axis.offset:
-        section["axis_offset"] = axis.offset
-    if slave.alias:
-        section["alias"] = slave.alias
-    modes = axis.modes
-    if OperationMode.CYCLIC_VELOCITY not in modes and OperationMode.PROFILE_VELOCITY in modes:
-        section["velocity_mode"] = "pv"
-    section |= axis.scale_keys
-    own = pdo_keys(esi, pv="velocity_mode" in section).get(axis.offset, {}) if esi else {}
-    remark = own.pop("remark", "")
-    return with_remark(section | own, remark) if remark else section | own
-
-
-def _identity(slave: FoundSlave) -> dict[str, int]:
-    """Return vendor and product; a spare part has another serial number."""
-    return {"vendor_id": slave.identity[0], "product_code": slave.identity[1]}

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import click
 
 from robotd.api import IntegerRange, ObjectNumber
+from robotd_cia402.object_commands import Objects, object_commands
 from robotd_ethercat.simulate_command import simulate
 
 # No more is imported at module level: other commands must not load pysoem.
@@ -75,14 +77,14 @@ def scan(interface: str, esi: Path | None, *, as_json: bool) -> None:
 @click.argument("slave", type=SLAVE)
 def pdo(interface: str, esi: Path | None, slave: int) -> None:
     """Show the assigned PDOs of SLAVE and their objects, as rx_pdos and tx_pdos name them."""
-    from robotd_ethercat.bus_scan import open_bus, pdos_of, slave_of
+    from robotd_ethercat.bus_scan import open_slave, pdos_of
     from robotd_ethercat.esi_library import EsiLibrary
     from robotd_ethercat.mapping import Assignment, size_bytes
 
     device = None
-    with open_bus(interface) as bus:
-        assignments = pdos_of(slave_of(bus, slave))
-        identity = bus.identity(slave)
+    with open_slave(interface, slave) as opened:
+        assignments = pdos_of(opened)
+        identity = opened.identity()
     if esi is not None:
         device = EsiLibrary(esi, {identity[:2]}).find(*identity[:3])
     for assignment, pdos in assignments.items():
@@ -127,44 +129,6 @@ def show_esi(file: Path, products: tuple[int, ...], *, as_json: bool) -> None:
             click.echo(f"  {line}")
 
 
-@ethercat.group()
-def sdo() -> None:
-    """Read and write objects of a slave, without a running robot ('robotd sdo')."""
-
-
-@sdo.command("read")
-@_bus_option
-@click.argument("slave", type=SLAVE)
-@click.argument("index", type=ObjectNumber())
-@click.argument("sub", type=ObjectNumber(), default=0)
-def read(interface: str, slave: int, index: int, sub: int) -> None:
-    """Print object INDEX:SUB of SLAVE: raw bytes, as a number, and as text."""
-    from robotd.api import object_text
-    from robotd_ethercat.bus_scan import open_bus, slave_of
-
-    with open_bus(interface) as bus:
-        click.echo(object_text(slave_of(bus, slave).upload(index, sub)))
-
-
-@sdo.command("write", context_settings={"ignore_unknown_options": True})  # -5 is a value
-@_bus_option
-@click.argument("slave", type=SLAVE)
-@click.argument("index", type=ObjectNumber())
-@click.argument("sub", type=ObjectNumber())
-@click.argument("value", type=ObjectNumber())
-@click.option("--size", type=IntegerRange(1, 8), help="Bytes; by default as long as it reads.")
-def write(interface: str, slave: int, index: int, sub: int, value: int, size: int | None) -> None:
-    """Write VALUE to object INDEX:SUB of SLAVE, and print the value read back."""
-    from robotd.api import object_bytes, object_text
-    from robotd_ethercat.bus_scan import open_bus, slave_of
-
-    with open_bus(interface) as bus:
-        access = slave_of(bus, slave)
-        length = size or len(access.upload(index, sub))
-        access.download(index, sub, object_bytes(value, length))
-        click.echo(object_text(access.upload(index, sub)))
-
-
 @ethercat.command()
 @click.option("--interface", metavar="NAME", help="Network interface of the bus.")
 @click.option("--slaves", is_flag=True, help="Also look for slaves; they go to PreOp.")
@@ -201,4 +165,11 @@ def doctor(ctx: click.Context, interface: str | None, *, slaves: bool) -> None:
     ctx.exit(1 if failed else 0)
 
 
+def _open_slave(interface: str, slave: int) -> AbstractContextManager[Objects]:
+    from robotd_ethercat.bus_scan import open_slave
+
+    return open_slave(interface, slave)
+
+
+ethercat.add_command(object_commands("slave", SLAVE, _bus_option, _open_slave))
 ethercat.add_command(simulate)

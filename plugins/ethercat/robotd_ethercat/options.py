@@ -27,6 +27,7 @@ from robotd_cia402.options import (
 )
 
 MAX_SLAVES = 199  # of SOEM
+MAX_IO_BYTES = 1486  # of a module, in each direction
 
 
 PdoIndex = Annotated[Integer, Field(ge=0x1600, le=0x1BFF)]
@@ -82,8 +83,8 @@ class AxisOptions(DriveOptions, SlaveOptions):
 class IoOptions(ModuleOptions, SlaveOptions):
     """One I/O module, and the bytes of the robot's I/O image that it serves."""
 
-    input_length: int = Field(0, ge=0, le=1486, description="Bytes of inputs.")
-    output_length: int = Field(0, ge=0, le=1486, description="Bytes of outputs.")
+    input_length: int = Field(0, ge=0, le=MAX_IO_BYTES, description="Bytes of inputs.")
+    output_length: int = Field(0, ge=0, le=MAX_IO_BYTES, description="Bytes of outputs.")
 
 
 class EthercatOptions(BackendOptions):

@@ -27,9 +27,9 @@ SECOND_MASTER, SECOND_SLAVES = "ecat1", "slaves1"
 @click.option("--robot", metavar="NAME|FILE", help="The robot.")
 @click.option("--variant", metavar="NAME", help="Variant of the robot.")
 @click.option(
-    "--section",
+    "--descriptor",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="A section as JSON, written by the backend, in place of --robot.",
+    help="The robot as JSON, written by the backend, in place of --robot.",
 )
 @click.option("--generic", type=IntegerRange(1, 199), metavar="N", help="N generic slaves.")
 @click.option("--redundant", is_flag=True, help="Connect the other end of the line, too.")
@@ -38,7 +38,7 @@ SECOND_MASTER, SECOND_SLAVES = "ecat1", "slaves1"
 def simulate(
     robot: str | None,
     variant: str | None,
-    section: Path | None,
+    descriptor: Path | None,
     generic: int | None,
     interface: str | None,
     *,
@@ -50,8 +50,8 @@ def simulate(
     By default on a virtual cable in a network namespace of its own; a master opens the interface
     "ecat0" there. Reads faults from the standard input, one per line: "help" lists them.
     """
-    if [robot, section, generic].count(None) != 2:
-        raise click.UsageError("give one of --robot, --section and --generic")
+    if [robot, descriptor, generic].count(None) != 2:
+        raise click.UsageError("give one of --robot, --descriptor and --generic")
     if interface is not None and redundant:
         raise click.UsageError("--redundant is for virtual cables only")
     try:
@@ -63,7 +63,7 @@ def simulate(
     if generic is not None:
         name, line, priority = _generic(generic, redundant=redundant)
     else:
-        name, line, priority = _robot(robot, variant, section, redundant=redundant)
+        name, line, priority = _robot(robot, variant, descriptor, redundant=redundant)
     from robotd.api import request_realtime
     from robotd_ethercat.simulated import Bus
 
@@ -106,16 +106,18 @@ def _generic(count: int, *, redundant: bool) -> tuple[str, Line, int]:
 
 
 def _robot(
-    robot: str | None, variant: str | None, path: Path | None, *, redundant: bool
+    name: str | None, variant: str | None, path: Path | None, *, redundant: bool
 ) -> tuple[str, Line, int]:
-    """Return name, slaves and real-time priority."""
-    from robotd_ethercat.simulated_robot import SimulatedSection, simulated_line
+    """Return name, slaves and real-time priority: slaves do not wait for the processor."""
+    from robotd.api import RobotDescriptor, load_robot_descriptor
+    from robotd_ethercat.simulated_robot import simulated_line
 
     if path is not None:
-        section = SimulatedSection.read(path)
+        robot = RobotDescriptor.model_validate_json(path.read_bytes())
     else:
-        section = SimulatedSection.load(robot or "", variant)
-    return section.name, simulated_line(section, redundant=redundant), section.priority
+        robot = load_robot_descriptor(name or "", variant)
+    priority = max(1, robot.cycle.realtime_priority - 2)
+    return robot.name, simulated_line(robot, redundant=redundant), priority
 
 
 def _read_commands(bus: Bus, exit_on_eof: bool) -> None:

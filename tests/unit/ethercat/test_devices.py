@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from pathlib import Path
 
 import pytest
 from tests.unit.ethercat.line_master import (
@@ -15,13 +14,13 @@ from tests.unit.ethercat.line_master import (
     LineMaster,
 )
 
-from robotd.descriptor import load_robot_descriptor
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd_cia402.simulated import DriveModel, Motors, Scale
 from robotd_ethercat.simulated import Identity, IoModule, Line, MotionClock, ServoDrive
 from robotd_ethercat.simulated import registers as reg
 from robotd_ethercat.simulated.datagrams import Command
 from robotd_ethercat.simulated.fault_commands import inject
-from robotd_ethercat.simulated_robot import SimulatedSection, simulated_line
+from robotd_ethercat.simulated_robot import simulated_line
 
 COUNTS = 1e5
 PERIOD_NS = 4_000_000
@@ -172,12 +171,10 @@ def test_a_module_of_many_bytes_has_several_pdos() -> None:
     assert module.objects.values[0x6020, 2] == 4
 
 
-def test_the_slaves_of_a_robot(tmp_path: Path) -> None:
+def test_the_slaves_of_a_robot() -> None:
     robot = load_robot_descriptor("cr3a", "ethercat_simulated")
-    section = SimulatedSection.of_robot(robot)
-    path = tmp_path / "section.json"
-    path.write_text(section.to_json(), encoding="utf-8")
-    line = simulated_line(SimulatedSection.read(path))
+    written = robot.model_dump_json(by_alias=True, exclude_unset=True)
+    line = simulated_line(RobotDescriptor.model_validate_json(written))
     kinds = [type(slave).__name__ for slave in line.slaves]
     assert kinds == ["ServoDrive"] * 6 + ["IoModule"]
     assert [slave.identity.serial for slave in line.slaves] == list(range(1, 8))

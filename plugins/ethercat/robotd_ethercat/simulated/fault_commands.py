@@ -25,7 +25,7 @@ SLAVE emcy CODE                   sends an emergency
 SLAVE drift PPM                   rate error of its clock
 SLAVE sync0 off | on              stops SYNC0
 SLAVE state                       answers AL state and AL status code
-SLAVE trip [CODE]                 drive: fault, such as 0x3210 (over-voltage)
+SLAVE trip [CODE [AXIS]]          drive: fault, such as 0x3210 (over-voltage)
 SLAVE statusword WORD             drive: shows WORD whatever its state
 SLAVE block                       drive: the motor does not move
 SLAVE push ANGLE [AXIS]           drive: turns the motor by ANGLE rad (or m), with the servo off

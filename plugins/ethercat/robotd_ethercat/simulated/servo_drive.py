@@ -132,7 +132,7 @@ class ServoDrive(Slave):
 
     def _trip(self, words: list[str]) -> None:
         code = int(words[0], 0) if words else _OVER_VOLTAGE
-        for drive in self.drives:
+        for drive in [self._axis(words[1:])] if words[1:] else self.drives:
             drive.trip(code)
 
     def _press(self, words: list[str]) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
 from robotd.api import OperationError
-from robotd_canopen.bus_scan import FoundNode, scan_sections
-from robotd_canopen.nmt import NmtState
+from robotd_canopen.bus_scan import FoundNode, module_sizes, scan_sections
 from robotd_canopen.options import CanopenOptions
-from robotd_canopen.scan_report import axis_section, read_module
 from robotd_cia402.drive_scan import Read, read_axes
 from robotd_cia402.modes import OperationMode
 
@@ -27,6 +26,11 @@ def reader(objects: dict[tuple[int, int], int]) -> Read:
     return read
 
 
+def found(**keys: Any) -> FoundNode:
+    about = {"number": 3, "name": "drive", "identity": IDENTITY, "state": "pre_operational"}
+    return FoundNode(**about | keys)
+
+
 def test_a_drive_states_its_modes_and_its_scale() -> None:
     (axis,) = read_axes(
         reader({(0x6502, 0): CYCLIC, (0x608F, 1): 4096, (0x608F, 2): 1,
@@ -34,7 +38,7 @@ def test_a_drive_states_its_modes_and_its_scale() -> None:
     )  # fmt: skip
     assert OperationMode.CYCLIC_POSITION in axis.modes
     assert axis.counts_per_turn == 204_800
-    section = axis_section(3, IDENTITY, axis)
+    section = found().axis_section(axis)
     assert section == {
         "node": 3,
         "identity": {"vendor_id": 0x1234, "product_code": 0x42},
@@ -50,7 +54,7 @@ FEED_OF_3600 = {(0x608F, 1): 1 << 22, (0x608F, 2): 1, (0x6092, 1): 3600, (0x6092
 def test_the_feed_constant_is_one_turn_and_a_disagreement_is_told() -> None:
     """CiA 402-2: position = internal · 0x6092 / (0x608F · 0x6091); some drives ignore 0x6092."""
     (axis,) = read_axes(reader({(0x6502, 0): CYCLIC, **FEED_OF_3600}))
-    section = axis_section(3, IDENTITY, axis)
+    section = found().axis_section(axis)
     assert section["counts_per_rad"] == pytest.approx(3600 / (2 * math.pi))
     assert section["remark"] == (
         "scale in doubt, the drive states for a turn 3600 (0x6092), 4194304 (0x608F x 0x6091):"
@@ -63,28 +67,28 @@ def test_a_feed_constant_that_says_nothing_else_is_no_disagreement(feed: int) ->
     """1 is the default of drives that count increments."""
     (axis,) = read_axes(reader({(0x6502, 0): CYCLIC, **FEED_OF_3600, (0x6092, 1): feed}))
     assert axis.counts_per_turn == 1 << 22
-    assert "remark" not in axis_section(3, IDENTITY, axis)
+    assert "remark" not in found().axis_section(axis)
 
 
 def test_a_drive_without_scale_or_csp() -> None:
     (axis,) = read_axes(reader({(0x6502, 0): 0b1_0110_0001 & ~0x80}))  # pp, hm, ip, csv
-    section = axis_section(3, IDENTITY, axis)
+    section = found().axis_section(axis)
     assert (section["stream_mode"], section["velocity_mode"]) == ("ip", "csv")
     assert "counts_per_rad" not in section
 
 
 def test_the_axes_of_one_drive_have_offsets() -> None:
     axes = read_axes(reader({(0x6502, 0): CYCLIC, (0x6D02, 0): CYCLIC}))
-    sections = [axis_section(5, IDENTITY, axis) for axis in axes]
+    sections = [found().axis_section(axis) for axis in axes]
     assert [section.get("axis_offset") for section in sections] == [None, 1]
 
 
 def test_the_sections_are_valid_options() -> None:
     axes = read_axes(reader({(0x6502, 0): CYCLIC, (0x608F, 1): 4096, (0x608F, 2): 1}))
-    module = read_module(reader({(0x6000, 0): 2, (0x6200, 0): 1}))
+    sizes = module_sizes(reader({(0x6000, 0): 2, (0x6200, 0): 1}))
     nodes = [
-        FoundNode(1, 0x20192, IDENTITY, "drive", NmtState.PRE_OPERATIONAL, axes=axes),
-        FoundNode(16, 0x30191, IDENTITY, "I/O", NmtState.PRE_OPERATIONAL, module=module),
+        found(number=1, profile=402, axes=axes),
+        found(number=16, profile=401, name="I/O", sizes=sizes),
     ]
     scan = scan_sections(nodes, "udp_multicast", "239.0.0.1#4000", 500_000)
     section = {"axes": [{"axis": 0, **scan["axes"][0]}], "io": scan["io"], **scan["options"]}
