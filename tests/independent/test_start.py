@@ -13,7 +13,8 @@ from tests.independent.conftest import COUNTS_PER_RAD, NODE, START_RAD, OpenBenc
 
 from robotd.cli import main
 from robotd.control.trajectory_execution import Outcome
-from robotd.device.axes import Move
+from robotd.device.axes import Jog, Move
+from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, DeviceTimeout
 from robotd.motion.profile import Profile
 
@@ -186,6 +187,24 @@ def test_default_pdos_without_an_object_that_the_eds_lacks(open_bench: OpenBench
         assert bench.move(2.0).outcome is Outcome.SUCCEEDED
         assert not bench.has_jumped()
     assert ["0x60FD: limit and home switches read open"] in [line.get("effects") for line in lines]
+
+
+# Values that no PDO holds
+
+
+def test_a_stop_without_a_measured_velocity_ends_at_rest(open_bench: OpenBench) -> None:
+    """The velocity is computed from positions; it was 0, and a stop ended at once."""
+    tpdos = [{"number": 1, "objects": ["0x6041", "0x6061", "0x6064"]}]
+    with open_bench(axis={"tpdos": tpdos}) as bench:
+        bench.robot.start()
+        axes, image = bench.robot.axes, bench.image
+        axes.set_command_mode(0, CommandMode.VELOCITY)
+        axes.jog([Jog(0, Profile(-0.8, 4.0, 0.8))])
+        bench.drive.wait(lambda measured: measured["velocity"] < -0.79 * COUNTS_PER_RAD)
+        bench.until(lambda: bool(image.velocity[0] < -0.7))
+        axes.stop([0])
+        bench.until(lambda: not image.operation[0])
+        assert abs(bench.drive["velocity"]) < 0.1 * COUNTS_PER_RAD
 
 
 # Pace

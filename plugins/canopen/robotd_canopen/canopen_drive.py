@@ -72,6 +72,10 @@ class CanopenDrive(DriveAccess):
     def frames(self) -> int:
         return self._feedback.syncs
 
+    @property
+    def answered(self) -> int:
+        return self._feedback.answered(self._number)
+
     def put(self, values: Sequence[int]) -> None:
         """Send the RPDOs of this SYNC, to take effect with the next one."""
         values = (*values, 0)

@@ -32,7 +32,7 @@ from robotd_cia402.options import StreamMode
 LOST = {
     ERROR_CODE: "an alarm is explained by the node's emergency message only",
     TORQUE: "no measured torque",
-    VELOCITY: "the measured velocity reads 0",
+    VELOCITY: "the velocity is computed from positions",
     DEMAND: "the position demand is taken to be the measured position",
     SWITCHES: "limit and home switches read open",
     TARGET_VELOCITY: "no velocity commands",

@@ -60,6 +60,10 @@ class Feedback:
             for pdo in axis.tpdos
             if not pdo.is_event_driven or pdo.inputs
         ]
+        self._positions = [_NEVER] * count  # place of the synchronous PDO with the position
+        for slot, (number, pdo) in enumerate(self.pdos):
+            if pdo.holds(POSITION) and not pdo.is_event_driven:
+                self._positions[number] = slot
         self._accepts = [False] * count
         self._accepted = [0] * count  # number of the SYNC at ``accept``
         self._frames = [0] * len(self.pdos)  # of each PDO since then
@@ -181,6 +185,14 @@ class Feedback:
         if not self._complete[axis]:
             self._complete[axis] = not any(self.missing(axis))
         return self._complete[axis]
+
+    def answered(self, axis: int) -> int:
+        """Return the number of the SYNC that the position taken last answers. Control loop.
+
+        An event-driven position is valid now: it comes only when it changes.
+        """
+        slot = self._positions[axis]
+        return self.syncs if slot == _NEVER else int(self.seen[slot])
 
     def missing(self, axis: int) -> Iterator[Pdo]:
         """Yield the TPDOs of ``axis`` that have not come. Control loop."""

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Collection, Sequence
 
 from robotd.api import OperationError, RobotdError
 from robotd_cia402.code_tables import error_text, register_text
 from robotd_cia402.controlword import FAULTY, POWERED, DriveState, drive_state
 from robotd_cia402.node import FieldbusNode
-from robotd_cia402.object_numbers import DEMAND, TORQUE
+from robotd_cia402.object_numbers import DEMAND, TORQUE, VELOCITY
 from robotd_cia402.scaling import Scaling, wrapped
 
+_TRACE_FRAMES = 8  # with a position, over which a velocity is computed
 _MISSING = (0x06020000, 0x06090011)  # abort codes: no such object, no such subindex
 
 
@@ -65,6 +67,11 @@ class DriveAccess(ABC):
     @abstractmethod
     def frames(self) -> int:
         """Cyclic frames sent so far; a value may be one frame old. Any thread."""
+
+    @property
+    @abstractmethod
+    def answered(self) -> int:
+        """Number of the cyclic frame that the position taken last answers. Control loop."""
 
     @abstractmethod
     def put(self, values: Sequence[int]) -> None:
@@ -140,9 +147,10 @@ class DriveReport:
         statusword, displayed_mode, error_code: objects 0x6041, 0x6061, 0x603F.
         error_register: object 0x1001, read at start and after a failed command; 0: not known.
         position: measured, rad or m; an endless axis runs over 32 bits.
-        velocity: measured, rad/s or m/s.
+        velocity: measured, rad/s or m/s; computed from positions where no frame holds 0x606C.
         torque: measured, N·m; NaN where it or the rated torque is not known.
         digital_inputs: object 0x60FD.
+        period_s: between two cyclic frames; 0 before the drive is set up.
     """
 
     def __init__(self, drive: DriveAccess, scaling: Scaling) -> None:
@@ -155,6 +163,8 @@ class DriveReport:
         self._drive, self._scaling = drive, scaling
         self._counts = self._raw = 0  # position without and with the wrap of the encoder
         self._demand = 0
+        self.period_s = 0.0
+        self._trace: deque[tuple[int, int]] = deque(maxlen=_TRACE_FRAMES + 1)  # frames, counts
 
     @property
     def alarm_text(self) -> str:
@@ -183,15 +193,34 @@ class DriveReport:
         self._counts += wrapped(raw - self._raw)
         self._raw = raw
         self.position = self._counts * scaling.position
-        self.velocity = velocity * scaling.velocity
-        self.torque = torque * scaling.torque if TORQUE in drive.inputs else math.nan
         known = drive.known
+        if VELOCITY in drive.inputs:
+            self.velocity = velocity * scaling.velocity
+        elif known:
+            self.velocity = self._computed_velocity()
+        else:
+            self._trace.clear()
+            self.velocity = 0.0
+        self.torque = torque * scaling.torque if TORQUE in drive.inputs else math.nan
         if word != self.statusword or known is not self.known:
             self.statusword, self.known = word, known
             self.state = state = drive_state(word) if known else DriveState.UNKNOWN
             self.powered, self.in_alarm = state in POWERED, state in FAULTY
             if known and not self.in_alarm:
                 self.error_register = 0
+
+    def _computed_velocity(self) -> float:
+        """Return the velocity over the latest positions.
+
+        Without it every stop would seem to be at rest at once.
+        """
+        trace, frame = self._trace, self._drive.answered
+        if trace and frame == trace[-1][0]:
+            return self.velocity  # no new position: the axis need not rest
+        trace.append((frame, self._counts))
+        span_s = (frame - trace[0][0]) * self.period_s
+        moved = self._counts - trace[0][1]
+        return moved * self._scaling.position / span_s if span_s else self.velocity
 
     def read_error_register(self) -> None:
         """Worker: read object 0x1001, where the drive answers."""
@@ -202,6 +231,7 @@ class DriveReport:
 
     def rebase(self) -> None:
         """Worker: restart the count at a position that the drive has set."""
+        self._trace.clear()
         self._counts = self._raw
         self.position = self._counts * self._scaling.position
 

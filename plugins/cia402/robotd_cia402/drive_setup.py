@@ -38,6 +38,7 @@ def set_up(axis: Axis[Any], period_s: float) -> None:
     for index, (value, otherwise) in _OPTION_CODES.items():
         _write(axis, index, 0, value, otherwise)
     _write_period(axis, period_s)
+    axis.report.period_s = period_s
     write_quick_stop_ramp(axis)
     axis.report.read_error_register()  # of an alarm whose emergency was sent before
     axis.forget()

@@ -44,6 +44,10 @@ class EthercatDrive(DriveAccess):
     def frames(self) -> int:
         return self._exchange.frames
 
+    @property
+    def answered(self) -> int:
+        return self._exchange.good_frames
+
     def put(self, values: Sequence[int]) -> None:
         outputs = self._image.outputs
         for place, slot in self._output_slots:

@@ -144,7 +144,7 @@ def test_the_report_of_a_drive_with_constant_rpdos_and_few_objects() -> None:
     assert result.exit_code == 0, result.output
     for line in (
         "RPDO 1, COB-ID 0x205, each SYNC: 0x6040:00 (Controlword), 0x6060:00",
-        "not in the PDOs: 0x606C:00: the measured velocity reads 0",
+        "not in the PDOs: 0x606C:00: the velocity is computed from positions",
         "not written, missing or read-only: 0x1016, 0x6007",
         "dcf_values: true writes 3 of 4 values",
         "  0x2000:02 (Gains 2) = 1065353216\n",

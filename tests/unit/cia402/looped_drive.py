@@ -45,6 +45,10 @@ class LoopedObjects(DriveAccess):
     def known(self) -> bool:
         return self.node.online and self._complete
 
+    @property
+    def answered(self) -> int:
+        return self.frames
+
     def put(self, values: Sequence[int]) -> None:
         self._sent = values
 
