@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +22,15 @@ from robotd_ethercat.soem import Soem
 
 _STATE_S = 3.0
 _SDO_S, _FRAME_S = 0.7, 0.05
+# Process data in the SII EEPROM of a slave (ETG.1000.6, table 18; ETG.2010).
+_FIRST_CATEGORY = 0x40  # word address
+_TX_PDO, _RX_PDO, _END = 50, 51, 0xFFFF
+_MAX_WORDS = 0x2000
+_HEADER_BYTES, _ENTRY_BYTES = 8, 8
+_BITS, _SYNC_MANAGER, _ENTRIES, _UNUSED = 5, 3, 2, 0xFF
+
+ReadWords = Callable[[int], int]
+"""Reads 32 bits at a word address."""
 
 
 class SlaveAccess:
@@ -170,7 +179,44 @@ def _sizes(bus: Soem, access: SlaveAccess, number: int) -> tuple[int, int]:
     try:
         pdos = pdos_of(access)
     except RobotdError:
-        from robotd_ethercat.sii import process_data_sizes
-
         return process_data_sizes(lambda word: bus.read_sii(number, word))
     return size_bytes(pdos[Assignment.OUTPUTS]), size_bytes(pdos[Assignment.INPUTS])
+
+
+def process_data_sizes(read: ReadWords) -> tuple[int, int]:
+    """Return the bytes of outputs and inputs of the PDOs that are assigned by default."""
+    bits = {_RX_PDO: 0, _TX_PDO: 0}
+    for kind, data in _categories(read):
+        if kind in bits:
+            bits[kind] += _assigned_bits(data)
+    return (bits[_RX_PDO] + 7) // 8, (bits[_TX_PDO] + 7) // 8
+
+
+def _categories(read: ReadWords) -> Iterator[tuple[int, bytes]]:
+    """Yield type and contents of the PDO categories."""
+    word = _FIRST_CATEGORY
+    while word < _MAX_WORDS:
+        header = read(word)
+        kind, words = header & 0xFFFF, header >> 16
+        if kind == _END:
+            return
+        if kind in (_TX_PDO, _RX_PDO):
+            yield (
+                kind,
+                b"".join(
+                    read(word + 2 + offset).to_bytes(4, "little") for offset in range(0, words, 2)
+                )[: 2 * words],
+            )
+        word += 2 + words
+
+
+def _assigned_bits(data: bytes) -> int:
+    """Sum the entries of the PDOs in one category that have a sync manager."""
+    bits = position = 0
+    while position + _HEADER_BYTES <= len(data):
+        entries, assigned = data[position + _ENTRIES], data[position + _SYNC_MANAGER] != _UNUSED
+        first = position + _HEADER_BYTES
+        position = first + entries * _ENTRY_BYTES
+        if assigned:
+            bits += sum(data[first + _BITS : position : _ENTRY_BYTES])
+    return bits

@@ -1,4 +1,4 @@
-"""Cyclic exchange of process data: send, receive and decode, with the working counter."""
+"""Cyclic exchange of process data of drives and modules, with the working counter."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from robotd.api import Clock
+from robotd_cia402.module_io import ModuleIo
 from robotd_ethercat.al_status import AlState
-from robotd_ethercat.io_image import IoImage
+from robotd_ethercat.mapping import SlaveImage
+from robotd_ethercat.options import IoOptions
 from robotd_ethercat.slave import Slave
-from robotd_ethercat.slave_image import SlaveImage
 from robotd_ethercat.soem import NO_FRAME, SlaveState, Soem
 
 _LIVE_TIMEOUT_US = 100  # the frame was seen to be here, or was sent a period ago and is lost
@@ -32,6 +33,41 @@ class Counters:
     received: int = 0
     lost: int = 0
     incomplete: int = 0
+
+
+class IoImage(ModuleIo[Slave, IoOptions]):
+    """Outputs are sent in each period: ``pack`` and ``take`` belong to the control loop."""
+
+    def __init__(self, slaves: Sequence[Slave]) -> None:
+        super().__init__([(slave, slave.module) for slave in slaves if slave.module is not None])
+        self._raw: list[tuple[IoOptions, Any]] = []
+
+    def begin(self, raw_slaves: Sequence[Any]) -> None:
+        """Worker: the modules are configured; all outputs are off, as in SafeOp."""
+        self.outputs[:] = bytes(len(self.outputs))
+        self._raw = [(module, raw_slaves[slave.number]) for slave, module in self.modules]
+
+    def clear(self, slave: Slave) -> None:
+        """Switch the outputs of a lost module off: its return must not switch them on."""
+        for each, module in self.modules:
+            if each is slave:
+                first, length = module.output_byte, module.output_length
+                with self._lock:
+                    self.outputs[first : first + length] = bytes(length)
+
+    def take(self) -> None:
+        """Copy the inputs of all modules."""
+        for module, raw in self._raw:
+            first, length = module.input_byte, module.input_length
+            if length:
+                self.inputs[first : first + length] = raw.input[:length]
+
+    def pack(self) -> None:
+        """Hand over the outputs of all modules."""
+        for module, raw in self._raw:
+            first, length = module.output_byte, module.output_length
+            if length:
+                raw.output = bytes(self.outputs[first : first + length])
 
 
 class Exchange:

@@ -1,19 +1,77 @@
-"""Diagnostics of the bus."""
+"""Diagnostics of the bus, with the error counters of the ports of each slave."""
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from robotd.api import BusNode, BusState, BusStatus, DeviceTimeout, NotReady
 from robotd_cia402.fieldbus import BUS_STATES, Cia402Fieldbus
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.exchange import Counters
 from robotd_ethercat.master import Master
-from robotd_ethercat.port_counters import REGISTERS, PortCounters
 from robotd_ethercat.slave import Slave
 
 _REGISTER_BYTES = 0x1000  # of a slave controller, without its process memory
 _CLEAR = bytes(1)
+_FIRST_COUNTER = 0x0300
+_COUNTERS = struct.Struct(
+    "<8B4B2B2x4B"
+)  # per port: invalid frame, RX error; forwarded; PU, PDI; lost
+_REGISTERS = (0x0300, 0x0308, 0x030C, 0x030D, 0x0310)
+"""Addresses; a write there clears a group of counters."""
+
+
+@dataclass(frozen=True)
+class PortCounters:
+    """Errors at ports 0 to 3 since the counters were cleared; each stops at 255.
+
+    ETG.1000.4, registers 0x0300 to 0x0313.
+
+    Attributes:
+        invalid: frames with a wrong checksum or length, first seen at this port.
+        receive: errors of the physical layer.
+        forwarded: frames that another slave before this one had marked as invalid.
+        lost: losses of the link.
+    """
+
+    invalid: tuple[int, ...]
+    receive: tuple[int, ...]
+    forwarded: tuple[int, ...]
+    lost: tuple[int, ...]
+
+    @classmethod
+    def read(cls, slave: Slave) -> PortCounters:
+        """Read the registers. Raises DeviceTimeout."""
+        values = _COUNTERS.unpack(slave.read_register(_FIRST_COUNTER, _COUNTERS.size))
+        return cls(values[0:8:2], values[1:8:2], values[8:12], values[14:18])
+
+    @property
+    def text(self) -> str:
+        """``port 1: lost links 2, invalid frames 3``; "" while all are 0."""
+        ports = []
+        for port in range(4):
+            named = {
+                "lost links": self.lost[port],
+                "invalid frames": self.invalid[port],
+                "receive errors": self.receive[port],
+                "forwarded errors": self.forwarded[port],
+            }
+            counted = [f"{name} {count}" for name, count in named.items() if count]
+            if counted:
+                ports.append(f"port {port}: {', '.join(counted)}")
+        return "; ".join(ports)
+
+    @property
+    def extra(self) -> dict[str, int]:
+        """Entries of ``BusNode.extra``, sums over the ports."""
+        return {
+            "lost_links": sum(self.lost),
+            "invalid_frames": sum(self.invalid),
+            "receive_errors": sum(self.receive),
+            "forwarded_errors": sum(self.forwarded),
+        }
 
 
 class EthercatFieldbus(Cia402Fieldbus[Master]):
@@ -58,7 +116,7 @@ class EthercatFieldbus(Cia402Fieldbus[Master]):
         self._master.jitter_ns = 0
         for slave in self._master.slaves.values():
             slave.losses = 0
-            for address in REGISTERS:
+            for address in _REGISTERS:
                 self._clear(slave, address)
 
     def _upload(self, node: int, index: int, sub: int) -> bytes:

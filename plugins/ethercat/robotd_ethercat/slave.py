@@ -11,9 +11,8 @@ from robotd_cia402.drive_access import SdoAbort
 from robotd_cia402.node import IDENTITY, Emergency, FieldbusNode
 from robotd_cia402.options import parse_object
 from robotd_ethercat.al_status import AlState
-from robotd_ethercat.object_types import object_format
+from robotd_ethercat.mapping import SlaveImage, object_format
 from robotd_ethercat.options import AxisOptions, IoOptions, SlaveOptions
-from robotd_ethercat.slave_image import SlaveImage
 from robotd_ethercat.soem import Soem
 
 RESET = "it was reset and has lost its configuration; start communication again"

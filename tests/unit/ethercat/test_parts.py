@@ -6,14 +6,22 @@ import pytest
 
 from robotd.errors import OperationError
 from robotd_ethercat.al_status import AL_STATUS_CODES, AlState, al_code_text, al_state
+from robotd_ethercat.bus_scan import process_data_sizes
 from robotd_ethercat.clocks import ClockObserver
 from robotd_ethercat.code_tables import AL_STATUS
-from robotd_ethercat.mapping import Assignment, Entry, Pdo, read_mapping, size_bytes, write_mapping
-from robotd_ethercat.object_types import entry_format, object_format
+from robotd_ethercat.fieldbus import PortCounters
+from robotd_ethercat.mapping import (
+    Assignment,
+    Entry,
+    Pdo,
+    SlaveImage,
+    entry_format,
+    object_format,
+    read_mapping,
+    size_bytes,
+    write_mapping,
+)
 from robotd_ethercat.options import PdoOptions
-from robotd_ethercat.port_counters import PortCounters
-from robotd_ethercat.sii import process_data_sizes
-from robotd_ethercat.slave_image import SlaveImage
 
 
 class Objects:
