@@ -51,7 +51,6 @@ from robotd.motion.profile import (
 )
 from robotd.number_argument import IntegerRange, NumberRange, ObjectNumber
 from robotd.plugin.code_table import CodeTable
-from robotd.plugin.drive_remedies import drive_remedy
 from robotd.plugin.hookspecs import (
     API_VERSION,
     AxisKeys,
@@ -113,7 +112,6 @@ __all__ = [
     "Underrun",
     "Unsupported",
     "did_you_mean",
-    "drive_remedy",
     "get_logger",
     "hookimpl",
     "load_robot_descriptor",

@@ -38,5 +38,5 @@ def test_a_rejection_names_node_object_and_reason(open_rig: OpenRig) -> None:
         unknown = r"\(node 1\): reading 0x5FFF:00.* abort 0x06020000"
         with pytest.raises(OperationError, match=unknown):
             fieldbus.read_object(0, 1, 0x5FFF)
-        with pytest.raises(InvalidArgument, match=r"slave 9 is not on master 0 \(slaves: \[1, 2"):
+        with pytest.raises(InvalidArgument, match=r"node 9 is not on bus 0 \(nodes: \[1, 2"):
             fieldbus.read_object(0, 9, 0x1000)

@@ -217,7 +217,7 @@ def test_objects_of_a_drive_are_read_and_written(arm: RobotProcess, client: Clie
     assert (code, output) == (0, f"{written[1]}\n"), error
     for fields, reason in (
         ({"slave_id": 2, "index": 0x5FFF, "subindex": 0}, "abort 0x06020000"),
-        ({"slave_id": 99, "index": 0x1000, "subindex": 0}, "slave 99 is not on master 0"),
+        ({"slave_id": 99, "index": 0x1000, "subindex": 0}, "node 99 is not on bus 0"),
         ({"slave_id": 2}, "expected the whole numbers slave_id, index, subindex, [master_id]"),
     ):
         successful, text = call_object(client, "read_object", **fields)

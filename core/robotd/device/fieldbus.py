@@ -109,7 +109,7 @@ class Fieldbus:
             raise Unsupported(feature, self._backend)
         self._connection.require_ready()
         if not 0 <= bus < driver.buses:
-            raise InvalidArgument(f"master {bus} is outside 0..{driver.buses - 1}")
+            raise InvalidArgument(f"bus {bus} is outside 0..{driver.buses - 1}")
         return driver
 
 
@@ -122,4 +122,4 @@ def _check_object(index: int, subindex: int) -> None:
 def _check_node(driver: FieldbusDriver, bus: int, node: int) -> None:
     known = [*driver.node_ids(bus)]
     if node not in known:
-        raise InvalidArgument(f"slave {node} is not on master {bus} (slaves: {known})")
+        raise InvalidArgument(f"node {node} is not on bus {bus} (nodes: {known})")

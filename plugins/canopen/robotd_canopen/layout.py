@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 from canopen.objectdictionary import ObjectDictionary
 
@@ -34,7 +35,7 @@ from robotd_canopen.options import (
 from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis
-from robotd_cia402.options import StreamMode, missing_and_unknown, parse_object, with_robot_ramps
+from robotd_cia402.options import Problems, StreamMode, parse_object, with_robot_ramps
 
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064)  # without these it is no CiA 402 drive
@@ -44,33 +45,35 @@ _INTERPOLATED = {0x60C1: "interpolation data"}
 _FROM_PDO = {0x6041: "statusword", 0x6061: "modes of operation display", 0x6064: "position"}
 
 
+Options = TypeVar("Options", bound=NodeOptions)
+
+
 @dataclass(frozen=True)
-class AxisLayout:
-    """One axis: its options, dictionary and PDOs.
+class NodeLayout(Generic[Options]):
+    """One axis or I/O module: its options, dictionary and PDOs."""
+
+    options: Options
+    dictionary: ObjectDictionary
+    rpdos: tuple[Pdo, ...]
+    tpdos: tuple[Pdo, ...]
+
+
+IoLayout = NodeLayout[IoOptions]
+
+
+@dataclass(frozen=True)
+class AxisLayout(NodeLayout[AxisOptions]):
+    """One axis.
 
     Attributes:
         left_out: optional objects that default PDOs do not hold, because of the EDS.
     """
 
-    options: AxisOptions
-    dictionary: ObjectDictionary
-    rpdos: tuple[Pdo, ...]
-    tpdos: tuple[Pdo, ...]
     left_out: tuple[int, ...] = ()
 
     def index(self, base: int) -> int:
         """The profile object ``base`` on this axis of the drive."""
         return on_axis(base, self.options.axis_offset)
-
-
-@dataclass(frozen=True)
-class IoLayout:
-    """One I/O module: its options, dictionary and PDOs (at most one each way)."""
-
-    options: IoOptions
-    dictionary: ObjectDictionary
-    rpdos: tuple[Pdo, ...]
-    tpdos: tuple[Pdo, ...]
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ class NetworkLayout:
 
     def pdos(self, node: int | None = None) -> list[Pdo]:
         """The PDOs of one node, or of all."""
-        nodes: list[AxisLayout | IoLayout] = [*self.axes, *self.io]
+        nodes: list[NodeLayout[Any]] = [*self.axes, *self.io]
         return [
             pdo
             for one in nodes
@@ -104,73 +107,124 @@ class NetworkLayout:
 def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayout:
     """Raises DescriptorError with every problem."""
     options = options.model_copy(update={"axes": with_robot_ramps(options.axes, robot)})
-    problems: list[DescriptorError] = []
+    problems = Problems(robot, _SECTION)
     if options.bus.channel is None and options.bus.interface != "virtual":
         what = f"missing: name the CAN bus, for example --set {_SECTION}.bus.channel=can0"
-        problems.append(_error(robot, "bus.channel", what))
-    problems += [
-        _error(robot, "axes", what) for what in missing_and_unknown(options.axes, robot.axes)
-    ]
-    ordered = sorted(options.axes, key=lambda drive: drive.axis)
-    axes = [_axis(robot, drive, options, problems) for drive in ordered]
-    modules = [_io(robot, module, options, problems) for module in options.io]
-    _check_cob_ids(robot, [*axes, *modules], problems)
+        problems.add("bus.channel", what)
+    problems.check_axes(options.axes)
+    planner = _NodePlanner(robot, problems)
+    axes = [planner.axis(f"axes.{number}", drive) for number, drive in enumerate(options.axes)]
+    axes.sort(key=lambda axis: axis.options.axis)
+    modules = [planner.module(f"io.{number}", module) for number, module in enumerate(options.io)]
+    users: dict[int, str] = {}
+    nodes: list[NodeLayout[Any]] = [*axes, *modules]
+    for node in nodes:
+        for pdo in (*node.rpdos, *node.tpdos):
+            name = f"{pdo.name} of node {node.options.node}"
+            if pdo.cob_id in users:
+                what = f"{users[pdo.cob_id]} and {name} have one COB-ID, 0x{pdo.cob_id:03X}"
+                problems.add("axes", what)
+            users[pdo.cob_id] = name
     cycle_s = 1 / robot.cycle.rate_hz
     period_s = options.sync_period_s or cycle_s
     ratio = round(period_s / cycle_s)
     if ratio < 1 or abs(ratio * cycle_s - period_s) > 1e-3 * cycle_s:
         what = f"{period_s:g} s is not a whole number of cycles of {cycle_s:g} s"
-        problems.append(_error(robot, "sync_period_s", what))
+        problems.add("sync_period_s", what)
     load = _load(axes, modules, options, period_s)
     if load > options.max_bus_load:
-        what = (
+        problems.add(
+            "sync_period_s",
             f"a SYNC each {period_s:g} s loads the bus of {options.bus.bitrate} bit/s with"
-            f" {load:.0%}, max_bus_load is {options.max_bus_load:.0%}"
+            f" {load:.0%}, max_bus_load is {options.max_bus_load:.0%}",
         )
-        problems.append(_error(robot, "sync_period_s", what))
-    if problems:
-        raise DescriptorError.join(problems)
+    problems.require_none()
     return NetworkLayout(options, tuple(axes), tuple(modules), period_s, max(1, ratio), load)
 
 
-def _error(robot: RobotDescriptor, key: str, what: str) -> DescriptorError:
-    return DescriptorError(what, path=robot.path, key=f"{_SECTION}.{key}")
+class _NodePlanner:
+    """Plans axes and modules by their EDS files, and adds to ``problems``."""
 
+    def __init__(self, robot: RobotDescriptor, problems: Problems) -> None:
+        self._folder = robot.path.parent if robot.path is not None else None
+        self._problems = problems
 
-def _axis(
-    robot: RobotDescriptor,
-    drive: AxisOptions,
-    options: CanopenOptions,
-    problems: list[DescriptorError],
-) -> AxisLayout:
-    key = f"axes.{options.axes.index(drive)}"
-    dictionary = _dictionary(robot, drive, GENERIC_DRIVE, key, problems)
-    if not dictionary:  # unreadable: what it lacks is no problem of its own
-        return AxisLayout(drive, dictionary, (), ())
-    defaults = {
-        direction: default_pdos(drive, direction, dictionary)
-        for direction, given in zip(Direction, (drive.rpdos, drive.tpdos), strict=True)
-        if not given
-    }
-    left_out = [base for chosen in defaults.values() for base in chosen.left_out]
-    receive, transmit = (
-        list(given or defaults[direction].pdos)
-        for direction, given in zip(Direction, (drive.rpdos, drive.tpdos), strict=True)
-    )
-    for base in (*_NEEDED, *([_SUPPORTED_MODES] if drive.check_modes else [])):
-        index = on_axis(base, drive.axis_offset)
-        if variable(dictionary, index, 0) is None:
-            problems.append(_error(robot, key, f"object 0x{index:04X} is not in the EDS"))
-    rpdos = _resolve(robot, key, receive, Direction.RECEIVE, drive, dictionary, problems)
-    tpdos = _resolve(robot, key, transmit, Direction.TRANSMIT, drive, dictionary, problems)
-    outputs = _BY_PDO | (_INTERPOLATED if drive.stream_mode is StreamMode.IP else {})
-    for pdos, needed in ((receive, outputs), (transmit, _FROM_PDO)):
-        mapped = {parse_object(name)[0] for pdo in pdos for name in pdo.objects}
-        for base, name in needed.items():
-            if base not in mapped:
-                problems.append(_error(robot, key, f"no PDO holds 0x{base:04X} ({name})"))
-    problems += [_error(robot, f"{key}.tpdos", what) for what in _unknowable(tpdos, dictionary)]
-    return AxisLayout(drive, dictionary, rpdos, tpdos, tuple(left_out))
+    def axis(self, key: str, drive: AxisOptions) -> AxisLayout:
+        add = self._problems.add
+        dictionary = self._dictionary(key, drive, GENERIC_DRIVE)
+        if not dictionary:  # unreadable: what it lacks is no problem of its own
+            return AxisLayout(drive, dictionary, (), ())
+        defaults = {
+            direction: default_pdos(drive, direction, dictionary)
+            for direction, given in zip(Direction, (drive.rpdos, drive.tpdos), strict=True)
+            if not given
+        }
+        left_out = [base for chosen in defaults.values() for base in chosen.left_out]
+        receive, transmit = (
+            list(given or defaults[direction].pdos)
+            for direction, given in zip(Direction, (drive.rpdos, drive.tpdos), strict=True)
+        )
+        for base in (*_NEEDED, *([_SUPPORTED_MODES] if drive.check_modes else [])):
+            index = on_axis(base, drive.axis_offset)
+            if variable(dictionary, index, 0) is None:
+                add(key, f"object 0x{index:04X} is not in the EDS")
+        rpdos = self._resolve(key, receive, Direction.RECEIVE, drive, dictionary)
+        tpdos = self._resolve(key, transmit, Direction.TRANSMIT, drive, dictionary)
+        outputs = _BY_PDO | (_INTERPOLATED if drive.stream_mode is StreamMode.IP else {})
+        for pdos, needed in ((receive, outputs), (transmit, _FROM_PDO)):
+            mapped = {parse_object(name)[0] for pdo in pdos for name in pdo.objects}
+            for base, name in needed.items():
+                if base not in mapped:
+                    add(key, f"no PDO holds 0x{base:04X} ({name})")
+        for what in _unknowable(tpdos, dictionary):
+            add(f"{key}.tpdos", what)
+        return AxisLayout(drive, dictionary, rpdos, tpdos, tuple(left_out))
+
+    def module(self, key: str, module: IoOptions) -> IoLayout:
+        dictionary = self._dictionary(key, module, GENERIC_IO)
+        receive, transmit = io_pdos(module) if dictionary else ([], [])
+        rpdos = self._resolve(key, receive, Direction.RECEIVE, module, dictionary)
+        tpdos = self._resolve(key, transmit, Direction.TRANSMIT, module, dictionary)
+        return IoLayout(module, dictionary, rpdos, tpdos)
+
+    def _dictionary(self, key: str, node: NodeOptions, generic: str) -> ObjectDictionary:
+        add = self._problems.add
+        try:
+            dictionary = read_eds(eds_path(node.eds, self._folder, generic), node.node)
+        except DescriptorError as error:
+            known = [str(problem) for problem in self._problems.found]
+            if not any(str(error) in problem for problem in known):  # six drives, one file
+                add(f"{key}.eds", str(error))
+            return empty_dictionary()
+        for what in _no_dcf(dictionary, node) if node.dcf_values else ():
+            add(f"{key}.dcf_values", what)
+        for number, (index, sub, _) in enumerate(startup_writes(node)):
+            found = variable(dictionary, index, sub)
+            if found is None or not found.writable:
+                what = f"{describe(dictionary, index, sub)} is not in the EDS, or cannot be written"
+                add(f"{key}.startup.{number}", what)
+        return dictionary
+
+    def _resolve(
+        self,
+        key: str,
+        pdos: list[PdoOptions],
+        direction: Direction,
+        node: NodeOptions,
+        dictionary: ObjectDictionary,
+    ) -> tuple[Pdo, ...]:
+        offset = node.axis_offset if isinstance(node, AxisOptions) else 0
+        resolved = []
+        kind = "rpdos" if direction is Direction.RECEIVE else "tpdos"
+        is_default = isinstance(node, AxisOptions) and not getattr(node, kind)
+        for position, pdo in enumerate(pdos):
+            try:
+                resolved.append(resolve(pdo, direction, node.node, dictionary, offset))
+            except ValueError as error:
+                default = f"default {kind[:4].upper()} {pdo.number}: " if is_default else ""
+                where = key if is_default else f"{key}.{kind}.{position}"
+                self._problems.add(where, f"{default}{error}")
+        return tuple(resolved)
 
 
 def _unknowable(tpdos: Sequence[Pdo], dictionary: ObjectDictionary) -> Iterator[str]:
@@ -192,49 +246,6 @@ def _unknowable(tpdos: Sequence[Pdo], dictionary: ObjectDictionary) -> Iterator[
                 )
 
 
-def _io(
-    robot: RobotDescriptor,
-    module: IoOptions,
-    options: CanopenOptions,
-    problems: list[DescriptorError],
-) -> IoLayout:
-    key = f"io.{options.io.index(module)}"
-    dictionary = _dictionary(robot, module, GENERIC_IO, key, problems)
-    if not dictionary:
-        return IoLayout(module, dictionary, (), ())
-    receive, transmit = io_pdos(module)
-    return IoLayout(
-        module,
-        dictionary,
-        _resolve(robot, key, receive, Direction.RECEIVE, module, dictionary, problems),
-        _resolve(robot, key, transmit, Direction.TRANSMIT, module, dictionary, problems),
-    )
-
-
-def _dictionary(
-    robot: RobotDescriptor,
-    node: NodeOptions,
-    generic: str,
-    key: str,
-    problems: list[DescriptorError],
-) -> ObjectDictionary:
-    folder = robot.path.parent if robot.path is not None else None
-    try:
-        dictionary = read_eds(eds_path(node.eds, folder, generic), node.node)
-    except DescriptorError as error:
-        if not any(str(error) in str(known) for known in problems):  # six drives, one file
-            problems.append(_error(robot, f"{key}.eds", str(error)))
-        return empty_dictionary()
-    if node.dcf_values:
-        problems += [_error(robot, f"{key}.dcf_values", what) for what in _no_dcf(dictionary, node)]
-    for number, (index, sub, _) in enumerate(startup_writes(node)):
-        found = variable(dictionary, index, sub)
-        if found is None or not found.writable:
-            what = f"{describe(dictionary, index, sub)} is not in the EDS, or cannot be written"
-            problems.append(_error(robot, f"{key}.startup.{number}", what))
-    return dictionary
-
-
 def _no_dcf(dictionary: ObjectDictionary, node: NodeOptions) -> Iterator[str]:
     """Yield reasons why the values of a file cannot be written to ``node``."""
     values = dcf_values(dictionary)
@@ -246,41 +257,6 @@ def _no_dcf(dictionary: ObjectDictionary, node: NodeOptions) -> Iterator[str]:
     for value in values:
         if value.skipped.startswith("does not fit"):
             yield f"{value.name}: ParameterValue {value.text} {value.skipped}"
-
-
-def _resolve(
-    robot: RobotDescriptor,
-    key: str,
-    pdos: list[PdoOptions],
-    direction: Direction,
-    node: NodeOptions,
-    dictionary: ObjectDictionary,
-    problems: list[DescriptorError],
-) -> tuple[Pdo, ...]:
-    offset = node.axis_offset if isinstance(node, AxisOptions) else 0
-    resolved = []
-    kind = "rpdos" if direction is Direction.RECEIVE else "tpdos"
-    is_default = isinstance(node, AxisOptions) and not getattr(node, kind)
-    for position, pdo in enumerate(pdos):
-        try:
-            resolved.append(resolve(pdo, direction, node.node, dictionary, offset))
-        except ValueError as error:
-            what = f"default {kind[:4].upper()} {pdo.number}: {error}" if is_default else str(error)
-            problems.append(_error(robot, key if is_default else f"{key}.{kind}.{position}", what))
-    return tuple(resolved)
-
-
-def _check_cob_ids(
-    robot: RobotDescriptor, nodes: list[AxisLayout | IoLayout], problems: list[DescriptorError]
-) -> None:
-    users: dict[int, str] = {}
-    for node in nodes:
-        for pdo in (*node.rpdos, *node.tpdos):
-            name = f"{pdo.name} of node {node.options.node}"
-            if pdo.cob_id in users:
-                what = f"{users[pdo.cob_id]} and {name} have one COB-ID, 0x{pdo.cob_id:03X}"
-                problems.append(_error(robot, "axes", what))
-            users[pdo.cob_id] = name
 
 
 def _load(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from robotd.api import CodeTable, drive_remedy
+from robotd.api import CodeTable
 
+_FIRST_CODE = 0x1000
+_VENDOR_CODES = 0xFF00  # from here on a code means what the vendor says
 # CiA 301 table 27 and CiA 402-2 (error codes of 0x603F). The longest match wins.
 _CLASSES = {
     0x00: "error reset or no error",  # 0x0000 to 0x00FF; 0x01 to 0x0F are not assigned
@@ -83,9 +85,38 @@ _REGISTER = {
 }
 
 
+_REMEDIES = {
+    0x2: "Look for a blocked axis, too much load, or a fault of the motor or its cable",
+    0x23: "Look for a blocked axis, too much load, or a short circuit in the motor or its cable",
+    0x2320: "Switch the power off; check motor and motor cable for a short circuit or earth fault",
+    0x2330: "Switch the power off; check motor and motor cable for an earth fault",
+    0x2340: "Switch the power off; check motor and motor cable for a short circuit",
+    0x3: "Check the supply voltage of the drive",
+    0x3110: "Check the mains voltage",
+    0x3120: "Check the mains voltage and its fuses",
+    0x3210: "Check braking resistor and supply; decelerate more gently",
+    0x3220: "Check the power supply, its fuses, and the emergency stop circuit",
+    0x4: "Let it cool down; check the ventilation, and lower load or accelerations",
+    0x5: "Switch the drive off and on; if the fault stays, replace the drive",
+    0x5441: "Release the quick stop input",
+    0x6: "Check the parameters and the firmware of the drive",
+    0x70: "Check the additional module and its connector",
+    0x71: "Look for a blocked axis or a brake that does not open; check the motor",
+    0x73: "Check the encoder, its cable and its connectors",
+    0x80: "Check the monitoring functions in the parameters of the drive",
+    0x81: "Check cable and termination of the fieldbus, and that each node has its own id",
+    0x82: "Check that the PDO mapping of drive and descriptor agree",
+    0x83: "Look for a blocked axis or too much load; check the torque limit",
+    0x84: "Look for too much load; check the velocity limit and the tuning of the drive",
+    0x86: "Look for a blocked axis or too much load; check the tuning and the drive's error window",
+    0x90: "Remove the external fault that the drive reports",
+}
+"""By code, by its first two hexadecimal digits, and by the first one."""
+
+
 def error_text(code: int) -> str:
     """``0x3210 DC link over-voltage``; of the vendor's range only the number is known."""
-    if code >= 0xFF00:
+    if code >= _VENDOR_CODES:
         return f"0x{code:04X} vendor specific"
     return f"0x{code:04X} {_CODES.get(code) or class_text(code) or 'reserved'}"
 
@@ -94,7 +125,7 @@ def class_text(code: int) -> str:
     """Return the class of a code of 16 bits, ``position control``; "" for none."""
     if not 0 <= code <= 0xFFFF:
         return ""
-    if code >= 0xFF00:
+    if code >= _VENDOR_CODES:
         return "vendor specific"
     family = code >> 8 & 0xF0
     return _CLASSES.get(code >> 8) or (_CLASSES.get(family, "") if family else "")
@@ -104,6 +135,18 @@ def register_text(register: int) -> str:
     """``0x21 (generic, device profile)``: error register, object 0x1001."""
     named = ", ".join(name for bit, name in _REGISTER.items() if register & bit)
     return f"0x{register:02X} ({named or 'no error'})"
+
+
+def drive_remedy(code: int) -> str:
+    """Return what to do about an error code; "" where it is not known.
+
+    Args:
+        code: of CiA 402, 16 bit; the longest match counts.
+    """
+    if not _FIRST_CODE <= code < _VENDOR_CODES:
+        return ""
+    found = (_REMEDIES.get(part) for part in (code, code >> 8, code >> 12))
+    return next(filter(None, found), "")
 
 
 EMERGENCIES = CodeTable(

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from robotd.api import RobotDescriptor
+from robotd.api import DescriptorError, RobotDescriptor
 
 
 def _from_hexadecimal(value: object) -> object:
@@ -211,13 +211,32 @@ def parse_object(name: str) -> tuple[int, int]:
     return int(index, 16), int(sub or 0)
 
 
-def missing_and_unknown(drives: Sequence[DriveOptions], axes: int) -> list[str]:
-    """Name axes of the robot without a drive, and drives without an axis."""
-    given, known = {drive.axis for drive in drives}, set(range(axes))
-    return [
-        *(f"axis {axis} of the robot has no drive" for axis in sorted(known - given)),
-        *(
-            f"axis {axis} does not exist, the robot has axes 0 to {axes - 1}"
-            for axis in sorted(given - known)
-        ),
-    ]
+class Problems:
+    """Everything that is wrong with the section of a backend.
+
+    Attributes:
+        found: problems, with their keys.
+    """
+
+    def __init__(self, robot: RobotDescriptor, section: str) -> None:
+        self.found: list[DescriptorError] = []
+        self._robot, self._section = robot, section
+
+    def add(self, key: str, what: str) -> None:
+        key = f"{self._section}.{key}"
+        self.found.append(DescriptorError(what, path=self._robot.path, key=key))
+
+    def check_axes(self, drives: Sequence[DriveOptions]) -> None:
+        """Name axes of the robot without a drive, and drives without an axis."""
+        axes = self._robot.axes
+        given, known = {drive.axis for drive in drives}, set(range(axes))
+        for axis in sorted(known - given):
+            self.add("axes", f"axis {axis} of the robot has no drive")
+        for axis in sorted(given - known):
+            what = f"axis {axis} does not exist, the robot has axes 0 to {axes - 1}"
+            self.add("axes", what)
+
+    def require_none(self) -> None:
+        """Raise DescriptorError with all of them."""
+        if self.found:
+            raise DescriptorError.join(self.found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from robotd.api import DescriptorError, RobotDescriptor
+from robotd.api import RobotDescriptor
 from robotd_cia402.object_numbers import (
     CONTROLWORD,
     MODE,
@@ -17,9 +17,9 @@ from robotd_cia402.object_numbers import (
     on_axis,
 )
 from robotd_cia402.options import (
+    Problems,
     StreamMode,
     VelocityMode,
-    missing_and_unknown,
     parse_object,
     with_robot_ramps,
 )
@@ -62,30 +62,30 @@ class BusPlan:
 
 def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
     """Raises DescriptorError with every problem."""
-    problems: list[DescriptorError] = []
+    problems = Problems(robot, _SECTION)
     if options.interface is None and not options.simulated:
-        what = (
+        problems.add(
+            "interface",
             "missing: name the network interface of the bus, for example --set"
-            f" {_SECTION}.interface=enp3s0; 'robotd ethercat doctor' lists those of this computer"
+            f" {_SECTION}.interface=enp3s0; 'robotd ethercat doctor' lists those of this computer",
         )
-        problems.append(_error(robot, "interface", what))
-    problems += [
-        _error(robot, "axes", what) for what in missing_and_unknown(options.axes, robot.axes)
-    ]
+    problems.check_axes(options.axes)
     for number, drive in enumerate(options.axes):
         key = f"axes.{number}"
         if drive.stream_mode is not StreamMode.CSP:
             what = f"{drive.stream_mode.value!r} is a mode of CANopen drives, EtherCAT takes 'csp'"
-            problems.append(_error(robot, f"{key}.stream_mode", what))
+            problems.add(f"{key}.stream_mode", what)
         pdos = (("rx_pdos", needed_outputs(drive)), ("tx_pdos", NEEDED_INPUTS))
         for name, needed in pdos:
-            given_pdos: tuple[PdoOptions, ...] = getattr(drive, name)
-            problems += [
-                _error(robot, f"{key}.{name}", text)
-                for text in _missing(given_pdos, needed, drive.axis_offset)
-            ]
-    if problems:
-        raise DescriptorError.join(problems)
+            given: tuple[PdoOptions, ...] = getattr(drive, name)
+            if not given or any(not pdo.objects for pdo in given):
+                continue  # contents of the drive's own are checked on the bus
+            held = {parse_object(each)[0] for pdo in given for each in pdo.objects}
+            missing = [base for base in needed if on_axis(base, drive.axis_offset) not in held]
+            if missing:
+                what = f"no PDO holds {missing_text(missing, drive.axis_offset)}"
+                problems.add(f"{key}.{name}", what)
+    problems.require_none()
     axes = with_robot_ramps(options.axes, robot)
     ordered = tuple(sorted(axes, key=lambda drive: drive.axis))
     return BusPlan(options, ordered, 1 / robot.cycle.rate_hz)
@@ -102,16 +102,3 @@ def missing_text(missing: Iterable[int], axis_offset: int) -> str:
     """``0x6060 (modes of operation), 0x607A (target position)``."""
     names = [f"0x{on_axis(base, axis_offset):04X} ({_NAMES[base]})" for base in missing]
     return ", ".join(names)
-
-
-def _missing(pdos: tuple[PdoOptions, ...], needed: Iterable[int], axis_offset: int) -> list[str]:
-    """Problems of PDOs whose contents are all given; the others are checked on the bus."""
-    if not pdos or any(not pdo.objects for pdo in pdos):
-        return []
-    held = {parse_object(name)[0] for pdo in pdos for name in pdo.objects}
-    missing = [base for base in needed if on_axis(base, axis_offset) not in held]
-    return [f"no PDO holds {missing_text(missing, axis_offset)}"] if missing else []
-
-
-def _error(robot: RobotDescriptor, key: str, what: str) -> DescriptorError:
-    return DescriptorError(what, path=robot.path, key=f"{_SECTION}.{key}")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from robotd_cia402.code_tables import drive_remedy
 
-from robotd.api import drive_remedy
 from robotd.errors import ConnectError, DeviceTimeout, InvalidArgument, NotReady, OperationError
 from robotd_wmx._native import CallError
 from robotd_wmx.al_status import TEXTS

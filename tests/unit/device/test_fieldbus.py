@@ -28,8 +28,8 @@ def test_registers_are_read(harness: Harness) -> None:
         (0, 0, 4097, r"length 4097 is outside 1\.\.4096"),
         (0, 0x0FFF, 2, r"registers 0x0fff\.\.0x1000 are outside 0x0000\.\.0x0fff"),
         (0, -1, 1, r"are outside 0x0000\.\.0x0fff"),
-        (2, 0, 1, r"slave 2 is not on master 0 \(slaves: \[0, 1\]\)"),
-        (-1, 0, 1, r"slave -1 is not on master 0"),
+        (2, 0, 1, r"node 2 is not on bus 0 \(nodes: \[0, 1\]\)"),
+        (-1, 0, 1, r"node -1 is not on bus 0"),
     ],
 )
 def test_registers_that_are_not_there_are_rejected(
@@ -55,7 +55,7 @@ def test_objects_are_read_and_written(harness: Harness) -> None:
         (0, -1, 0, b"1", r"index -1 is outside 0\.\.0xffff"),
         (0, 0x10000, 0, b"1", r"index 65536 is outside"),
         (0, 0x6083, 256, b"1", r"subindex 256 is outside 0\.\.0xff"),
-        (2, 0x6083, 0, b"1", r"slave 2 is not on master 0 \(slaves: \[0, 1\]\)"),
+        (2, 0x6083, 0, b"1", r"node 2 is not on bus 0 \(nodes: \[0, 1\]\)"),
         (0, 0x6083, 0, b"", r"0 bytes of data are outside 1\.\.4096"),
     ],
 )
@@ -83,7 +83,7 @@ def commands(fieldbus: Fieldbus, master: int) -> dict[Capability | None, Callabl
 @pytest.mark.parametrize("master", [-1, 1])
 def test_another_master_is_rejected(harness: Harness, master: int) -> None:
     for command in commands(harness.fieldbus, master).values():
-        with pytest.raises(InvalidArgument, match=rf"^master {master} is outside 0\.\.0$"):
+        with pytest.raises(InvalidArgument, match=rf"^bus {master} is outside 0\.\.0$"):
             command()
     assert harness.fieldbus_driver.calls == []
 

@@ -60,9 +60,7 @@ def test_an_object_costs_no_register_and_a_status_each_once(
 
     monkeypatch.setattr(harness.bus, "read_register", counted)
     harness.robot.fieldbus.read_object(0, 1, 0x6065)
-    with pytest.raises(
-        InvalidArgument, match=r"slave 7 is not on master 0 \(slaves: \[0, 1, 2\]\)"
-    ):
+    with pytest.raises(InvalidArgument, match=r"node 7 is not on bus 0 \(nodes: \[0, 1, 2\]\)"):
         harness.robot.fieldbus.read_object(0, 7, 0x6065)
     assert asked == []
     harness.robot.fieldbus.status(0)
