@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -191,22 +191,30 @@ def configure(sdo: Sdo, pdo: Pdo) -> None:
     In the order of CiA 301, 7.5.2.36: invalid, no entries, entries, count, valid again. Objects
     that are as they should be are not written: many devices have constant ones.
     """
-    parameter, mapping = pdo.parameter, pdo.parameter + 0x200
-    mapped = _mapped(sdo, mapping)
-    is_mapped = mapped == _requested(pdo)
-    is_enabled = sdo.read(parameter, 1) & _COMPARED == pdo.cob_id
-    if not (is_mapped and is_enabled):
+    parameter = pdo.parameter
+    is_mapped = _is_mapped(sdo, pdo)
+    is_enabled = is_mapped and sdo.read(parameter, 1) & _COMPARED == pdo.cob_id
+    if not is_enabled:
         sdo.write(parameter, 1, pdo.cob_id | _DISABLED | _rtr(pdo))
-    if sdo.read(parameter, 2) != pdo.transmission:
+    if not is_mapped or sdo.read(parameter, 2) != pdo.transmission:
         sdo.write(parameter, 2, pdo.transmission)
     if not is_mapped:
-        _map(sdo, pdo, mapping, mapped)
-    if not (is_mapped and is_enabled):
+        _map(sdo, pdo)
+    if not is_enabled:
         sdo.write(parameter, 1, pdo.cob_id | _rtr(pdo))
 
 
-def _map(sdo: Sdo, pdo: Pdo, mapping: int, mapped: list[int]) -> None:
+def _is_mapped(sdo: Sdo, pdo: Pdo) -> bool:
+    """Return whether the node has the mapping; read up to the first difference."""
+    mapping = pdo.parameter + 0x200
+    return sdo.read(mapping, 0) == len(pdo.entries) and all(
+        sdo.read(mapping, sub) == entry.mapping for sub, entry in enumerate(pdo.entries, 1)
+    )
+
+
+def _map(sdo: Sdo, pdo: Pdo) -> None:
     """Write the mapping of an invalid PDO, and read it back."""
+    mapping = pdo.parameter + 0x200
     try:
         sdo.write(mapping, 0, 0)
         for sub, entry in enumerate(pdo.entries, 1):
@@ -214,11 +222,13 @@ def _map(sdo: Sdo, pdo: Pdo, mapping: int, mapped: list[int]) -> None:
         sdo.write(mapping, 0, len(pdo.entries))
     except SdoAbort as error:
         if error.code == _READ_ONLY:
-            error.reason += f"; {pdo.name} is constant and holds {_names(mapped)}: give these"
+            error.reason += f"; {pdo.name} is constant and holds {_mapped_names(sdo, mapping)}"
+            error.reason += ": give these"
         raise
-    if (actual := _mapped(sdo, mapping)) != _requested(pdo):
+    if not _is_mapped(sdo, pdo):
+        requested = _names(entry.mapping for entry in pdo.entries)
         raise OperationError(
-            f"{pdo.name}: the node maps {_names(actual)}, requested were {_names(_requested(pdo))}"
+            f"{pdo.name}: the node maps {_mapped_names(sdo, mapping)}, requested were {requested}"
         )
 
 
@@ -241,16 +251,11 @@ def _rtr(pdo: Pdo) -> int:
     return _NO_RTR if pdo.direction is Direction.TRANSMIT else 0
 
 
-def _requested(pdo: Pdo) -> list[int]:
-    return [entry.mapping for entry in pdo.entries]
+def _mapped_names(sdo: Sdo, mapping: int) -> str:
+    count = min(sdo.read(mapping, 0), _MAX_ENTRIES)
+    return _names(sdo.read(mapping, sub) for sub in range(1, count + 1))
 
 
-def _mapped(sdo: Sdo, mapping: int) -> list[int]:
-    """Return the entries that the node maps; only as many as can be compared."""
-    count = sdo.read(mapping, 0)
-    return [sdo.read(mapping, sub) for sub in range(1, min(count, _MAX_ENTRIES) + 1)]
-
-
-def _names(entries: Sequence[int]) -> str:
+def _names(entries: Iterable[int]) -> str:
     names = [f"0x{entry >> 16:04X}:{entry >> 8 & 0xFF:02X}" for entry in entries]
     return ", ".join(names) or "nothing"
