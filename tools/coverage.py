@@ -19,18 +19,21 @@ ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "build" / "coverage.json"
 SOURCES = (
     "core/robotd",
+    "features",
     "plugins/canopen",
     "plugins/cia402",
     "plugins/ethercat",
     "plugins/servo_model",
     "plugins/sim",
     "plugins/wmx_commands",
+    "ros/robotd_messages",
+    "ros/robotd_ros",
 )
 ELSEWHERE = (
-    "core/robotd/commissioning",
-    "core/robotd/page",
-    "core/robotd/ros",
-    "core/robotd/testing",
+    "features/commissioning/robotd_commissioning",
+    "features/page/robotd_page",
+    "ros/robotd_ros",
+    "features/testing/robotd_testing",
     "plugins/canopen",
     "plugins/ethercat",
 )

@@ -50,6 +50,7 @@ from robotd.motion.profile import (
     profile_to_velocity,
 )
 from robotd.number_argument import IntegerRange, NumberRange, ObjectNumber
+from robotd.observation.frame_ring import Frames
 from robotd.plugin.code_table import CodeTable
 from robotd.plugin.hookspecs import (
     API_VERSION,
@@ -61,8 +62,6 @@ from robotd.plugin.hookspecs import (
 )
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 from robotd.realtime import request_realtime
-from robotd.recording.frame_ring import Frames
-from robotd.recording.recording_reader import Recording, read_recording
 
 __all__ = [
     "API_VERSION",
@@ -104,7 +103,6 @@ __all__ = [
     "ProcessImage",
     "Profile",
     "ProfiledAxes",
-    "Recording",
     "RobotDescriptor",
     "RobotRegistry",
     "RobotdError",
@@ -121,7 +119,6 @@ __all__ = [
     "profile_to_rest",
     "profile_to_velocity",
     "read_limited",
-    "read_recording",
     "request_realtime",
     "validate_section",
     "wait_until",

@@ -9,13 +9,13 @@ from tests.canopen.conftest import SMALL, OpenRig
 from tests.canopen.drives_process import RATE_HZ
 
 from robotd.events import EventKind, sent_by
-from robotd.observation.flight_recorder import FlightRecorder
 from robotd.observation.tap import Tap
-from robotd.recording.explanation import explain
-from robotd.recording.recording_folder import RecordingFolder
-from robotd.recording.recording_reader import read_recording
-from robotd.recording.recording_writer import FIELDBUS
 from robotd.robot import Robot
+from robotd_recorder.explanation import explain
+from robotd_recorder.flight_recorder import FlightRecorder
+from robotd_recording.recording_folder import RecordingFolder
+from robotd_recording.recording_reader import read_recording
+from robotd_recording.recording_writer import FIELDBUS
 
 
 def test_a_fault_of_a_drive_is_recorded_with_its_emergency(

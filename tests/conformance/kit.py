@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-import robotd.testing.conformance as package
+import robotd_conformance.checks as package
 
 CHECKS = Path(package.__file__).parent
 

@@ -143,7 +143,7 @@ def test_the_generated_code_is_in_order(
 def test_the_kit_runs_by_pytest_alone(tmp_path: Path) -> None:
     arguments = (
         "--pyargs",
-        "robotd.testing.conformance",
+        "robotd_conformance.checks",
         "--robotd-backend",
         "sim",
         "-k",

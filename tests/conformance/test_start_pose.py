@@ -31,7 +31,7 @@ def test_a_controller_that_keeps_its_pose_passes_wherever_it_was_left(
 def test_hardware_is_left_at_its_start_pose(
     install_plugin: InstallPlugin, monkeypatch: pytest.MonkeyPatch, allowed: float
 ) -> None:
-    monkeypatch.setattr("robotd.testing.conformance.test_stopping.MORE", allowed)
+    monkeypatch.setattr("robotd_conformance.checks.test_stopping.MORE", allowed)
     ramp = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
     own_device = "test_process.py::test_a_forked_process_does_not_disturb_the_device"
     outcome = run_kit(install_plugin("Hardware"), ramp, own_device)

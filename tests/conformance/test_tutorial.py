@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from tests.conformance.kit import run_kit
 
-from robotd.cli.commands.new_backend_command import write_backend
 from robotd.errors import PluginError
 from robotd.plugin.manager import load_backend
+from robotd_conformance.new_backend_command import write_backend
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial" / "first-backend.md"
 

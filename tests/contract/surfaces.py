@@ -15,9 +15,9 @@ with warnings.catch_warnings():  # rosidl imports an old lark
 from rclpy.node import Node
 
 from robotd.robot import Robot
-from robotd.ros.endpoints import ServeReport, report_of
-from robotd.ros.host import RosHost
-from robotd.ros.node_registry import BUILT_IN, make_node
+from robotd_ros.endpoints import ServeReport, report_of
+from robotd_ros.host import RosHost
+from robotd_ros.node_registry import BUILT_IN, make_node
 
 
 @contextmanager

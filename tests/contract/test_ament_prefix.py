@@ -16,12 +16,12 @@ import pytest
 from lxml import etree
 
 from robotd.descriptor import load_robot_descriptor
-from robotd.ros.node_registry import BUILT_IN
+from robotd_ros.node_registry import BUILT_IN
 
 ROOT = Path(__file__).parents[2]
-AMENT = ROOT / "ament"
+AMENT = ROOT / "ros" / "ament"
 SOURCES = (
-    "LICENSE", "README.md", "ament", "core", "learning", "plugins", "pyproject.toml", "robots",
+    "LICENSE", "README.md", "core", "features", "plugins", "pyproject.toml", "robots", "ros",
 )  # fmt: skip
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")

@@ -9,11 +9,11 @@ import pytest
 import yaml
 from tests.contract.surfaces import surface
 
-from robotd.export.export_input import ExportInput
-from robotd.export.nav2 import twist_limits
-from robotd.export.targets import EXPORTS
 from robotd.robot import Robot, build_robot
-from robotd.ros.endpoints import ServeReport
+from robotd_export.export_input import ExportInput
+from robotd_export.nav2 import twist_limits
+from robotd_export.targets import EXPORTS
+from robotd_ros.endpoints import ServeReport
 
 
 @pytest.fixture(scope="module")

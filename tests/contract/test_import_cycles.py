@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 import grimp
 import pytest
 
-PACKAGES = (
-    "robotd",
-    "robotd_canopen",
-    "robotd_cia402",
-    "robotd_servo_model",
-    "robotd_sim",
-    "robotd_wmx_commands",
-    "robotd_wmx_parameters",
-)
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = [*PROJECT["tool"]["setuptools"]["package-dir"]]
 
 
 @pytest.mark.parametrize("package", PACKAGES)

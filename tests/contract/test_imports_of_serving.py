@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 NOT_NEEDED = (
     *("aiohttp", "attr", "can", "canopen", "foxglove", "http.client", "jinja2", "lark", "mcap"),
@@ -22,9 +22,9 @@ NOT_NEEDED = (
         "rich.console",
         "ruamel",
     ),
-    *("scipy", "robotd.commissioning", "robotd.export.moveit", "robotd.testing", "robotd_canopen"),
-    *("robotd.cli.listing", "robotd.cli.robot_client", "robotd.cli.status_view"),
-    *("robotd.page.page_server", "robotd.page.foxglove_server"),
+    *("scipy", "robotd_commissioning", "robotd_export.moveit", "robotd_testing", "robotd_canopen"),
+    *("robotd.cli.listing", "robotd_ros.commands.robot_client", "robotd_ros.commands.status_view"),
+    *("robotd_page.page_server", "robotd_foxglove.foxglove_server"),
 )
 READY = "ready after"
 TIMEOUT_S = 60.0
@@ -32,7 +32,7 @@ TIMEOUT_S = 60.0
 
 def test_a_served_robot_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
     imported = _imported_until_ready(tmp_path)
-    assert {"numpy", "rclpy", "robotd.ros.run_nodes", "robotd_sim.simulation"} <= imported
+    assert {"numpy", "rclpy", "robotd_ros.run_nodes", "robotd_sim.simulation"} <= imported
     found = [
         name
         for name in sorted(imported)
@@ -43,8 +43,8 @@ def test_a_served_robot_imports_nothing_that_it_does_not_need(tmp_path: Path) ->
 
 def test_the_commands_of_an_operator_import_no_descriptor() -> None:
     """Models of pydantic take longer to import than the rest of ``robotd status``."""
-    client = "robotd.ros.client.status_client"
-    command = "robotd.cli.commands.status_command, robotd.cli.commands.operator_commands"
+    client = "robotd_ros.client.status_client"
+    command = "robotd_ros.commands.status_command, robotd_ros.commands.operator_commands"
     code = f"import sys, {command}, {client}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert {"pydantic", "robotd.descriptor.model", "robotd.device"}.isdisjoint(done.stdout.split())

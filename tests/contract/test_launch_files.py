@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 import yaml
 
-from robotd.cli.commands.run_command import run
+from robotd.cli.run_command import run
 from robotd.descriptor import load_robot_descriptor
 
-AMENT = Path(__file__).parents[2] / "ament"
+AMENT = Path(__file__).parents[2] / "ros" / "ament"
 FILES = sorted((AMENT / "launch").glob("*.launch.py"))
 REFERENCE = {
     "wmx_ros2_multi_node",

@@ -20,7 +20,7 @@ from robotd.device.state import Operation
 from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, open_robot
-from robotd.ros.nodes import axis_conversions
+from robotd_ros.nodes import axis_conversions
 
 AXES = 6
 ROUNDING = 1e-6

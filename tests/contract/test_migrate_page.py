@@ -14,8 +14,8 @@ import pytest
 from tests.contract.surfaces import made_nodes
 
 from robotd.robot import build_robot
-from robotd.ros.endpoints import report_of
-from robotd.ros.nodes.node_parameters import Parameters
+from robotd_ros.endpoints import report_of
+from robotd_ros.nodes.node_parameters import Parameters
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "migrate.md").read_text(encoding="utf-8")
@@ -43,10 +43,10 @@ LAUNCH_FILES = {
     "wmx_ros2_cr3a_manipulator.launch.py",
 }
 FILES = {
-    "intel_manipulator_config_cr3a.yaml": "ament/config/intel_manipulator_config_cr3a.yaml",
-    "orin_manipulator_config_cr3a.yaml": "ament/config/orin_manipulator_config_cr3a.yaml",
-    "diff_drive_controller_config.yaml": "ament/config/diff_drive_controller_config.yaml",
-    "cr3a_manipulator_config.yaml": "ament/config/cr3a_manipulator_config.yaml",
+    "intel_manipulator_config_cr3a.yaml": "ros/ament/config/intel_manipulator_config_cr3a.yaml",
+    "orin_manipulator_config_cr3a.yaml": "ros/ament/config/orin_manipulator_config_cr3a.yaml",
+    "diff_drive_controller_config.yaml": "ros/ament/config/diff_drive_controller_config.yaml",
+    "cr3a_manipulator_config.yaml": "ros/ament/config/cr3a_manipulator_config.yaml",
     "cr3a_wmx_parameters.xml": "robots/cr3a/wmx_parameters.xml",
     "baymax_wmx_parameters.xml": "robots/baymax/wmx_parameters.xml",
 }
@@ -212,7 +212,7 @@ def test_topics_are_served(served: Served, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", [*(f"ament/launch/{name}" for name in LAUNCH_FILES), *FILES.values()]
+    "path", [*(f"ros/ament/launch/{name}" for name in LAUNCH_FILES), *FILES.values()]
 )
 def test_files_are_there(path: str) -> None:
     assert (ROOT / path).is_file()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import robotd
-from robotd.cli.commands.run_command import RATE_HZ, run
+from robotd.cli.run_command import RATE_HZ, run
 from robotd.descriptor import CycleSettings
 
 PUBLIC = {

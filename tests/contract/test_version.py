@@ -13,7 +13,7 @@ from lxml import etree
 ROOT = Path(__file__).parents[2]
 OTHERS = (
     "interfaces/pyproject.toml",
-    "learning/lerobot_robot_robotd/pyproject.toml",
+    "features/learning/lerobot_robot_robotd/pyproject.toml",
     "plugins/wmx/pyproject.toml",
 )
 
@@ -41,7 +41,7 @@ def test_pins_between_distributions_have_this_version(path: str) -> None:
 
 
 def test_the_package_of_ros_has_this_version() -> None:
-    assert etree.parse(ROOT / "ament" / "package.xml").findtext("version") == VERSION
+    assert etree.parse(ROOT / "ros" / "ament" / "package.xml").findtext("version") == VERSION
 
 
 def test_the_changelog_is_about_this_version() -> None:

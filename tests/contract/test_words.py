@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = {
-    "robotd": ROOT / "core" / "robotd",
-    "lerobot_robot_robotd": ROOT / "learning" / "lerobot_robot_robotd" / "lerobot_robot_robotd",
-    "robotd_canopen": ROOT / "plugins" / "canopen" / "robotd_canopen",
-    "robotd_cia402": ROOT / "plugins" / "cia402" / "robotd_cia402",
-    "robotd_ethercat": ROOT / "plugins" / "ethercat" / "robotd_ethercat",
-    "robotd_gym": ROOT / "learning" / "robotd_gym",
-    "robotd_replay": ROOT / "plugins" / "replay" / "robotd_replay",
-    "robotd_servo_model": ROOT / "plugins" / "servo_model" / "robotd_servo_model",
-    "robotd_sim": ROOT / "plugins" / "sim" / "robotd_sim",
-    "robotd_wmx": ROOT / "plugins" / "wmx" / "robotd_wmx",
-    "robotd_wmx_commands": ROOT / "plugins" / "wmx_commands" / "robotd_wmx_commands",
-    "robotd_wmx_parameters": ROOT / "plugins" / "wmx_parameters" / "robotd_wmx_parameters",
+    name: ROOT / folder
+    for name, folder in {
+        **PROJECT["tool"]["setuptools"]["package-dir"],
+        "lerobot_robot_robotd": "features/learning/lerobot_robot_robotd/lerobot_robot_robotd",
+        "robotd_wmx": "plugins/wmx/robotd_wmx",
+    }.items()
 }
 BACKENDS = ("plugins/canopen", "plugins/cia402", "plugins/ethercat", "plugins/wmx")
 FOLDERS = ("tests", "tools", "examples", "docs/_ext", *BACKENDS)

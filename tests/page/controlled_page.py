@@ -11,11 +11,11 @@ from tests.page.browser import NO_WEBGL, open_page
 from tests.page.viewer import wait_until
 
 from robotd.clock.simulated import PacedClock
-from robotd.observation.recorder import observed
-from robotd.page.control_server import PageControl
-from robotd.page.page_server import PageServer
-from robotd.page.robot_source import RobotSource
 from robotd.robot import Robot, build_robot
+from robotd_page.control_server import PageControl
+from robotd_page.page_server import PageServer
+from robotd_page.robot_source import RobotSource
+from robotd_recorder.recorder import observed
 
 HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
 MOVING = 0.01  # rad/s

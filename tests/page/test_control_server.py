@@ -18,10 +18,10 @@ from tests.page.viewer import TIMEOUT_S, connected, served_page, wait_until
 from tests.unit.observation.harness import Observed
 
 from robotd.clock import NANOSECONDS
-from robotd.page.control_server import MAX_CONTROLLERS
-from robotd.page.page_server import PageServer
-from robotd.page.viewers import MAX_MESSAGE_BYTES
 from robotd.robot import Robot
+from robotd_page.control_server import MAX_CONTROLLERS
+from robotd_page.page_server import PageServer
+from robotd_page.viewers import MAX_MESSAGE_BYTES
 
 
 class Controller:
@@ -125,7 +125,7 @@ def test_whatever_comes_before_the_token_closes_the_connection(
         assert arm.robot.axes.stop_latch.reason == ""
         assert position_is_unchanged(arm)
 
-    monkeypatch.setattr("robotd.page.control_server.WRONG_TOKEN_DELAY_S", 0.01)
+    monkeypatch.setattr("robotd_page.control_server.WRONG_TOKEN_DELAY_S", 0.01)
     run(tmp_path, use)
 
 
@@ -136,7 +136,7 @@ def test_a_client_that_sends_no_token_is_closed(
         async with unknown(server) as client:
             assert await client.close_reason() == (1008, "no token")
 
-    monkeypatch.setattr("robotd.page.control_server.TOKEN_TIMEOUT_S", 0.1)
+    monkeypatch.setattr("robotd_page.control_server.TOKEN_TIMEOUT_S", 0.1)
     run(tmp_path, use)
 
 

@@ -22,7 +22,7 @@ from robotd.events import EventKind
 
 pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install 'robotd[foxglove]'")
 
-from robotd.page.foxglove_server import FoxgloveServer
+from robotd_foxglove.foxglove_server import FoxgloveServer
 
 PROTOCOL = "foxglove.sdk.v1"
 MESSAGE_DATA = 1  # opcode, then subscription id (uint32), time (uint64), message

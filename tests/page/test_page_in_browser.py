@@ -30,7 +30,7 @@ from tests.unit.observation.harness import Observed
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf import read_urdf
 from robotd.device.tool_pose import tool_poses
-from robotd.page.page_server import PageServer
+from robotd_page.page_server import PageServer
 
 NODES = load_robot_descriptor("cr3a").nodes
 POSE = [0.9, -0.9, 1.2, -0.4, 0.8, 0.0]

@@ -17,13 +17,13 @@ from prometheus_client import generate_latest
 from tests.page.viewer import TIMEOUT_S, connected, served_page, silent_viewer, wait_until
 
 from robotd.errors import OperationError
-from robotd.observation.foreign_requests import rejection
-from robotd.observation.metrics import registry
-from robotd.page.page_message import websocket_frames
-from robotd.page.page_server import PageServer
-from robotd.page.robot_source import RobotSource
-from robotd.page.viewers import MAX_WAITING_BYTES
-from robotd.page.viewers import Viewer as ServedViewer
+from robotd.local_ports import rejection
+from robotd_metrics.metrics import registry
+from robotd_page.page_message import websocket_frames
+from robotd_page.page_server import PageServer
+from robotd_page.robot_source import RobotSource
+from robotd_page.viewers import MAX_WAITING_BYTES
+from robotd_page.viewers import Viewer as ServedViewer
 
 
 @pytest.fixture
@@ -293,7 +293,7 @@ def test_viewers_are_told_that_the_server_ends(tmp_path: Path) -> None:
 def test_connections_that_ask_nothing_are_closed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robotd.page.page_server.REQUEST_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("robotd_page.page_server.REQUEST_TIMEOUT_S", 0.2)
     with served_page(tmp_path) as (_, server):
         address = urlsplit(server.url)
         with socket.create_connection((address.hostname, address.port), TIMEOUT_S) as slow:
@@ -305,8 +305,8 @@ def test_connections_that_ask_nothing_are_closed(
 def test_the_number_of_connections_is_bounded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robotd.page.page_server.MAX_CONNECTIONS", 4)
-    monkeypatch.setattr("robotd.page.page_server.REQUEST_TIMEOUT_S", 1000)
+    monkeypatch.setattr("robotd_page.page_server.MAX_CONNECTIONS", 4)
+    monkeypatch.setattr("robotd_page.page_server.REQUEST_TIMEOUT_S", 1000)
     with served_page(tmp_path) as (_, server), ExitStack() as stack:
         address = urlsplit(server.url)
         opened = [

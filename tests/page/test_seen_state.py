@@ -12,9 +12,9 @@ from tests.page.viewer import connected
 from tests.unit.observation.harness import Observed
 
 from robotd.events import sent_by
-from robotd.page.page_server import PageServer
-from robotd.page.seen_state import MAX_AGE_S
 from robotd.robot import Robot
+from robotd_page.page_server import PageServer
+from robotd_page.seen_state import MAX_AGE_S
 
 JOG = {"type": "jog", "hold": 1, "joint": "joint1", "velocity": 0.1}
 BOUND: list[tuple[str, dict[str, Any]]] = [

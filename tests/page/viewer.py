@@ -16,10 +16,10 @@ import aiohttp
 import numpy as np
 from tests.unit.observation.harness import Observed
 
-from robotd.page.control_server import PageControl
-from robotd.page.live_samples import HEADER
-from robotd.page.page_server import PageServer
-from robotd.page.robot_source import RobotSource
+from robotd_page.control_server import PageControl
+from robotd_page.live_samples import HEADER
+from robotd_page.page_server import PageServer
+from robotd_page.robot_source import RobotSource
 
 TIMEOUT_S = 30.0  # far longer than on an idle computer
 

@@ -21,8 +21,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 from tests.ros.action_client import GoalClient
 
-from robotd.ros.host import RosHost
-from robotd.testing.domain import own_domain
+from robotd_ros.host import RosHost
+from robotd_testing.domain import own_domain
 
 BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the same on all
 ENGINES = itertools.count()

@@ -29,10 +29,10 @@ from wmx_ros2_message.srv import (
 
 from robotd.device.state import Operation
 from robotd.errors import OperationError
-from robotd.testing.served_robot import RobotUnderTest
+from robotd_testing.served_robot import RobotUnderTest
 
 pytestmark = pytest.mark.ros
-pytest_plugins = ["robotd.testing.robots"]
+pytest_plugins = ["robotd_testing.robots"]
 
 SERVICES = {
     "axis/set_on": SetAxis,

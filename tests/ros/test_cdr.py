@@ -22,7 +22,7 @@ from tests.ros.robot_process import wait_until
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
-from robotd.ros.middleware.cdr import HotPublisher, LayoutError, Link, PatchedMessage, PlainMessage
+from robotd_ros.middleware.cdr import HotPublisher, LayoutError, Link, PatchedMessage, PlainMessage
 
 pytestmark = pytest.mark.ros
 
@@ -153,7 +153,7 @@ def big_endian(message: Any) -> bytes:
 
 
 def test_field_that_is_not_found_is_a_layout_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robotd.ros.middleware.cdr.serialize_message", big_endian)
+    monkeypatch.setattr("robotd_ros.middleware.cdr.serialize_message", big_endian)
     with pytest.raises(LayoutError, match=r"JointState\.position: found at 0 places"):
         PatchedMessage(joint_state(), ["position"])
 
@@ -161,7 +161,7 @@ def test_field_that_is_not_found_is_a_layout_error(monkeypatch: pytest.MonkeyPat
 def test_bytes_that_read_back_differently_are_a_layout_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("robotd.ros.middleware.cdr.deserialize_message", lambda *_: JointState())
+    monkeypatch.setattr("robotd_ros.middleware.cdr.deserialize_message", lambda *_: JointState())
     with pytest.raises(LayoutError, match="JointState: patched bytes read back differently"):
         PatchedMessage(joint_state(), ["position"])
 
@@ -234,7 +234,7 @@ def test_subscriber_gets_the_patched_message(node: Node) -> None:
 def test_publisher_falls_back_to_ordinary_messages(
     node: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robotd.ros.middleware.cdr.serialize_message", big_endian)
+    monkeypatch.setattr("robotd_ros.middleware.cdr.serialize_message", big_endian)
     with capture_logs() as logs:
         publisher = HotPublisher(node, "topic", 10, joint_state(), ["position"])
     publisher.view("position")[:] = range(8)

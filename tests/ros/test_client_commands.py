@@ -20,9 +20,9 @@ from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf import read_urdf
 from robotd.errors import DeviceTimeout
-from robotd.ros.client import motion_client
-from robotd.ros.client.ros_client import RosClient
-from robotd.testing.domain import own_domain
+from robotd_ros.client import motion_client
+from robotd_ros.client.ros_client import RosClient
+from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 

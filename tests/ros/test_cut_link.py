@@ -14,7 +14,7 @@ import pytest
 from tests.ros.robot_process import RobotProcess, wait_until
 from tests.ros.split_network import ENVIRONMENT, SplitNetwork, obstacle, split_network
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 REASON = obstacle()
 pytestmark = [

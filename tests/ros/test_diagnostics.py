@@ -16,8 +16,8 @@ from wmx_ros2_message.srv import SetAxis
 from robotd.descriptor import load_robot_descriptor
 from robotd.health.part_status import Level
 from robotd.robot import build_robot
-from robotd.ros.diagnostics.diagnostics_publisher import CHECK_PERIOD_S, Diagnostics
-from robotd.ros.host import RosHost
+from robotd_ros.diagnostics.diagnostics_publisher import CHECK_PERIOD_S, Diagnostics
+from robotd_ros.host import RosHost
 
 pytestmark = pytest.mark.ros
 
@@ -100,7 +100,7 @@ def test_a_description_of_one_s_own_takes_the_place_of_the_robot_s() -> None:
 def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     clock = FakeClock()
-    monkeypatch.setattr("robotd.ros.diagnostics.diagnostics_publisher.MonotonicClock", clock)
+    monkeypatch.setattr("robotd_ros.diagnostics.diagnostics_publisher.MonotonicClock", clock)
     robot = build_robot("standalone", "sim")
     told: list[Any] = []
     with RosHost(domain_id=97) as host:

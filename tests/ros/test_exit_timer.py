@@ -17,7 +17,7 @@ import ctypes, sys
 
 class Finder:
     def find_spec(self, name, path=None, target=None):
-        if name == "robotd.ros.serve":
+        if name == "robotd_ros.serve":
             sys.meta_path.remove(self)
             from rclpy.node import Node
             Node.destroy_node = lambda node: ctypes.PyDLL(None).sleep(3600)
@@ -26,7 +26,7 @@ class Finder:
 
 sys.meta_path.insert(0, Finder())
 """
-WITHOUT_TIMER = "import robotd.ros.middleware as m; m.exit_after = lambda *_: True"
+WITHOUT_TIMER = "import robotd_ros.middleware as m; m.exit_after = lambda *_: True"
 FAILING = """\
 schema: 1
 name: failing

@@ -18,9 +18,9 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from unique_identifier_msgs.msg import UUID
 
 from robotd.clock import NANOSECONDS
-from robotd.ros.host import RosHost
-from robotd.ros.middleware import WorkerActionServer
-from robotd.testing.domain import own_domain
+from robotd_ros.host import RosHost
+from robotd_ros.middleware import WorkerActionServer
+from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 

@@ -26,8 +26,8 @@ from structlog.testing import capture_logs
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.errors import NotReady, OperationError
-from robotd.ros.host import RosHost
-from robotd.ros.services import add_service, add_subscription
+from robotd_ros.host import RosHost
+from robotd_ros.services import add_service, add_subscription
 
 pytestmark = pytest.mark.ros
 
@@ -273,8 +273,8 @@ def test_wrong_ros_arguments_are_an_error_of_ours() -> None:
 
 SERVER = """
 import signal, threading, rclpy
-from robotd.ros.host import RosHost
-from robotd.ros.services import add_service
+from robotd_ros.host import RosHost
+from robotd_ros.services import add_service
 from std_srvs.srv import SetBool
 
 def handler(request, response):

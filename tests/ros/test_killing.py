@@ -11,7 +11,7 @@ import pytest
 from tests.ros.robot_process import BACKEND, Client
 from tools.endurance.lives import Lives, Phase
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 

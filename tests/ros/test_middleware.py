@@ -1,4 +1,4 @@
-"""Behaviour of rclpy and the DDS without the workarounds of ``robotd.ros.middleware``.
+"""Behaviour of rclpy and the DDS without the workarounds of ``robotd_ros.middleware``.
 
 A test that fails after an update of ROS says that its workaround can go; the docstring of the
 module names the upstream issue. Differences in time only are measured by ``make bench``.
@@ -20,8 +20,8 @@ from rclpy.node import Node
 from std_msgs.msg import Empty
 from tests.ros.robot_process import names_of, wait_until
 
-from robotd.ros.host import RosHost
-from robotd.ros.middleware import (
+from robotd_ros.host import RosHost
+from robotd_ros.middleware import (
     EventsExecutor,
     destroy_node,
     overrides_of,
@@ -30,7 +30,7 @@ from robotd.ros.middleware import (
     use_profiles,
     with_message_info,
 )
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 

@@ -22,7 +22,7 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.events import EventKind
-from robotd.recording.recording_reader import Recording, read_recording
+from robotd_recording.recording_reader import Recording, read_recording
 
 SOME_BYTES = 100_000
 pytestmark = pytest.mark.ros

@@ -20,7 +20,7 @@ from tests.page.browser import chromium, needs_browser, open_page
 from tests.page.viewer import connected, listed
 from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 

@@ -16,11 +16,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from robotd.errors import DescriptorError, InvalidArgument
-from robotd.testing.domain import own_domain
-from robotd.testing.served_robot import RobotUnderTest
+from robotd_testing.domain import own_domain
+from robotd_testing.served_robot import RobotUnderTest
 
 pytestmark = pytest.mark.ros
-pytest_plugins = ["robotd.testing.robots"]
+pytest_plugins = ["robotd_testing.robots"]
 
 Start = Callable[..., RobotUnderTest]
 
@@ -96,7 +96,7 @@ def test_a_scenario_goes_with_a_robot(robotd_robot: Start, tmp_path: Path) -> No
 def test_a_robot_starts_in_less_than_a_second_after_the_first(
     robotd_domain: int, robotd_log: Any
 ) -> None:
-    from robotd.testing.served_robot import robot_under_test
+    from robotd_testing.served_robot import robot_under_test
 
     times_s = []
     for _ in range(4):
@@ -116,7 +116,7 @@ def test_each_test_has_a_domain_of_its_own(robotd_domain: int) -> None:
 
 
 def test_the_log_is_shown_with_a_test_that_fails(tmp_path: Path) -> None:
-    (tmp_path / "conftest.py").write_text('pytest_plugins = ["robotd.testing.robots"]\n', "utf-8")
+    (tmp_path / "conftest.py").write_text('pytest_plugins = ["robotd_testing.robots"]\n', "utf-8")
     (tmp_path / "test_it.py").write_text(
         "def test_it(robotd_robot):\n    robotd_robot('standalone')\n    assert False\n", "utf-8"
     )

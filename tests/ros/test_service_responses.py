@@ -15,9 +15,9 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import WAIT_S, wait_for, wait_until
 
-from robotd.ros.host import RosHost
-from robotd.ros.middleware import service_responses
-from robotd.ros.services import add_service
+from robotd_ros.host import RosHost
+from robotd_ros.middleware import service_responses
+from robotd_ros.services import add_service
 
 pytestmark = pytest.mark.ros
 

@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool
 from tests.ros.robot_process import ACTION, LATCHED, Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 

@@ -26,7 +26,7 @@ from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import EcatGetNetworkState, GetIoBit, SetAxis, SetEngine
 
 from robotd.cli import main
-from robotd.scenario import FAULTS
+from robotd_scenario import FAULTS
 
 pytestmark = pytest.mark.ros
 

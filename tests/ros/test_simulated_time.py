@@ -25,7 +25,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.ros.middleware.action_server import RESULT_TIMEOUT_S
+from robotd_ros.middleware.action_server import RESULT_TIMEOUT_S
 
 pytestmark = pytest.mark.ros
 

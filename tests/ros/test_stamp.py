@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 
-from robotd.ros.middleware.stamp_clock import StampClock
+from robotd_ros.middleware.stamp_clock import StampClock
 
 pytestmark = pytest.mark.ros
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 from tests.ros.robot_process import RobotProcess
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
 ACTIONS = [

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robotd.cli.commands.run_command import TIME_SLICE_S, prioritize
+from robotd.cli.run_command import TIME_SLICE_S, prioritize
 from robotd.clock import MonotonicClock
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import load_robot_descriptor
@@ -63,7 +63,7 @@ def test_a_robot_that_asks_for_it_gets_it_in_real_time_only(
 ) -> None:
     requested: list[int] = []
     slices: list[float] = []
-    command = "robotd.cli.commands.run_command"
+    command = "robotd.cli.run_command"
     monkeypatch.setattr(f"{command}.request_niceness", requested.append)
     monkeypatch.setattr(f"{command}.request_time_slice", slices.append)
     plain, backend = load_robot_descriptor("cr3a"), load_backend("sim")

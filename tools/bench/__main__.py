@@ -26,7 +26,7 @@ from tools.bench.subjects import subjects
 from tools.bench.tables import tables
 from tools.bench.targets import targets
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 
 @click.command()

@@ -20,9 +20,9 @@ from robotd.device.process_image import ProcessImage
 from robotd.log import LogFormat, configure_logging
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, build_robot
-from robotd.ros.host import RosHost
-from robotd.ros.middleware.cdr import HotPublisher
-from robotd.ros.node_registry import BUILT_IN, make_node
+from robotd_ros.host import RosHost
+from robotd_ros.middleware.cdr import HotPublisher
+from robotd_ros.node_registry import BUILT_IN, make_node
 
 TIGHT_LOOP = 2000  # reads
 

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from tools.bench.topics import AXIS_STATE, JOINT_STATES, STAMP_OFFSET
 from wmx_ros2_message.msg import AxisState
 
-from robotd.ros.host import RosHost
+from robotd_ros.host import RosHost
 
 STAMP = struct.Struct("<iI")
 NANOSECONDS = 1_000_000_000

@@ -1,4 +1,4 @@
-"""``python -m tools.bench.middleware``: each workaround of robotd.ros.middleware, with and without.
+"""``python -m tools.bench.middleware``: each workaround of robotd_ros.middleware, with and without.
 
 Prints a table. What a test can show deterministically is in ``tests/ros/test_middleware.py``.
 """
@@ -25,9 +25,9 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from tools.bench.process import cpu_s
 
-from robotd.ros import services
-from robotd.ros.host import RosHost
-from robotd.ros.middleware import (
+from robotd_ros import services
+from robotd_ros.host import RosHost
+from robotd_ros.middleware import (
     EventsExecutor,
     HotPublisher,
     StampClock,
@@ -35,7 +35,7 @@ from robotd.ros.middleware import (
     remove_leftovers,
     use_profiles,
 )
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 SERVICES = 42  # as the CR3A has
 CALLS = 300

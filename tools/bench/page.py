@@ -30,10 +30,10 @@ from tools.bench.tables import target_lines
 from tools.bench.targets import Target, at_most
 
 from robotd.log import configure_logging
-from robotd.observation.recorder import Recorder, observed
-from robotd.page.page_server import BUNDLE_FOLDER, PageServer
-from robotd.page.robot_source import RobotSource
 from robotd.robot import Robot, build_robot
+from robotd_page.page_server import BUNDLE_FOLDER, PageServer
+from robotd_page.robot_source import RobotSource
+from robotd_recorder.recorder import Recorder, observed
 
 CASES = ("nobody", "1 viewer", "5 viewers")
 TABS = "5 tabs"

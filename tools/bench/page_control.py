@@ -23,13 +23,13 @@ import numpy as np
 from robotd.clock import NANOSECONDS
 from robotd.device.process_image import VALUES
 from robotd.log import configure_logging
-from robotd.observation.recorder import observed
 from robotd.observation.tap import Tap
-from robotd.page.control_jog import HEARTBEAT_S, jog_velocities
-from robotd.page.control_server import PageControl
-from robotd.page.page_server import PageServer
-from robotd.page.robot_source import RobotSource
 from robotd.robot import Robot, build_robot
+from robotd_page.control_jog import HEARTBEAT_S, jog_velocities
+from robotd_page.control_server import PageControl
+from robotd_page.page_server import PageServer
+from robotd_page.robot_source import RobotSource
+from robotd_recorder.recorder import observed
 
 AT_REST = 1e-3  # rad/s
 VELOCITY_ROW = VALUES.index("velocity")

@@ -21,9 +21,9 @@ from tools.bench.targets import at_most
 from robotd.log import configure_logging
 from robotd.motion import TrajectoryRequest
 from robotd.observation.period_writer import period_writer
-from robotd.observation.recorder import observed
 from robotd.observation.tap import Tap
 from robotd.robot import Robot, build_robot
+from robotd_recorder.recorder import observed
 
 
 def move(robot: Robot, seconds: float) -> None:

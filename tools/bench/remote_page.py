@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from tests.page.viewer import connected, listed
 from tools.bench.process import Program, fresh_environment
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 ROBOT = [sys.executable, "-m", "robotd", "run", "--robot", "cr3a", "--backend", "sim"]
 PAGE = [sys.executable, "-m", "robotd", "page", "0"]

@@ -28,7 +28,7 @@ from tools.bench.scenario import measure, subscriber
 from tools.bench.subjects import Load, Subject, c_subject, daemon
 from tools.bench.tables import aligned
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 GOALS = 60  # two of three are executed, the third is cancelled
 SERVICES = 60

@@ -15,7 +15,7 @@ import numpy as np
 from tools.bench.figures import percentiles
 from tools.bench.process import Program, fresh_environment
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 SETTLE_S = 1.5
 HELD_PERCENT = 99.0  # of the deadlines: a rate that is held

@@ -18,7 +18,7 @@ from tools.bench.process import Program, fresh_environment
 from tools.bench.subjects import Load, Subject
 from wmx_ros2_message.srv import EcatGetNetworkState
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 SETTLE_S = 1.0
 CALLS = 2000

@@ -23,7 +23,7 @@ from tools.endurance.rest import come_to_rest
 from tools.endurance.vitals import shm_segments
 from tools.endurance.worlds import World, canopen_world, ethercat_world, wmx_world
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 Kind = tuple[Phase, signal.Signals]
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)

@@ -23,7 +23,7 @@ from tools.endurance.conditions import CONDITIONS
 from tools.endurance.honest import FASTEST_RAD_S, afterwards, lateness_us, swing
 from tools.endurance.monitor import Monitor
 
-from robotd.testing.domain import own_domain
+from robotd_testing.domain import own_domain
 
 SECONDS = 6.0
 LEVELS = ("OK", "WARN", "ERROR", "STALE")

@@ -10,9 +10,9 @@ from pydantic import BaseModel
 from tools.fuzz.mutations import NUMBERS
 
 from robotd.descriptor import RobotDescriptor
-from robotd.scenario import FAULTS
-from robotd.scenario.program import Check, Step
-from robotd.scenario.scenario_model import Scenario
+from robotd_scenario import FAULTS
+from robotd_scenario.program import Check, Step
+from robotd_scenario.scenario_model import Scenario
 from robotd_wmx_parameters.element_table import AXIS_SECTIONS, GLOBAL_SECTIONS
 
 DEPTH = 5

@@ -12,17 +12,17 @@ import click
 from tools.fuzz import grammars
 from tools.fuzz.mutations import Mutator, mutate_lines, mutate_xml, mutate_yaml
 
-from robotd.cli.commands.sim_command import _value
 from robotd.cli.urdf_check import check_urdf
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError, RobotdError
 from robotd.plugin.manager import load_backend
-from robotd.scenario import load_scenario, nested, validate_fault
 from robotd_canopen.eds_report import eds_report
 from robotd_canopen.object_dictionary import read_eds
 from robotd_cia402.options import StreamMode
 from robotd_ethercat.esi_reader import read_esi
 from robotd_ethercat.esi_report import detail_lines, esi_sections
+from robotd_scenario import load_scenario, nested, validate_fault
+from robotd_scenario.sim_command import _value
 from robotd_wmx_parameters import read_wmx_parameters
 
 ROOT = Path(__file__).parents[2]

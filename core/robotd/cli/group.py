@@ -7,8 +7,8 @@ import gc
 import os
 import sys
 import traceback
-from collections.abc import Mapping, Sequence
-from importlib import import_module
+from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import click
@@ -20,28 +20,14 @@ from robotd.errors import RobotdError
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full disk or quota, lost terminal
-COMMANDS_PACKAGE = "robotd.cli.commands"
-OPERATOR_COMMANDS = ("gripper", "output", "servo", "stop", "reset", "speed", "pause", "resume",
-                     "recover", "snapshot")  # fmt: skip
-ROS_COMMANDS = (
-    DEFAULT, "status", "move", "jog", "gripper", "output", "servo", "stop", "reset", "speed",
-    "pause", "resume", "recover", "sdo", "snapshot", "record", "page", "sim", "new-robot",
-)  # fmt: skip
 
 
 class RobotdGroup(click.Group):
     """Click group with ROS arguments, a default command, plugins, and robotd's errors.
 
-    Arguments after ``--ros-args`` are hidden from click; ``ros_args`` returns them.
-
-    Args:
-        summaries: command names and their one-line summaries; each command is an attribute of
-            ``robotd.cli.commands.<name>_command``, or of ``operator_commands`` there.
+    Arguments after ``--ros-args`` are hidden from click; ``ros_args`` returns them. A command
+    takes them if its epilog, the last line of its help, says so.
     """
-
-    def __init__(self, *args: Any, summaries: Mapping[str, str], **options: Any) -> None:
-        super().__init__(*args, **options)
-        self._summaries = summaries
 
     def main(self, *args: Any, **options: Any) -> Any:
         try:
@@ -59,29 +45,31 @@ class RobotdGroup(click.Group):
         has_ros_args = bool(ctx.meta[ROS_ARGS])
         if (args and self._is_option_of_run(ctx, args[0])) or (not args and has_ros_args):
             args = [DEFAULT, *args]
-        if has_ros_args and args[0] not in ROS_COMMANDS:
-            ctx.fail(f"{ROS_ARGS} belongs to {', '.join(ROS_COMMANDS)} only")
+        if has_ros_args:
+            command = self.get_command(ctx, args[0])
+            if command is not None and ROS_ARGS not in (command.epilog or ""):
+                ctx.fail(f"{args[0]} takes no {ROS_ARGS}")
         return super().parse_args(ctx, args)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command of robotd, or else of a plugin."""
-        if cmd_name not in self._summaries:
+        """Import a command."""
+        # Imported objects stay: a collection would only cost time, 60 ms of `robotd run`, which
+        # enables it when the robot has started.
+        gc.disable()
+        try:
             return plugin_command(cmd_name)
-        gc.disable()  # imported objects stay; serve() enables it again, which saves 60 ms
-        name = cmd_name.replace("-", "_")
-        module = "operator_commands" if cmd_name in OPERATOR_COMMANDS else f"{name}_command"
-        command: click.Command = getattr(import_module(f"{COMMANDS_PACKAGE}.{module}"), name)
-        return command
+        finally:
+            if cmd_name != DEFAULT:
+                gc.enable()
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self._summaries)
+        return [command.name for command in plugin_commands()]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(self._summaries.items()))
-        if rows := plugin_commands():
-            with formatter.section("Commands of plugins"):
-                formatter.write_dl(rows)
+        listed = groupby(plugin_commands(), lambda command: command.heading)
+        for heading, commands in listed:
+            with formatter.section(heading):
+                formatter.write_dl([(command.name, command.summary) for command in commands])
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; the ``ExitCode`` that it returns, if any, is the exit status."""

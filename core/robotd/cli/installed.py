@@ -16,7 +16,7 @@ from robotd.descriptor import (
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
-from robotd.ros.node_registry import select_nodes
+from robotd_ros.node_registry import select_nodes
 
 
 @dataclass(frozen=True)

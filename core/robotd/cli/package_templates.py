@@ -9,13 +9,12 @@ from string import Template
 
 from robotd.errors import OperationError
 
-TEMPLATES = Path(__file__).parent / "templates"
 SUFFIX = ".in"  # so that no tool treats a template as source code
 
 
-def write_package(template: str, folder: Path, words: dict[str, str]) -> None:
-    """Fill the templates in the folder ``template`` into ``folder``. Raises OperationError."""
-    templates, files = TEMPLATES / template, dict[str, bytes]()
+def write_package(templates: Path, folder: Path, words: dict[str, str]) -> None:
+    """Fill the templates in the folder ``templates`` into ``folder``. Raises OperationError."""
+    files = dict[str, bytes]()
     for path in sorted(templates.rglob(f"*{SUFFIX}")):
         name = path.relative_to(templates).as_posix().removesuffix(SUFFIX)
         text = Template(path.read_text(encoding="utf-8")).substitute(words)

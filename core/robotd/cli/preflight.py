@@ -20,7 +20,7 @@ WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes with every
 
 
 def import_ros(name: str) -> ModuleType:
-    """Import ``robotd.ros.<name>``, and with it rclpy.
+    """Import the module ``name``, and with it rclpy.
 
     Raises RosUnavailable, with what to do about it, when a part of ROS is missing or broken, or
     when there are two of them.
@@ -34,9 +34,9 @@ def import_ros(name: str) -> ModuleType:
     if distro and distro != ROS_DISTRO:
         warn(f"ROS_DISTRO is {distro!r}, robotd is made for {ROS_DISTRO!r}: types may not match")
     try:
-        return import_module(f"robotd.ros.{name}")
+        return import_module(name)
     except ImportError as error:
-        if (error.name or "").partition(".")[0] == "robotd":
+        if (error.name or "").partition(".")[0].startswith("robotd"):
             raise  # our own mistake, not the installation's
         raise RosUnavailable(
             f"ROS 2 cannot be imported ({error}): install it with pip install 'robotd[ros]',"

@@ -18,7 +18,7 @@ from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
 
 if TYPE_CHECKING:  # it needs rclpy
-    from robotd.ros.endpoints import ServeReport
+    from robotd_ros.endpoints import ServeReport
 
 SIMULATED = "simulated"  # the capability of a backend without hardware
 

@@ -1,6 +1,6 @@
 """Monotonic clocks in nanoseconds, the only source of time below ROS.
 
-ROS time appears in ``robotd.ros`` only. Everything else takes a ``Clock`` so that tests can
+ROS time appears in ``robotd_ros`` only. Everything else takes a ``Clock`` so that tests can
 run without waiting.
 """
 

@@ -10,7 +10,7 @@ from robotd.arrays import BoolArray
 from robotd.device.process_image import FLAGS, NUMBERS
 from robotd.device.state import CommandMode, Operation
 from robotd.events import Event, EventKind, Level
-from robotd.recording.frame_ring import Frames
+from robotd.observation.frame_ring import Frames
 
 _ALARM, _SERVO, _OFFLINE = (FLAGS.index(name) for name in ("amp_alarm", "servo_on", "offline"))
 _CODE, _MODE, _OPERATION = (NUMBERS.index(name) for name in ("alarm_code", "mode", "operation"))

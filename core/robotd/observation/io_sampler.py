@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
 from robotd.device.io import Io
 from robotd.errors import RobotdError
-from robotd.recording.recording_writer import INPUTS, OUTPUTS
 
 MAX_IO_BYTES = 256  # recorded of the inputs and of the outputs
 MAX_WAITING = 1024  # changes between two calls of ``changes``
 QUEUE_BYTES = MAX_WAITING * (MAX_IO_BYTES + 128)
 
+# Names of the samples, which are topics of a recording.
+INPUTS, OUTPUTS, FIELDBUS = "/robotd/inputs", "/robotd/outputs", "/robotd/fieldbus"
+
+NamedValues = Mapping[str, Mapping[str, float]]
 Change = tuple[int, str, bytes]
-"""Monotonic time, topic of the recording, and the bytes of the image."""
+"""Monotonic time, ``INPUTS`` or ``OUTPUTS``, and the bytes of the image."""
+Sample = Change | tuple[int, str, NamedValues]
+"""A change of the I/O, or the values of the fieldbus with the name ``FIELDBUS``."""
 
 
 class IoSampler:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robotd.observation.io_sampler import IoSampler
-from robotd.recording.frame_ring import COUNT_BYTES, FrameRing
-from robotd.recording.recording_writer import INPUTS, OUTPUTS
+from robotd.observation.frame_ring import COUNT_BYTES, FrameRing
+from robotd.observation.io_sampler import INPUTS, OUTPUTS, IoSampler
 from robotd.robot import Robot
 
 

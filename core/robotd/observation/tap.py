@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import Self
 
@@ -22,13 +21,10 @@ from robotd.errors import DescriptorError, RobotdError
 from robotd.events import MAX_BYTES, BoundedLog, EventKind, EventLog, Level
 from robotd.log import get_logger
 from robotd.observation.change_detector import ChangeDetector
-from robotd.observation.io_sampler import QUEUE_BYTES, IoSampler
+from robotd.observation.frame_ring import MEMORY_BYTES, FrameRing
+from robotd.observation.io_sampler import FIELDBUS, QUEUE_BYTES, IoSampler, NamedValues, Sample
 from robotd.observation.period_writer import period_writer
 from robotd.observation.plot_history import HISTORY_BYTES, PlotHistory
-from robotd.recording.frame_ring import MEMORY_BYTES, FrameRing
-from robotd.recording.message_encoders import named_values, octets_message
-from robotd.recording.recording_writer import FIELDBUS, RecordingInfo
-from robotd.recording.writer_process import Sample
 from robotd.robot import Robot
 
 log = get_logger("tap")
@@ -38,11 +34,10 @@ BUS_PERIOD_SAMPLES = 10
 MAX_SAMPLES = 16384
 SAMPLE_BYTES = 2 * 2**20 - QUEUE_BYTES
 SAMPLE_OVERHEAD_BYTES = 200
+VALUE_BYTES = 100  # of a value of the fieldbus with its name
 # 24 MiB; tests assert it.
 MAX_MEMORY_BYTES = MEMORY_BYTES + HISTORY_BYTES + MAX_BYTES + SAMPLE_BYTES + QUEUE_BYTES
 _BUS_STATES = {state: number for number, state in enumerate(BusState)}
-
-NamedValues = Mapping[str, Mapping[str, float]]
 
 
 class Tap:
@@ -64,7 +59,7 @@ class Tap:
             10 Hz, and the fieldbus once a second.
         fieldbus: newest state and counters of each bus and node; empty without one.
         buses: newest status of each bus; without those that could not be read.
-        info: for the metadata of a recording.
+        offset_ns: wall-clock time minus monotonic time of the robot's clock.
         urdf: text of the robot's URDF; "" without one.
     """
 
@@ -77,7 +72,7 @@ class Tap:
         self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
         self.fieldbus: NamedValues = {}
         self.buses: dict[int, BusStatus] = {}
-        self.info = recording_info(robot)
+        self.offset_ns = time.time_ns() - robot.clock.now_ns()
         self.urdf = _text(robot.descriptor.urdf)
         self._detector = ChangeDetector(self.frames.reasons, robot.axes.names)
         self._cursor = 0
@@ -134,8 +129,8 @@ class Tap:
 
     def _sample(self) -> None:
         now_ns = self.robot.clock.now_ns()
-        for time_ns, topic, data in self._io.changes():
-            self._add_sample(time_ns, topic, octets_message(data))
+        for sample in self._io.changes():
+            self.samples.append(sample, SAMPLE_OVERHEAD_BYTES + len(sample[2]))
         if self._observed % BUS_PERIOD_SAMPLES == 0:
             self.buses = self._read_buses()
             self.fieldbus = {
@@ -143,12 +138,10 @@ class Tap:
                 for bus, status in self.buses.items()
                 for name, values in bus_values(bus, status).items()
             }
-            message = named_values(now_ns + self.info.offset_ns, self.fieldbus)
-            self._add_sample(now_ns, FIELDBUS, message)
+            values = sum(map(len, self.fieldbus.values()))
+            size = SAMPLE_OVERHEAD_BYTES + values * VALUE_BYTES
+            self.samples.append((now_ns, FIELDBUS, self.fieldbus), size)
         self._observed += 1
-
-    def _add_sample(self, time_ns: int, topic: str, data: bytes) -> None:
-        self.samples.append((time_ns, topic, data), SAMPLE_OVERHEAD_BYTES + len(data))
 
     def _read_buses(self) -> dict[int, BusStatus]:
         buses: dict[int, BusStatus] = {}
@@ -198,28 +191,6 @@ def bus_values(bus: int, status: BusStatus) -> dict[str, Mapping[str, float]]:
             **node.extra,
         }
     return values
-
-
-def recording_info(robot: Robot) -> RecordingInfo:
-    """Return the metadata of a recording that begins now."""
-    descriptor = robot.descriptor
-    return RecordingInfo(
-        robot=descriptor.name,
-        backend=robot.backend.name,
-        variant=descriptor.variant or "",
-        version=version("robotd"),
-        cause="",
-        rate_hz=descriptor.cycle.rate_hz,
-        axes=robot.axes.names,
-        joints=robot.joint_axes,
-        limits={
-            robot.axes.names[axis]: (each.lower, each.upper, each.velocity, each.acceleration)
-            for axis in robot.joint_axes
-            for each in [robot.axes.limits[axis]]
-        },
-        offset_ns=time.time_ns() - robot.clock.now_ns(),
-        units={joint.name: joint.unit for joint in descriptor.joints},
-    )
 
 
 def _text(path: Path | None) -> str:

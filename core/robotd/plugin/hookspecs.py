@@ -158,6 +158,6 @@ class RobotdHooks:
     ) -> FaultInjector | None:
         """Make the handle by which tests inject faults and inputs; None where there is none.
 
-        Called by ``robotd.testing``, and for scenarios on a backend that is ``SIMULATED``; never
+        Called by ``robotd_testing``, and for scenarios on a backend that is ``SIMULATED``; never
         while a real robot is served.
         """

@@ -20,11 +20,11 @@ from robotd.clock.simulated import PacedClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd.ros.endpoints import report_of
-from robotd.ros.host import RosHost
-from robotd.ros.run_nodes import run_nodes
-from robotd.scenario import FaultSchedule
-from robotd.testing.domain import own_domain
+from robotd_ros.endpoints import report_of
+from robotd_ros.host import RosHost
+from robotd_ros.run_nodes import run_nodes
+from robotd_scenario import FaultSchedule
+from robotd_testing.domain import own_domain
 
 ROBOTS = (
     ("cr3a", "intel", ()),

@@ -10,14 +10,14 @@ from typing import Any
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
-import robotd.testing.conformance
+import robotd_conformance.checks
 from robotd_docs.markdown import table
 
 JOINTS = "joints"  # the fixture of checks that need joints
 INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one
 USES_INJECTOR = re.compile(r"\.injector\b|harness\.trip\(")
 MUTANTS = Path(__file__).parents[3] / "tests" / "conformance" / "mutants"
-FOLDER = Path(robotd.testing.conformance.__file__).parent
+FOLDER = Path(robotd_conformance.checks.__file__).parent
 
 
 class ChecksDirective(SphinxDirective):

@@ -1,1 +1,1 @@
-pytest_plugins = ["robotd.testing.robots"]
+pytest_plugins = ["robotd_testing.robots"]

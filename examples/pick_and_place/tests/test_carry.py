@@ -10,7 +10,7 @@ import pytest
 from pick_and_place.arm import Arm, ArmFailed
 from pick_and_place.carry import LEFT, RIGHT, carry
 
-from robotd.testing.served_robot import RobotUnderTest
+from robotd_testing.served_robot import RobotUnderTest
 
 SOURCE = Path(__file__).parents[1] / "src"
 Start = Callable[..., RobotUnderTest]

@@ -13,11 +13,10 @@ from robotd.api import (
     BackendOptions,
     DescriptorError,
     Frames,
-    Recording,
     RobotdError,
     RobotDescriptor,
-    read_recording,
 )
+from robotd_recording.recording_reader import Recording, read_recording
 
 
 @dataclass(frozen=True, eq=False)

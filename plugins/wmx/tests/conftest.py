@@ -13,7 +13,8 @@ from hypothesis import settings
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ["WMX_STANDIN_SHM"] = f"wmx-test-{os.getpid()}"
 
-from robotd.testing.busy_computer import BusyComputer, RealTimeFolders
+from robotd_conformance.busy_computer import BusyComputer, RealTimeFolders
+
 from standin_build import SDK, SITE, build_all
 from standin_port import port
 from standin_trace import Trace

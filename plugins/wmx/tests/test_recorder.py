@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from robotd_recorder.recorder import Recorder, observed
+from robotd_recording.recording_reader import read_recording
+from robotd_recording.recording_writer import FIELDBUS, OUTPUTS
 
 from robotd.events import sent_by
-from robotd.observation.recorder import Recorder, observed
-from robotd.recording.recording_reader import read_recording
-from robotd.recording.recording_writer import FIELDBUS, OUTPUTS
 from robotd.robot import Robot, build_robot
 from robots import descriptor, eventually, goal
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from robotd_testing.domain import own_domain
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Move
 from robotd.motion.profile import Profile
-from robotd.testing.domain import own_domain
 from robots import descriptor, eventually, goal, running
 from standin_build import PLUGIN, SDK, build_program, run
 

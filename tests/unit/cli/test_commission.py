@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 from click.testing import Result
 
-from robotd.cli.commands import commission_command
 from robotd.cli.exit_codes import ExitCode
+from robotd_commissioning import commission_command
 
 Robotd = Callable[..., Result]
 

@@ -17,7 +17,7 @@ PROGRAM = """
 import signal, threading, time
 from typing import Any
 import click
-from robotd.cli.commission_terminal import CommissionTerminal
+from robotd_commissioning.commission_terminal import CommissionTerminal
 
 def work() -> None:  # holds the interpreter, as the threads of a robot do
     while True:

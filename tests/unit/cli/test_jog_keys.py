@@ -12,8 +12,8 @@ from rich.console import Console
 
 from robotd.cli.jog_keys import HOLD_S, JogKeys
 from robotd.cli.key_input import KeyInput
-from robotd.cli.keyboard_jog import jog_view
-from robotd.ros.client.jog_client import JogState
+from robotd_ros.client.jog_client import JogState
+from robotd_ros.commands.keyboard_jog import jog_view
 
 RIGHT, LEFT = b"\x1b[C", b"\x1bOD"
 TICK_S = 0.02

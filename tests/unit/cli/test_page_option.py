@@ -11,7 +11,7 @@ import click
 import pytest
 from structlog.testing import capture_logs
 
-from robotd.cli.commands.run_command import RunOptions, _observed, _page_text
+from robotd.cli.run_command import RunOptions, _observed, _page_text
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.errors import OperationError
@@ -104,7 +104,7 @@ def test_control_needs_a_page(tmp_path: Path) -> None:
 def test_without_aiohttp_the_error_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "robotd.page.page_server", None)
+    monkeypatch.setitem(sys.modules, "robotd_page.page_server", None)
     with (
         pytest.raises(OperationError, match=r"pip install 'robotd\[page\]'"),
         _observed(robot(), [], options(0, tmp_path), None),

@@ -44,7 +44,7 @@ def test_a_sourced_ros_beside_wheels_is_rejected_in_one_sentence(
 ) -> None:
     monkeypatch.setenv(name, value.format(prefix=prefix))
     with pytest.raises(RosUnavailable, match=re.escape(found.format(prefix=prefix))) as rejection:
-        preflight.import_ros("serve")
+        preflight.import_ros("robotd_ros.serve")
     assert "\n" not in str(rejection.value)
     assert "shell in which no ROS is sourced" in str(rejection.value)
 
@@ -69,6 +69,6 @@ def test_a_sourced_ros_alone_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(preflight, "WHEELS", False)
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
     assert (
-        preflight.import_ros("middleware.message_fields").__name__
-        == "robotd.ros.middleware.message_fields"
+        preflight.import_ros("robotd_ros.middleware.message_fields").__name__
+        == "robotd_ros.middleware.message_fields"
     )

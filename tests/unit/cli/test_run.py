@@ -36,7 +36,7 @@ REPORT = SimpleNamespace(
 
 
 class Server:
-    """Stands for ``robotd.ros.serve``: remembers the call, then does what the test wants."""
+    """Stands for ``robotd_ros.serve``: remembers the call, then does what the test wants."""
 
     def __init__(self) -> None:
         self.robot: Robot | None = None
@@ -78,7 +78,7 @@ class Server:
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Server:
     stand_in = Server()
-    monkeypatch.setattr("robotd.cli.commands.run_command.import_ros", lambda name: stand_in)
+    monkeypatch.setattr("robotd.cli.run_command.import_ros", lambda name: stand_in)
     return stand_in
 
 

@@ -92,11 +92,9 @@ def test_words_become_fields(
         return "done"
 
     requests = SimpleNamespace(inject=inject)
-    monkeypatch.setattr(
-        "robotd.cli.commands.sim_command.print_addressed_robots", lambda client: None
-    )
-    monkeypatch.setattr("robotd.cli.commands.sim_command.robot_client", nullcontext)
-    monkeypatch.setattr("robotd.cli.commands.sim_command.import_ros", lambda name: requests)
+    monkeypatch.setattr("robotd_scenario.sim_command.print_addressed_robots", lambda client: None)
+    monkeypatch.setattr("robotd_scenario.sim_command.robot_client", nullcontext)
+    monkeypatch.setattr("robotd_scenario.sim_command.import_ros", lambda name: requests)
     result = robotd("sim", "inject", *words)
     assert result.exit_code == 0, result.output
     assert result.stdout == "done\n"

@@ -5,10 +5,10 @@ import math
 
 from rich.console import Console
 
-from robotd.cli.status_view import view
-from robotd.ros.client.hindrances import read_hindrances
-from robotd.ros.client.live_status import LiveReport, PartReport
-from robotd.ros.client.status_client import AxisReport, ToolReport
+from robotd_ros.client.hindrances import read_hindrances
+from robotd_ros.client.live_status import LiveReport, PartReport
+from robotd_ros.client.status_client import AxisReport, ToolReport
+from robotd_ros.commands.status_view import view
 
 
 def shown(report: LiveReport) -> str:

@@ -8,7 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.commissioning.findings import (
+from robotd.descriptor.joint_settings import JointSettings
+from robotd.device.bus_status import BusNode, BusState
+from robotd.errors import OperationError
+from robotd_commissioning.findings import (
     Change,
     Finding,
     Place,
@@ -20,9 +23,6 @@ from robotd.commissioning.findings import (
     judge_limits,
     judge_scale,
 )
-from robotd.descriptor.joint_settings import JointSettings
-from robotd.device.bus_status import BusNode, BusState
-from robotd.errors import OperationError
 
 JOINT = JointSettings(
     name="shoulder",

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from robotd.commissioning import steps
-from robotd.commissioning.steps import Bench
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.bus_status import BusNode
 from robotd.errors import OperationError
 from robotd_canopen import robotd_backend
+from robotd_commissioning import steps
+from robotd_commissioning.steps import Bench
 
 JOINT = load_robot_descriptor("cr3a").joints[0]
 DRIVE = {"axis": 0, "node": 1, "counts_per_rad": 1000.0, "polarity": 1, "identity": None,

@@ -16,8 +16,8 @@ from robotd.clock import NANOSECONDS
 from robotd.control.joint_stream import JointStream
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import InvalidArgument
-from robotd.export.export_input import ExportInput
-from robotd.export.moveit import move_group_parameters
+from robotd_export.export_input import ExportInput
+from robotd_export.moveit import move_group_parameters
 
 TIMEOUT_S = 0.1
 BEYOND_PEER = 0.01  # rad of following error

@@ -12,12 +12,12 @@ from robotd.cli.urdf_check import check_urdf
 from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
-from robotd.export.export_input import ExportInput
-from robotd.export.nav2 import twist_limits
-from robotd.export.targets import EXPORTS
 from robotd.observation.tap import Tap
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
+from robotd_export.export_input import ExportInput
+from robotd_export.nav2 import twist_limits
+from robotd_export.targets import EXPORTS
 
 ACTION = "movensys_manipulator_arm_controller/follow_joint_trajectory"
 

@@ -17,7 +17,7 @@ import robotd
 from robotd.clock.simulated import SteppedClock
 from robotd.errors import InvalidArgument, NotReady
 
-DISTRIBUTION = Path(__file__).parents[3] / "learning" / "lerobot_robot_robotd"
+DISTRIBUTION = Path(__file__).parents[3] / "features" / "learning" / "lerobot_robot_robotd"
 
 Make = Callable[..., Any]
 

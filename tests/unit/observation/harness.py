@@ -7,10 +7,10 @@ from typing import Any
 
 from robotd.clock.simulated import SteppedClock
 from robotd.motion import TrajectoryRequest
-from robotd.observation.flight_recorder import FlightRecorder
 from robotd.observation.tap import Tap
-from robotd.recording.recording_folder import RecordingFolder
 from robotd.robot import Robot, build_robot
+from robotd_recorder.flight_recorder import FlightRecorder
+from robotd_recording.recording_folder import RecordingFolder
 
 PERIODS = 500
 

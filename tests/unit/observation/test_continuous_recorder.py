@@ -11,10 +11,10 @@ from tests.unit.observation.harness import Observed
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import OperationError
-from robotd.observation.continuous_recorder import ContinuousRecorder
-from robotd.recording.recording_folder import RecordingFolder
-from robotd.recording.recording_reader import RecordingError, read_recording
-from robotd.recording.recording_repair import recover
+from robotd_recorder.continuous_recorder import ContinuousRecorder
+from robotd_recording.recording_folder import RecordingFolder
+from robotd_recording.recording_reader import RecordingError, read_recording
+from robotd_recording.recording_repair import recover
 
 CLOCK = MonotonicClock()
 WAIT_S = 30.0

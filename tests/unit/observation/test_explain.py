@@ -12,10 +12,10 @@ from tests.unit.observation.harness import Observed
 
 from robotd.cli import main
 from robotd.events import sent_by
-from robotd.recording.explanation import explain as explained
-from robotd.recording.explanation import find_incident
-from robotd.recording.recording_reader import read_recording
 from robotd_cia402.code_tables import EMERGENCIES
+from robotd_recorder.explanation import explain as explained
+from robotd_recorder.explanation import find_incident
+from robotd_recording.recording_reader import read_recording
 from robotd_sim.code_tables import DRIVE_ALARMS
 
 

@@ -9,10 +9,10 @@ from tests.unit.observation.harness import Observed
 
 from robotd.errors import OperationError
 from robotd.events import EventKind, sent_by
-from robotd.observation import recorder_process
 from robotd.observation.io_sampler import IoSampler
-from robotd.recording.recording_reader import Recording, read_recording
-from robotd.recording.recording_writer import INPUTS
+from robotd_recorder import recorder_process
+from robotd_recording.recording_reader import Recording, read_recording
+from robotd_recording.recording_writer import INPUTS
 
 LIMITED = """
 import resource, signal

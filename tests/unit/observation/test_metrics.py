@@ -19,9 +19,9 @@ from tests.unit.observation.harness import Observed
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import OperationError
 from robotd.events import sent_by
+from robotd.local_ports import MAX_CONNECTIONS
 from robotd.motion import TrajectoryRejected
-from robotd.observation.foreign_requests import MAX_CONNECTIONS
-from robotd.observation.metrics import registry, serve_metrics
+from robotd_metrics.metrics import registry, serve_metrics
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "metrics.md"
 

@@ -7,10 +7,10 @@ import sys
 
 import pytest
 
-from robotd.observation.foreign_requests import MAX_FILES
+from robotd.local_ports import MAX_FILES
 
 REPORT = (
-    "import resource; from robotd.observation.foreign_requests import reserve_files;"
+    "import resource; from robotd.local_ports import reserve_files;"
     "resource.setrlimit(resource.RLIMIT_NOFILE, ({soft}, {hard})); reserve_files();"
     "print('limit', resource.getrlimit(resource.RLIMIT_NOFILE)[0])"
 )

@@ -15,9 +15,9 @@ from robotd.cli import main
 from robotd.device.axes import Move
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
-from robotd.observation.recorded_commands import POSITION, CommandRepeater
 from robotd.plugin.manager import load_backend
-from robotd.recording.recording_reader import read_recording
+from robotd_recording.recording_reader import read_recording
+from robotd_scenario.recorded_commands import POSITION, CommandRepeater
 
 
 @pytest.fixture

@@ -13,7 +13,9 @@ from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRequest
-from robotd.page.control_jog import (
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot, build_robot
+from robotd_page.control_jog import (
     HEARTBEAT_S,
     REACHED,
     RELEASED,
@@ -24,8 +26,6 @@ from robotd.page.control_jog import (
     JogEnd,
     jog_velocities,
 )
-from robotd.plugin.manager import load_backend
-from robotd.robot import Robot, build_robot
 
 PATIENCE_S = 30.0
 JOINT = "joint2"

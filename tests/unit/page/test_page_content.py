@@ -11,13 +11,13 @@ import pytest
 from tests.unit.observation.harness import Observed
 
 from robotd.control.problem import ProblemKind
+from robotd.descriptor.urdf.mesh_files import MeshFiles, mesh_files
 from robotd.events import sent_by
+from robotd.observation.frame_ring import frame_type
 from robotd.observation.plot_history import COLUMNS, HISTORY_BYTES, PlotHistory
-from robotd.page.live_samples import HEADER, LiveSamples
-from robotd.page.mesh_files import MeshFiles, mesh_files
-from robotd.page.page_description import describe
-from robotd.page.page_state import Goals, state_of
-from robotd.recording.frame_ring import frame_type
+from robotd.observation.robot_state import Goals, state_of
+from robotd_page.live_samples import HEADER, LiveSamples
+from robotd_page.page_description import describe
 
 AXES = 6
 VALUES = len(HEADER) + 1  # one group

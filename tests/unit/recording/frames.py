@@ -9,8 +9,8 @@ import numpy as np
 
 from robotd.device.process_image import ProcessImage
 from robotd.events import Event
-from robotd.recording.frame_ring import COUNT_BYTES, HEADER, FrameMemory, FrameRing, Frames
-from robotd.recording.recording_writer import RecordingInfo, create_recording
+from robotd.observation.frame_ring import COUNT_BYTES, HEADER, FrameMemory, FrameRing, Frames
+from robotd_recording.recording_writer import RecordingInfo, create_recording
 
 AXES = ("joint1", "joint2", "axis 2")
 OFFSET_NS = 1_700_000_000_123_456_789

@@ -8,10 +8,10 @@ from tests.unit.recording.frames import write_frame
 
 from robotd.device.process_image import ProcessImage
 from robotd.events import MAX_BYTES as EVENT_BYTES
+from robotd.observation.frame_ring import HEADER, MEMORY_BYTES, FrameRing
 from robotd.observation.io_sampler import QUEUE_BYTES
 from robotd.observation.plot_history import PlotHistory
 from robotd.observation.tap import MAX_MEMORY_BYTES, SAMPLE_BYTES
-from robotd.recording.frame_ring import HEADER, MEMORY_BYTES, FrameRing
 
 
 def test_a_frame_holds_every_value_of_the_image() -> None:

@@ -15,9 +15,9 @@ from tests.unit.recording.frames import ramp, write
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.errors import RecordingError
-from robotd.recording import mcap_records
-from robotd.recording.recording_reader import read_recording
-from robotd.recording.recording_repair import recover
+from robotd_recording import mcap_records
+from robotd_recording.recording_reader import read_recording
+from robotd_recording.recording_repair import recover
 
 MIB = 2**20
 CHUNK, MAGIC = 6, 8

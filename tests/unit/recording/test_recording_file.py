@@ -16,11 +16,11 @@ from mcap_ros2.decoder import DecoderFactory
 from tests.unit.recording.frames import AXES, INFO, OFFSET_NS, PERIOD_NS, ramp, write
 
 from robotd.events import Event, EventKind, Level
-from robotd.recording import recording_writer as topics
-from robotd.recording.message_encoders import named_values, octets_message
-from robotd.recording.message_types import SCHEMAS
-from robotd.recording.recording_reader import RecordingError, read_recording
-from robotd.recording.recording_writer import RecordingInfo, create_recording
+from robotd_messages.message_encoders import named_values, octets_message
+from robotd_messages.message_types import SCHEMAS
+from robotd_recording import recording_writer as topics
+from robotd_recording.recording_reader import RecordingError, read_recording
+from robotd_recording.recording_writer import RecordingInfo, create_recording
 
 GOAL = {
     "joints": ["joint1", "joint2"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from robotd.recording.recording_folder import RecordingFolder
+from robotd_recording.recording_folder import RecordingFolder
 
 
 def add(folder: Path, name: str, age_s: int, size: int = 10) -> Path:

@@ -9,8 +9,8 @@ from tests.unit.recording.frames import PERIOD_NS, ramp, write
 
 from robotd.clock import NANOSECONDS
 from robotd.events import Event, EventKind
-from robotd.recording.recording_reader import RecordingError, read_recording
-from robotd.recording.recording_repair import recover
+from robotd_recording.recording_reader import RecordingError, read_recording
+from robotd_recording.recording_repair import recover
 
 
 @pytest.mark.parametrize("missing", [1, 500, 5000])

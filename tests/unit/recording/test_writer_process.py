@@ -10,10 +10,10 @@ from tests.unit.recording.frames import AXES, INFO, PERIOD_NS, write_frame
 
 from robotd.device.process_image import ProcessImage
 from robotd.events import Event, EventKind
-from robotd.recording.frame_ring import FrameRing
-from robotd.recording.recording_folder import RecordingFolder
-from robotd.recording.recording_reader import read_recording
-from robotd.recording.writer_process import Batch, Job, run
+from robotd.observation.frame_ring import FrameRing
+from robotd_recording.recording_folder import RecordingFolder
+from robotd_recording.recording_reader import read_recording
+from robotd_recording.writer_process import Batch, Job, run
 
 
 @pytest.mark.parametrize("split_bytes", [None, 1e9], ids=["flight", "continuous"])

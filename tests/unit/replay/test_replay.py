@@ -19,8 +19,8 @@ from robotd.errors import DescriptorError, OperationError, Unsupported
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
-from robotd.recording.recording_reader import Recording, read_recording
 from robotd.robot import Robot
+from robotd_recording.recording_reader import Recording, read_recording
 from robotd_replay.axes import READ_ONLY
 
 

@@ -23,8 +23,8 @@ from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRejected
 from robotd.motion.profile import Profile
 from robotd.motion.rejection import RejectionCode
-from robotd.ros.nodes import axis_conversions
-from robotd.ros.nodes.trajectory_conversions import (
+from robotd_ros.nodes import axis_conversions
+from robotd_ros.nodes.trajectory_conversions import (
     duration_s,
     stamp_ns,
     trajectory_request,

@@ -10,7 +10,7 @@ import pytest
 
 from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.errors import InvalidArgument
-from robotd.ros.nodes.command_subscription import CommandTimes, header_stamp_ns
+from robotd_ros.nodes.command_subscription import CommandTimes, header_stamp_ns
 
 TIMEOUT_S = 0.5
 SIMULATED_NS = 100 * NANOSECONDS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 
-from robotd.ros.client.ros_client import escape_texts
+from robotd_ros.client.ros_client import escape_texts
 
 HOSTILE, HARMLESS = "a\x1b[2J\nü", "a\\x1b[2J\nü"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robotd.ros.middleware import rate_limit
-from robotd.ros.middleware.rate_limit import BURST_S, MOST_S, QUIET_S, RateLimit
+from robotd_ros.middleware import rate_limit
+from robotd_ros.middleware.rate_limit import BURST_S, MOST_S, QUIET_S, RateLimit
 
 STEP_S = 1e-4
 

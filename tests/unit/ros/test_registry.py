@@ -6,7 +6,7 @@ import pytest
 
 from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.registry import NodeInfo, NodeRegistry
-from robotd.ros.node_registry import BUILT_IN, known_nodes, make_node, select_nodes
+from robotd_ros.node_registry import BUILT_IN, known_nodes, make_node, select_nodes
 
 
 def registry(name: str, factory: str) -> NodeRegistry:

@@ -9,7 +9,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from std_srvs.srv import Trigger
 
 from robotd.errors import NotReady
-from robotd.ros.services import _answer
+from robotd_ros.services import _answer
 
 
 @pytest.mark.parametrize("error", [NotReady("joint1: servo is off"), OverflowError("too large")])

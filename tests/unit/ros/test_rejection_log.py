@@ -8,7 +8,7 @@ import time
 import pytest
 from structlog.testing import capture_logs
 
-from robotd.ros.nodes.rejection_log import MAX_AXES, MAX_KINDS, MAX_KNOWN, PAUSE_S, RejectionLog
+from robotd_ros.nodes.rejection_log import MAX_AXES, MAX_KINDS, MAX_KNOWN, PAUSE_S, RejectionLog
 
 
 def test_the_same_refusal_is_logged_once_whatever_its_numbers() -> None:

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from tests.unit.observation.harness import Observed
 
-from robotd.page.page_feed import PageFeed
-from robotd.page.page_message import Message
-from robotd.recording.message_encoders import octets_message, string_message
-from robotd.ros.client.remote_feed import LOST_S, RemoteFeed
-from robotd.ros.page_messages import CHANGES, FIRST, SAMPLES, pack_first
+from robotd_messages.message_encoders import octets_message, string_message
+from robotd_page.page_feed import PageFeed
+from robotd_page.page_message import Message
+from robotd_page.page_messages import CHANGES, FIRST, SAMPLES, pack_first
+from robotd_page.remote_feed import LOST_S, RemoteFeed
 
 
 @pytest.fixture

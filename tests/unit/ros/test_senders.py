@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from robotd.ros import senders
-from robotd.ros.senders import Senders
+from robotd_ros import senders
+from robotd_ros.senders import Senders
 
 GUID = bytes(range(16))
 

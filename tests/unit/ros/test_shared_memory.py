@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robotd.ros.middleware.shared_memory import YOUNG_S, remove_leftovers
+from robotd_ros.middleware.shared_memory import YOUNG_S, remove_leftovers
 
 NAME = "fastrtps_0123456789abcdef"
 

@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 
 from robotd.control.open_stream import StreamClient
 from robotd.errors import NotReady, OperationError
-from robotd.ros.nodes.topic_stream import TopicStream
+from robotd_ros.nodes.topic_stream import TopicStream
 
 
 class Host:

@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from robotd.control.completion import Outcome
 from robotd.errors import OperationError
-from robotd.ros.nodes import trajectory_action
+from robotd_ros.nodes import trajectory_action
 
 
 class Goals:

@@ -6,7 +6,7 @@ from typing import Any
 
 from robotd.descriptor import RobotDescriptor
 from robotd.plugin.manager import load_backend
-from robotd.scenario import Result, Scenario, ScenarioRun
+from robotd_scenario import Result, Scenario, ScenarioRun
 
 MOVE = {"move": {"to_rad": {"joint1": 1.0}, "time_s": 1.0}}
 

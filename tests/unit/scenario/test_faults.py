@@ -8,7 +8,7 @@ import pytest
 from tests.unit.scenario.harness import MOVE, run
 
 from robotd.errors import DescriptorError, InvalidArgument
-from robotd.scenario import FAULTS, nested, validate_fault
+from robotd_scenario import FAULTS, nested, validate_fault
 
 BACK = {"move": {"to_rad": {"joint1": 0.0}, "time_s": 1.0}}
 SERVOS_ON = {"servos": "on"}

@@ -12,7 +12,7 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.group_settings import GroupSettings
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import load_backend
-from robotd.scenario import Result, Scenario, ScenarioRun, load_scenario
+from robotd_scenario import Result, Scenario, ScenarioRun, load_scenario
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 NOISE = {"torque_noise_nm": 0.3, "velocity_noise_rad_s": 0.01}

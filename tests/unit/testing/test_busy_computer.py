@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from robotd.testing import busy_computer
-from robotd.testing.busy_computer import (
+from robotd_conformance import busy_computer
+from robotd_conformance.busy_computer import (
     ATTEMPTS,
     STALL_S,
     BusyComputer,
@@ -142,7 +142,7 @@ def test_a_further_attempt_gets_new_fixtures(
 UNDECIDED_CHECKS = """
 import pytest
 from itertools import count
-from robotd.testing.busy_computer import UNDECIDED
+from robotd_conformance.busy_computer import UNDECIDED
 attempts = count(1)
 def test_undecided_once():
     if next(attempts) == 1:

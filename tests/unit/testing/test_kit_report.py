@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import pytest
 
-from robotd.testing.conformance.kit_report import Report
-from robotd.testing.conformance.kit_target import KitTarget
+from robotd_conformance.checks.kit_report import Report
+from robotd_conformance.checks.kit_target import KitTarget
 
 Phase = Literal["setup", "call", "teardown"]
 Outcome = Literal["passed", "failed", "skipped"]

@@ -1,0 +1,129 @@
+"""``robotd check``: check a robot's files and plugins without hardware and ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from robotd.cli.check_report import CheckReport
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.installed import check_backend_overrides, load_installed
+from robotd.cli.options import log_options, robot_options
+from robotd.cli.urdf_check import check_urdf, urdf_warnings
+from robotd.control.device_fit import fit_device
+from robotd.control.joint_group import ON_DEVICE
+from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
+from robotd.device.capabilities import Capability
+from robotd.errors import DescriptorError, PluginError, Unsupported
+from robotd.plugin.hookspecs import DeviceContext
+from robotd.plugin.manager import Backend, load_backend
+from robotd_ros.node_registry import BUILT_IN
+from robotd_ros.node_settings import check_node_parameters
+from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
+
+
+@click.command("check")
+@robot_options
+@log_options
+def check(**options: Any) -> ExitCode:
+    """Check a robot's files and plugins, without hardware and without ROS."""
+    return check_robot(**options)
+
+
+def check_robot(
+    robot: str, variant: str | None, overrides: Sequence[Override], backend: str | None
+) -> ExitCode:
+    """Check everything, print it line by line, and return the exit status."""
+    report = CheckReport()
+    installed = load_installed()
+    for origin, reason in installed.failures.items():
+        report.fail(f"plugin {origin.name}", PluginError(reason))
+    descriptor = report.run(
+        f"robot {robot}",
+        lambda: load_robot_descriptor(robot, variant, installed.search_path, overrides),
+    )
+    if descriptor is not None:
+        _check_files(report, descriptor)
+        nodes = ", ".join(descriptor.nodes) or "none"
+        report.run(f"nodes {nodes}", lambda: installed.check_nodes(descriptor))
+        report.run("ROS parameters", lambda: check_node_parameters(descriptor, BUILT_IN))
+    name = backend or (descriptor and descriptor.backend)
+    plugin = report.run(f"backend {name}", lambda: load_backend(name)) if name else None
+    if descriptor is not None and plugin is not None:
+        _check_backend(report, descriptor, plugin, overrides)
+    return report.end()
+
+
+def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
+    parameters, urdf, axes = descriptor.parameters_file, descriptor.urdf, descriptor.axes
+    if parameters is not None:
+        found = report.run(
+            f"parameters {parameters.name}", lambda: read_wmx_parameters(parameters, axes)
+        )
+        if found is not None:
+            if missing := found.missing_summary(axes):
+                report.warn(f"parameters {parameters.name}: {missing}")
+            for warning in parameter_warnings(found, descriptor):
+                report.warn(warning)
+    if urdf is not None:
+        model = report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
+        for warning in urdf_warnings(model, descriptor) if model else ():
+            report.warn(warning)
+
+
+def _check_backend(
+    report: CheckReport,
+    descriptor: RobotDescriptor,
+    backend: Backend,
+    overrides: Sequence[Override],
+) -> None:
+    name, capabilities = backend.name, backend.capabilities
+
+    def options() -> DeviceContext[Any]:
+        check_backend_overrides(overrides, name)
+        return backend.context(descriptor)
+
+    def features() -> str | None:
+        needs = {
+            "gripper": "outputs",
+            "outputs": "outputs",
+            "stop_input": "inputs",
+            "inputs": "inputs",
+        }
+        for key, kind in needs.items():
+            if getattr(descriptor, key) and Capability.IO not in capabilities:
+                raise DescriptorError(
+                    f"needs digital {kind}, which the {name} backend does not have",
+                    path=descriptor.path,
+                    key=key,
+                )
+        _check_groups(descriptor, backend)
+        if descriptor.parameters_file and Capability.PARAMETERS_FILE not in capabilities:
+            return "parameters_file is not used by this backend"
+        return None
+
+    context = report.run(f"options of {name}", options)
+    report.run(f"features of {name}", features)
+    if context is not None:
+        fit = report.run(
+            f"limits of {name}",
+            lambda: fit_device(descriptor, backend.drivers(context).axes, name),
+        )
+        for note in fit.notes if fit else ():
+            report.warn(f"{note}, which applies")
+
+
+def _check_groups(descriptor: RobotDescriptor, backend: Backend) -> None:
+    """Raise DescriptorError for several groups on a device that interpolates trajectories.
+
+    Whether it does may depend on its options: the drivers are made for it, and nothing is opened.
+    """
+    able = Capability.TRAJECTORIES_ON_DEVICE in backend.capabilities
+    if not able or len(descriptor.groups) < 2 or descriptor.tree is None:
+        return
+    if backend.drivers(backend.context(descriptor)).axes.follows_trajectories:
+        node = descriptor.tree.find(["groups"])
+        what = str(Unsupported(ON_DEVICE, backend.name))
+        raise DescriptorError(what, path=node.path, line=node.line, key="groups")

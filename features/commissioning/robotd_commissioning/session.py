@@ -1,0 +1,133 @@
+"""Commissioning of one joint: open steps in order, each written before the next one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from robotd.clock import MonotonicClock
+from robotd.descriptor import RobotDescriptor, validate_section
+from robotd.descriptor.joint_settings import JointSettings
+from robotd.errors import DescriptorError, InvalidArgument, PluginError, unknown_name
+from robotd.plugin.hookspecs import AxisKeys
+from robotd.plugin.manager import Backend
+from robotd.robot import Robot
+from robotd_commissioning.commission_record import CommissionRecord
+from robotd_commissioning.commissioned_axis import CommissionedAxis
+from robotd_commissioning.descriptor_edit import DescriptorEdit
+from robotd_commissioning.findings import Finding
+from robotd_commissioning.steps import STEPS, Bench, Operator
+
+
+class Commissioning:
+    """Steps of one joint, from the first open one on. One thread.
+
+    The robot is opened with this joint alone, servo off, and opened again after each change, so
+    that the next step runs on what was written.
+
+    Args:
+        load: loads the descriptor as it is now, from its file or from another one.
+        backend: of the robot.
+        joint: name.
+        record: finished steps.
+        make_operator: of an axis.
+
+    Raises:
+        PluginError: the backend has no keys that commissioning could write.
+        InvalidArgument: there is no such joint.
+    """
+
+    def __init__(
+        self,
+        load: Callable[[Path | None], RobotDescriptor],
+        backend: Backend,
+        joint: str,
+        record: CommissionRecord,
+        make_operator: Callable[[CommissionedAxis], Operator],
+    ) -> None:
+        keys = backend.info.axis_keys
+        if keys is None:
+            raise PluginError(
+                f"the backend {backend.name} keeps no scale and direction in the descriptor,"
+                " so that commissioning has nothing to write: set them in the backend's own files"
+                " (wmx: AxisGearRatio and AxisPolarity in parameters_file, checked by 'robotd wmx"
+                " doctor'), see docs/how-to/commission.md"
+            )
+        self._load, self._backend, self._keys = load, backend, keys
+        self._joint, self._record, self._make_operator = joint, record, make_operator
+        _joint_of(load(None), joint)
+
+    @property
+    def open_steps(self) -> list[str]:
+        """Names of the steps that are not finished, in their order."""
+        return [step for step in STEPS if self._record.finding(self._joint, step) is None]
+
+    def run(self) -> bool:
+        """Run the open steps; return False when the operator rejects a change.
+
+        Raises:
+            OperationError: a measured value cannot be right; the step stays open.
+            ConnectError: the robot does not start, for example because of another identity.
+        """
+        while self.open_steps:
+            with self._opened() as (bench, edit):
+                for step in self.open_steps:
+                    operator = bench.operator
+                    operator.say(f"\n{self._joint}: {step}")
+                    finding = STEPS[step](bench)
+                    operator.say(finding.text)
+                    if finding.changes and not self._write(edit, finding, operator):
+                        return False
+                    self._record.note(self._joint, step, finding.text)
+                    if finding.changes:
+                        break
+        return True
+
+    def _write(self, edit: DescriptorEdit, finding: Finding, operator: Operator) -> bool:
+        text = edit.changed(finding.changes)
+        if not operator.accepts(edit.difference(text)):
+            return False
+        edit.save(text, self._check)
+        return True
+
+    def _check(self, path: Path) -> None:
+        """Raise DescriptorError where the new file is wrong."""
+        self._backend.context(self._load(path))
+
+    @contextmanager
+    def _opened(self) -> Iterator[tuple[Bench, DescriptorEdit]]:
+        descriptor = self._load(None)
+        joint = _joint_of(descriptor, self._joint)
+        edit = DescriptorEdit(descriptor, joint, self._backend.name, self._keys)
+        drive = _drive_of(descriptor, joint, self._backend, self._keys)
+        alone: dict[str, Any] = {"joints": (joint,), "groups": {}, "drive": None, "gripper": None}
+        robot = Robot(descriptor.model_copy(update=alone), self._backend, MonotonicClock())
+        try:
+            robot.start(enable=False)
+            axis = CommissionedAxis(robot)
+            yield Bench(axis, self._make_operator(axis), drive, self._keys), edit
+        finally:
+            robot.shutdown()
+
+
+def _joint_of(descriptor: RobotDescriptor, name: str) -> JointSettings:
+    for joint in descriptor.joints:
+        if joint.name == name:
+            return joint
+    raise InvalidArgument(unknown_name("joint", name, descriptor.joint_names))
+
+
+def _drive_of(
+    descriptor: RobotDescriptor, joint: JointSettings, backend: Backend, keys: AxisKeys
+) -> Mapping[str, Any]:
+    """Return the validated item of the backend's section, with its defaults."""
+    section = f"backends.{backend.name}"
+    options = validate_section(descriptor, section, backend.info.options).model_dump()
+    for item in options[keys.items]:
+        if item["axis"] == joint.axis:
+            found: Mapping[str, Any] = item
+            return found
+    what = f"has no item with axis: {joint.axis}, which {joint.name} needs"
+    raise DescriptorError(what, path=descriptor.path, key=f"{section}.{keys.items}")

@@ -1,0 +1,1 @@
+"""Conformance kit for backends, and ``robotd new-backend``."""

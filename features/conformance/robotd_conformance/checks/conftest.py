@@ -1,0 +1,182 @@
+"""Fixtures of the checks, their time limit, and the report at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from typing import Any
+
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
+from robotd.errors import RobotdError
+from robotd.plugin.foreign_process import note_step
+from robotd_conformance.busy_computer import BusyComputer
+from robotd_conformance.checks.harness import Harness, MakeHarness
+from robotd_conformance.checks.interruption import INTERRUPTION
+from robotd_conformance.checks.kit_report import Report
+from robotd_conformance.checks.kit_target import KitTarget
+from robotd_conformance.checks.start_pose import StartPose
+from robotd_conformance.checks.surroundings import surroundings
+from robotd_conformance.checks.time_limits import TimeLimits
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Load backend and robot once, so that a wrong name is reported once."""
+    name = config.getoption("--robotd-backend")
+    if not name:
+        raise pytest.UsageError("which backend? add --robotd-backend NAME")
+    config.add_cleanup(INTERRUPTION.install())
+    config.stash[AT_START] = surroundings()
+    try:
+        note_step(f"loading the backend {name}")
+        robot, overrides = config.getoption("--robotd-robot"), config.getoption("--robotd-set")
+        pose = StartPose(config.getoption("--robotd-max-excursion"))
+        target = KitTarget(name, robot, overrides, pose)
+    except RobotdError as error:
+        raise pytest.UsageError(str(error)) from error
+    config.stash[TARGET] = target
+    config.pluginmanager.register(Report(target), "robotd-conformance-report")
+    config.pluginmanager.register(BusyComputer(target), "robotd-conformance-busy-computer")
+    config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
+
+
+# Checks that change what a position means, or that use the whole way of a simulated axis.
+UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)
+TARGET = pytest.StashKey[KitTarget]()
+AT_START = pytest.StashKey[dict[str, object]]()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Note what each check is about, for the report and for JUnit."""
+    for item in items:
+        mark = item.get_closest_marker("needs")
+        capability = mark.args[0] if mark else Capability.AXES
+        item.user_properties.append(("capability", str(capability)))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what the backend does not have."""
+    mark = item.get_closest_marker("needs")
+    target = item.config.stash[TARGET]
+    backend = target.backend
+    target.pose.counts = not (mark and mark.args[0] in UNCOUNTED)
+    if mark and mark.args[0] not in backend.capabilities:
+        pytest.skip(f"the {backend.name} backend does not have {mark.args[0]}")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a check during which a read has raised something."""
+    result = yield
+    errors = item.config.stash[TARGET].take_read_errors()
+    assert not errors, f"{len(errors)} reads failed, the first: {errors[0]}"
+    assert not item.config.stash[TARGET].stray, item.config.stash[TARGET].stray
+    return result
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Return to the start pose after each check; replace the device after a failed one."""
+    failed_before, target = item.session.testsfailed, item.config.stash[TARGET]
+    result = yield
+    if item.session.testsfailed > failed_before:
+        target.clear()
+    if ended := target.stray or target.return_to_start():
+        item.session.shouldstop = f"{item.name}: {ended}"
+    return result
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Shut down what the return to the start pose has opened after the last check."""
+    session.config.stash[TARGET].clear()
+
+
+@pytest.fixture(scope="session")
+def at_start(pytestconfig: pytest.Config) -> dict[str, object]:
+    """The process as it was before the backend was imported."""
+    return pytestconfig.stash[AT_START]
+
+
+@pytest.fixture(scope="session")
+def target(pytestconfig: pytest.Config) -> Iterator[KitTarget]:
+    """Backend and robot, and the harness that most checks share."""
+    target = pytestconfig.stash[TARGET]
+    yield target
+    target.clear()
+
+
+@pytest.fixture
+def harness(target: KitTarget) -> Harness:
+    """The shared harness: started, every axis enabled, at rest at its first position."""
+    return target.shared()
+
+
+@pytest.fixture
+def make_harness(target: KitTarget) -> Iterator[MakeHarness]:
+    """Function that builds further harnesses; the shared one is shut down first."""
+    made: list[Harness] = []
+
+    def make(**options: Any) -> Harness:
+        target.clear()
+        for harness in made:
+            harness.stop()
+        made.append(target.build(**options))
+        return made[-1]
+
+    yield make
+    for harness in made:
+        harness.stop()
+
+
+@pytest.fixture
+def unopened(make_harness: MakeHarness) -> Harness:
+    """A harness of its own, whose device is not open."""
+    return make_harness()
+
+
+@pytest.fixture
+def disabled(unopened: Harness) -> Harness:
+    """A started harness of its own, with the servos off."""
+    unopened.start(enable=False)
+    return unopened
+
+
+@pytest.fixture
+def fresh(unopened: Harness) -> Harness:
+    """A started harness of its own, servos on; may be left in any state."""
+    unopened.start()
+    return unopened
+
+
+@pytest.fixture
+def rescalable(fresh: Harness) -> Harness:
+    """A harness of its own, away from zero, servos off, whose scale may change."""
+    fresh.require_rescaling()
+    fresh.move_all()
+    fresh.rest()
+    fresh.disable()
+    return fresh
+
+
+@pytest.fixture
+def streamed(unopened: Harness) -> Harness:
+    """A started harness of its own; a device that streams no positions skips the check."""
+    if unopened.robot.axes.trajectories_on_device:
+        pytest.skip("positions are not streamed: trajectories run on the device")
+    unopened.start()
+    return unopened
+
+
+@pytest.fixture
+def injector(harness: Harness) -> FaultInjector:
+    """Fault injector of the shared harness; unsupported calls skip the check."""
+    return harness.injector
+
+
+@pytest.fixture
+def joints(harness: Harness) -> list[int]:
+    """Axes of the joints of the shared harness; a robot without joints skips the check."""
+    if not harness.joints:
+        pytest.skip(f"the robot {harness.robot.descriptor.name} has no joints")
+    return harness.joints

@@ -1,0 +1,426 @@
+"""Harness: a started robot that checks move and observe."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from robotd.arrays import FloatArray
+from robotd.clock import Clock, MonotonicClock, wait_until
+from robotd.clock.simulated import SteppedClock
+from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Move
+from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode, Operation
+from robotd.errors import LateSetpoint, OperationError, RobotdError, Unsupported
+from robotd.motion import JointTolerance, TrajectoryRequest
+from robotd.motion.profile import Profile
+from robotd.plugin.manager import Backend
+from robotd.robot import Robot
+from robotd_conformance.checks.interruption import INTERRUPTION
+from robotd_conformance.checks.recording import Recorder, Recording
+from robotd_conformance.checks.start_pose import StartPose
+
+SPEED_RAD_S = 0.8
+SETTLED_RAD = 2e-3  # largest error of an axis that stands
+RAMP_RAD_S2 = 4.0
+STANDSTILL_RAD_S = 0.01
+SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
+UNDONE_BY: dict[str, tuple[str, int, tuple[Any, ...]]] = {
+    "disconnect": ("reconnect", 1, ()),
+    "freeze": ("freeze", 0, (False,)),
+    "block": ("block", 1, (False,)),
+    "set_input_bit": ("set_input_bit", 2, (False,)),
+    "press_switch": ("press_switch", 2, (False,)),
+    "stick_output_bit": ("stick_output_bit", 2, (None,)),
+}
+"""Method of a fault injector → the one that undoes it, its leading arguments, and the last."""
+
+WAIT_S = 10.0  # for what a working backend does in far less
+
+
+class Harness:
+    """A robot, its drivers, and time. One test thread.
+
+    Where the device uses the context's clock, time is simulated: it passes while a check
+    waits, in control periods and as fast as the computer can. Otherwise the control loop has its
+    thread, as when the robot is served.
+
+    Attributes:
+        robot, drivers: the robot, and the drivers behind it.
+        read_errors: what ``read`` raised that is no error of robotd.
+        fault_injector: None where the backend offers none.
+        pose: start pose of the run.
+        period_s, feedback_s: control period, and time between two measured values.
+        clock: of the device.
+        all, joints: all axes, and those of the joints.
+        stepped: time is simulated.
+    """
+
+    def __init__(
+        self,
+        backend: Backend,
+        descriptor: RobotDescriptor,
+        pose: StartPose,
+        *,
+        uses_context_clock: bool,
+        real_time: bool = False,
+    ) -> None:
+        self.stepped = not real_time and uses_context_clock
+        self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
+        self.drivers = backend.drivers(backend.context(descriptor, self.clock))
+        self.read_errors: list[str] = []
+        self._watch_reads()
+        self.robot = Robot(descriptor, backend, self.clock, self.drivers)
+        self.fault_injector = self.drivers.make_fault_injector()
+        self._faults = (
+            InjectedFaults(self.fault_injector, backend.name) if self.fault_injector else None
+        )
+        self.period_s = 1.0 / descriptor.cycle.rate_hz
+        self.feedback_s = max(self.period_s, self.drivers.axes.feedback_period_s)
+        self.image = self.robot.image
+        self.count = len(self.robot.axes)
+        self.all = list(range(self.count))
+        self.joints = list(self.robot.joint_axes)
+        self.pose = pose
+        self._recorder = Recorder()
+        self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
+        self.robot.control_loop.every(descriptor.cycle.rate_hz, "start pose", self._track)
+        self._running = False
+
+    @property
+    def due_ns(self) -> int:
+        """Monotonic time at which a setpoint of the present control period is due."""
+        return self.image.stamp_ns + self.robot.control_loop.period_ns
+
+    def _watch_reads(self) -> None:
+        read = self.drivers.axes.read
+
+        def watched(image: ProcessImage) -> None:
+            try:
+                read(image)
+            except OperationError as error:
+                if error.__cause__ is not None:
+                    self.read_errors.append(str(error))
+                raise
+
+        self.drivers.axes.read = watched  # type: ignore[method-assign]
+
+    # Life
+
+    def begin(self) -> None:
+        """Start the control loop. Nothing is opened."""
+        if not self._running:
+            self.robot.control_loop.start()
+        self._running = True
+
+    def open(self) -> None:
+        """Open the device alone, and load what it needs before communication."""
+        device, parameters = self.drivers.device, self.robot.connection.parameters
+        device.open()
+        parameters.forget()
+        if device.parameters_before_communication and parameters.due:
+            parameters.apply()
+
+    def start(self, *, enable: bool = True) -> None:
+        """Open, communicate, and switch every axis on (or leave them as they are).
+
+        Axes that are switched on go to the start pose of the run.
+        """
+        self.begin()
+        self.robot.connection.start()
+        self.until(lambda: self.robot.connection.ready, "the engine is ready")
+        self.until(lambda: bool(np.isfinite(self.image.position).all()), "positions are known")
+        self.periods(2)
+        self.pose.begin(self.image.position, self.robot.axes.limits, self.robot.axes.names)
+        if enable:
+            self.enable()
+            self.return_to_start()
+
+    def enable(self) -> None:
+        """Alarms cleared, servos on, in position mode."""
+        for axis in self.all:
+            self.robot.axes.clear_alarm(axis)
+            if self.image.mode[axis] != CommandMode.POSITION:
+                self.robot.axes.set_command_mode(axis, CommandMode.POSITION)
+            self.robot.axes.servo(axis, True)
+        self.until(lambda: bool(self.image.servo_on.all()), "all servos are on")
+
+    def disable(self) -> None:
+        """Switch every servo off."""
+        for axis in self.all:
+            self.robot.axes.servo(axis, False)
+        self.until(lambda: not self.image.servo_on.any(), "all servos are off")
+
+    def stop(self) -> None:
+        """Undo faults and shut everything down; the harness is done with."""
+        with INTERRUPTION.during_shutdown():
+            self.undo_faults()
+            self.pose.left = self.image.position.copy() if self.robot.connection.ready else None
+            self.robot.shutdown()
+
+    def return_to_start(self) -> None:
+        """Move every axis back to the start pose of the run, from rest and enabled.
+
+        Raises AssertionError: it is too far away, or the axes do not get there.
+        """
+        pose, start = self.pose, self.pose.position
+        if start is None or pose.is_start(self.image.position_command):
+            return
+        away = pose.away(self.image.position_command)
+        assert away <= pose.max_excursion or self.can(Capability.SIMULATED), (
+            f"{away:.3f} rad from the start pose, more than --max-excursion"
+            f" {pose.max_excursion:g}: not moved back"
+        )
+        self.move(self.all, start)
+        self.rest()
+        away = pose.away(self.image.position)
+        assert away <= SETTLED_RAD, f"an axis stands {away:.3f} rad from the start pose"
+
+    def _track(self, image: ProcessImage) -> None:
+        """Control loop: stop a run on hardware that goes too far from its start pose."""
+        self.pose.track(image)
+        if self.pose.exceeded and not self.can(Capability.SIMULATED):
+            self.robot.axes.stop_latch.engage(self.pose.exceeded)
+
+    @property
+    def injector(self) -> FaultInjector:
+        """Fault injector of the backend; the check is skipped where there is none."""
+        if self._faults is None:
+            pytest.skip(f"the {self.robot.backend.name} backend has no fault injector")
+        return cast(FaultInjector, self._faults)
+
+    def undo_faults(self) -> None:
+        """Undo what a check has left behind by ``injector``."""
+        if self._faults is not None:
+            self._faults.undo()
+
+    def trip(self, code: int) -> None:
+        """Trip the drive of axis 0 with alarm ``code``; wait until it is shown."""
+        self.injector.trip(0, code)
+        self.until(lambda: bool(self.image.amp_alarm[0]), "the alarm is shown", 1.0)
+
+    @property
+    def healthy(self) -> bool:
+        """True when ready for the next check: enabled, idle, no alarm."""
+        image = self.image
+        return bool(
+            self.robot.connection.ready
+            and image.servo_on.all()
+            and not image.amp_alarm.any()
+            and (image.mode == CommandMode.POSITION).all()
+            and (image.operation == Operation.IDLE).all()
+        )
+
+    # Time
+
+    def pass_time(self, seconds: float) -> None:
+        """Let ``seconds`` pass."""
+        self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * 1e9))
+
+    def periods(self, count: int) -> None:
+        """Let ``count`` control periods pass, or periods of the feedback where that is slower."""
+        self.pass_time(count * self.feedback_s)
+
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float = WAIT_S) -> bool:
+        """Wait for ``condition``; False when ``timeout_s`` is over."""
+        return wait_until(condition, timeout_s, self.clock, self.period_s)
+
+    def until(self, condition: Callable[[], bool], what: str, timeout_s: float = WAIT_S) -> None:
+        """Wait for ``condition``. Raises AssertionError, saying ``what`` did not come true."""
+        if not self.wait_until(condition, timeout_s):
+            raise AssertionError(f"not within {timeout_s:g} s: {what}")
+
+    @contextmanager
+    def recording(self) -> Iterator[Recording]:
+        """Every period's values while the block runs."""
+        recording = Recording()
+        self._recorder.fill(recording)
+        try:
+            yield recording
+        finally:
+            self._recorder.fill(None)
+
+    @contextmanager
+    def each_period(self, task: Callable[[ProcessImage], None]) -> Iterator[None]:
+        """Call ``task(image)`` in every period while the block runs, in the control loop.
+
+        The first exception of ``task`` ends these calls, and is raised after the block.
+        """
+        errors = list[Exception]()
+
+        def guarded(image: ProcessImage) -> None:
+            if not errors:
+                try:
+                    task(image)
+                except Exception as error:  # noqa: BLE001 - raised after the block
+                    errors.append(error)
+
+        self._recorder.call(guarded)
+        try:
+            yield
+        finally:
+            self._recorder.call(None)
+        if errors:
+            raise errors[0]
+
+    def set_velocity_mode(self) -> None:
+        """Put all axes into velocity mode."""
+        for axis in self.all:
+            self.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+
+    def stream(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Control loop: send setpoints (n_axes,) of this period; too late, they are left out."""
+        with suppress(LateSetpoint):
+            self.drivers.axes.stream(position, velocity, self.due_ns)
+
+    # Motion
+
+    def travel(self, share: float = 1.0) -> FloatArray:
+        """(n_axes,) distances to move by, all different, to the sides of the start pose."""
+        return self.pose.travel(share)
+
+    def speeds(self, share: float) -> FloatArray:
+        """(n_axes,) velocities at ``share`` of each profile, in the directions of ``travel``."""
+        fastest = [self.profile(axis, share).velocity for axis in self.all]
+        return np.sign(self.travel()) * fastest
+
+    def profile(self, axis: int, share: float = 1.0) -> Profile:
+        """A gentle profile within the limits of the axis, at ``share`` of its speed."""
+        limits = self.robot.axes.limits[axis]
+        speed = min(SPEED_RAD_S, 0.5 * limits.velocity) * share
+        ramp = min(RAMP_RAD_S2, 0.5 * limits.acceleration)
+        return Profile(speed, ramp, ramp)
+
+    def move(
+        self, axes: Sequence[int], targets: FloatArray, profiles: Sequence[Profile] | None = None
+    ) -> None:
+        """Start moves of ``axes`` to ``targets[axis]`` (n_axes,), by ``profiles[axis]``."""
+        chosen = profiles or [self.profile(axis) for axis in self.all]
+        self.robot.axes.move([Move(axis, float(targets[axis]), chosen[axis]) for axis in axes])
+
+    def move_all(self, share: float = 1.0, *, speed: float = 1.0) -> FloatArray:
+        """Start moves of all axes by ``travel(share)``; return their targets (n_axes,)."""
+        targets = self.image.position_command + self.travel(share)
+        self.move(self.all, targets, [self.profile(axis, speed) for axis in self.all])
+        return targets
+
+    def rest(self, axes: Sequence[int] | None = None) -> None:
+        """Wait until ``axes`` (all) execute nothing and stand still.
+
+        Raises AssertionError naming them otherwise.
+        """
+        chosen = self.all if axes is None else list(axes)
+        image = self.image
+
+        def idle() -> bool:
+            at_rest = np.abs(image.velocity[chosen]) < STANDSTILL_RAD_S
+            return bool((image.operation[chosen] == Operation.IDLE).all() and at_rest.all())
+
+        # A command may need some periods to show in the image.
+        self.periods(10)
+        self.until(idle, f"axes {chosen} are at rest")
+        self.pass_time(SETTLE_S)
+
+    @contextmanager
+    def following(
+        self,
+        times_s: Sequence[float],
+        rows: Sequence[FloatArray],
+        velocities: bool = False,
+        path: Sequence[JointTolerance] = (),
+    ) -> Iterator[TrajectoryExecution]:
+        """Follow a trajectory of all joints; leaving the block ends it.
+
+        Args:
+            rows: one position row per point, shape (joints,), relative to the present command.
+            velocities: give velocities too (those of a smooth path), so that it is cubic.
+            path: tolerances on the way, other than the descriptor's.
+        """
+        start = self.image.position_command[self.joints].copy()
+        points = [list(start + row) for row in rows]
+        slopes = np.gradient(np.array([np.zeros(len(self.joints)), *rows]), [0.0, *times_s], axis=0)
+        slopes[-1] = 0.0
+        request = TrajectoryRequest.from_rows(
+            self.robot.joint_names,
+            times_s,
+            points,
+            [list(row) for row in slopes[1:]] if velocities else (),
+        )
+        tolerances = self.robot.follower.tolerances(path)
+        with self.robot.follower.follow(request, tolerances) as execution:
+            try:
+                yield execution
+            finally:
+                execution.cancel()
+                self.wait_until(lambda: execution.done)
+
+    def follow(
+        self, times_s: Sequence[float], rows: Sequence[FloatArray], *, velocities: bool = False
+    ) -> TrajectoryExecution:
+        """Follow a trajectory until it ends; arguments as of ``following``."""
+        with self.following(times_s, rows, velocities) as execution:
+            self.until(lambda: execution.done, "the trajectory ends")
+        return execution
+
+    def servo_group(self, axis: int) -> list[int]:
+        """Return the axes that are switched with ``axis``, itself included."""
+        return list(self.robot.axes.servo_group(axis))
+
+    def alarm_group(self, axis: int) -> list[int]:
+        """Return the axes that an alarm of ``axis`` concerns, itself included."""
+        return self.all if self.can(Capability.CONTROLLER_ALARM) else [axis]
+
+    def can(self, capability: Capability) -> bool:
+        return capability in self.robot.capabilities
+
+    def require_rescaling(self) -> None:
+        """Skip the check where a change of scale or home cannot be undone."""
+        if not self.can(Capability.SIMULATED) and self.robot.descriptor.parameters_file is None:
+            pytest.skip("would change the drives for good: the robot has no parameter file")
+
+
+class InjectedFaults:
+    """Fault injector that notes its faults, and whose unsupported calls skip the check.
+
+    Args:
+        injector: of the backend.
+        backend: its name.
+    """
+
+    def __init__(self, injector: FaultInjector, backend: str) -> None:
+        self._injector, self._backend = injector, backend
+        self._undoing: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        method = getattr(self._injector, name)
+
+        def call(*arguments: Any) -> Any:
+            try:
+                result = method(*arguments)
+            except Unsupported as error:
+                pytest.skip(str(Unsupported(error.feature, self._backend)))
+            if name in UNDONE_BY:
+                undo, count, last = UNDONE_BY[name]
+                self._undoing[undo, *arguments[:count]] = last
+            return result
+
+        return call
+
+    def undo(self) -> None:
+        """Put plugs back, let values arrive, free axes and outputs, whatever a check left."""
+        for (undo, *arguments), last in self._undoing.items():
+            with suppress(RobotdError):
+                getattr(self._injector, undo)(*arguments, *last)
+        self._undoing.clear()
+
+
+MakeHarness = Callable[..., Harness]
+"""Fixture ``make_harness``; keywords as of ``KitTarget.build``."""

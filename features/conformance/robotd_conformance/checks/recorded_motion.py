@@ -1,0 +1,87 @@
+"""Recorded motions of checks, and verdicts on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pytest
+
+from robotd.arrays import FloatArray
+from robotd.device.axes import Jog
+from robotd.device.process_image import ProcessImage
+from robotd.motion.profile import Profile
+from robotd_conformance.busy_computer import UNDECIDED
+from robotd_conformance.checks.harness import Harness
+from robotd_conformance.checks.recording import Recording
+
+
+def judge(harness: Harness, recording: Recording, problems: list[str]) -> None:
+    """Fail with the ``problems`` of ``recording``, unless values came late: then repeat the check.
+
+    In real time setpoints come late as well, or values do not belong to their times, which is no
+    fault of the backend.
+    """
+    if problems and recording.was_late(harness.feedback_s):
+        pytest.skip(UNDECIDED)
+    assert not problems, "; ".join(problems)
+
+
+def record_move(harness: Harness, share: float = 1.0) -> Recording:
+    """Move all axes by ``travel``, at ``share`` of their speed, until they are at rest."""
+    with harness.recording() as recording:
+        harness.move_all(speed=share)
+        harness.rest()
+    return recording
+
+
+def jog(harness: Harness, speeds: FloatArray, profiles: Sequence[Profile] | None = None) -> None:
+    """Command velocities (n_axes,), with the ramps of ``profiles[axis]``."""
+    chosen = profiles or [harness.profile(axis) for axis in harness.all]
+    harness.robot.axes.jog(
+        [
+            Jog(axis, replace(profile, velocity=float(speeds[axis])))
+            for axis, profile in enumerate(chosen)
+        ]
+    )
+
+
+def record_stream(
+    harness: Harness,
+    send: Callable[[ProcessImage], None],
+    seconds: float,
+    axes: Sequence[int] | None = None,
+) -> Recording:
+    """Call ``send`` in each period for ``seconds``, with ``axes`` (all) claimed; wait for rest."""
+    with (
+        harness.recording() as recording,
+        harness.robot.axes.claimed("conformance", harness.all if axes is None else axes),
+        harness.each_period(send),
+    ):
+        harness.pass_time(seconds)
+    harness.rest()
+    return recording
+
+
+def ramped(time_s: float, ramp_s: float, brake_s: float = math.inf) -> tuple[float, float]:
+    """Return distance and velocity of a motion at ``time_s``, both per unit of its speed.
+
+    It speeds up for ``ramp_s``, cruises until ``brake_s``, and slows down for ``ramp_s``.
+    """
+    up_s, down_s = min(time_s, ramp_s), min(max(0.0, time_s - brake_s), ramp_s)
+    cruise_s = max(0.0, min(time_s, brake_s) - ramp_s)
+    way_s = up_s**2 / (2.0 * ramp_s) + cruise_s + down_s - down_s**2 / (2.0 * ramp_s)
+    return way_s, (up_s - down_s) / ramp_s
+
+
+def steep_ramps(harness: Harness, recording: Recording, span_s: float, more: float) -> list[str]:
+    """Axes whose velocity command changes faster than ``more`` times their profile's ramp."""
+    _, ramps = recording.slope(recording.velocity_command, span_s)
+    steepest = abs(ramps).max(0)
+    limits = [more * harness.profile(axis).acceleration for axis in harness.all]
+    return [
+        f"axis {axis}: acceleration {steepest[axis]:.3g} rad/s², the limit is {limits[axis]:.3g}"
+        for axis in harness.all
+        if steepest[axis] > limits[axis]
+    ]

@@ -1,0 +1,108 @@
+"""Ageing of values: stale values are never shown as fresh."""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+
+import numpy as np
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.drivers import DeviceDriver
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import ConnectionState
+from robotd.errors import Unsupported
+from robotd_conformance.checks.harness import Harness
+from robotd_conformance.checks.recorded_motion import record_move
+
+CALLS = 20
+
+
+def test_values_are_fresh(harness: Harness) -> None:
+    ages_s = []
+
+    def watch(image: object) -> None:
+        ages_s.append((harness.clock.now_ns() - harness.image.fresh_ns) * 1e-9)
+
+    with harness.each_period(watch):
+        harness.pass_time(0.3)
+    assert max(ages_s) <= harness.robot.connection.settings.stale_after_s
+    assert min(ages_s) >= -harness.period_s, "values from the future: another clock was used"
+
+
+def test_their_time_goes_on(harness: Harness) -> None:
+    first = harness.image.fresh_ns
+    harness.pass_time(0.2)
+    assert abs((harness.image.fresh_ns - first) * 1e-9 - 0.2) <= 0.1
+
+
+def test_values_follow_the_motion(harness: Harness) -> None:
+    stale_s = harness.robot.connection.settings.stale_after_s
+    recording = record_move(harness)
+    for axis in harness.all:
+        fast = np.abs(recording.velocity_command[:, axis]) > 0.5 * harness.profile(axis).velocity
+        assert fast.any(), "the commanded velocity does not show the motion"
+        times_s, position = recording.time_s[fast], recording.position[fast, axis]
+        changed = times_s[np.flatnonzero(np.diff(position, prepend=np.nan))]
+        assert np.diff(changed).max(initial=0.0) <= stale_s
+        assert len(changed) > 3, "the position stands still while the axis moves"
+
+
+def test_a_dead_bus_does_not_look_alive(fresh: Harness) -> None:
+    injector, connection = fresh.injector, fresh.robot.connection
+    injector.freeze(True)
+    stale_s = connection.settings.stale_after_s
+    fresh.until(lambda: not connection.ready, "the engine is not ready", 3 * stale_s + 0.2)
+    assert connection.state in (ConnectionState.UNKNOWN, ConnectionState.RUNNING)
+    injector.freeze(False)
+    if connection.state is ConnectionState.UNKNOWN:
+        fresh.until(lambda: connection.ready, "the engine is ready again when values arrive")
+
+
+def test_the_device_says_at_once_why_it_is_silent(unopened: Harness) -> None:
+    device: DeviceDriver = vars(unopened.drivers.device)["wrapped"]
+
+    def said() -> str:
+        began_s = time.perf_counter()
+        text = min(device.fault() for _ in range(CALLS))
+        assert (time.perf_counter() - began_s) / CALLS < unopened.period_s, "fault() blocks"
+        assert "\n" not in text, "a fault is part of a line"
+        return text
+
+    said()
+    unopened.start()
+    assert said() == "", "a fault while fresh values arrive"
+    if unopened.fault_injector is not None:
+        with suppress(Unsupported):
+            unopened.fault_injector.freeze(True)
+            unopened.until(lambda: not unopened.robot.connection.ready, "the engine is not ready")
+            said()
+            unopened.fault_injector.freeze(False)
+    unopened.robot.connection.close()
+    said()
+
+
+def test_a_dead_bus_ends_a_trajectory(
+    harness: Harness, joints: list[int], injector: FaultInjector
+) -> None:
+    with harness.following([1.5], [harness.travel()[joints]]) as execution:
+        harness.pass_time(0.4)
+        injector.freeze(True)
+        try:
+            harness.until(lambda: execution.done, "the trajectory ends")
+        finally:
+            injector.freeze(False)
+    assert execution.outcome is Outcome.FAULT
+    harness.rest()
+
+
+def test_nothing_is_fresh_after_communication_stopped(fresh: Harness) -> None:
+    fresh.robot.connection.stop_communication()
+    fresh.pass_time(0.05)
+    image = ProcessImage(fresh.count)
+    fresh.drivers.axes.read(image)
+    last = image.fresh_ns
+    fresh.pass_time(0.2)
+    fresh.drivers.axes.read(image)
+    assert image.fresh_ns == last

@@ -1,0 +1,155 @@
+"""Cost of a period: ``read``, ``stream`` and ``state`` return at once."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from robotd.device.process_image import ProcessImage
+from robotd_conformance.checks.harness import Harness, MakeHarness
+from robotd_conformance.checks.stopwatch import timed
+
+CALLS = 400
+TYPICAL_SHARE = 0.25  # of a period: the median
+WORST_SHARE = 1.0  # of a period: 99 of 100
+MANY, MANY_SLOW = 2000, 4  # reads, and how many of them may be slow
+SLOW_STATE_S = 0.02
+ATTEMPTS = 3  # a busy computer makes calls slower, never faster: the best attempt counts
+
+
+def check(harness: Harness, what: str, measure: Callable[[], list[float]]) -> None:
+    """Judge the durations in s that ``measure`` returns, by the best attempt."""
+    period_s, attempts = harness.period_s, list[tuple[float, float]]()
+    for _ in range(ATTEMPTS):
+        typical_s, worst_s = map(float, np.percentile(measure(), (50, 99)))
+        if typical_s <= TYPICAL_SHARE * period_s and worst_s <= WORST_SHARE * period_s:
+            return
+        attempts.append((typical_s, worst_s))
+    typical_s, worst_s = min(attempts)
+    raise AssertionError(
+        f"{what} takes {typical_s * 1e6:.0f} µs, 99 of 100 times at most"
+        f" {worst_s * 1e6:.0f} µs; a period has {period_s * 1e6:.0f} µs"
+    )
+
+
+def reads(harness: Harness, count: int = CALLS) -> list[float]:
+    """Durations in s of the control loop's own calls of ``read``, at least ``count``.
+
+    No other thread may call it, and a second call in a period could send a second frame.
+    """
+    axes, durations = harness.drivers.axes, list[float]()
+    read = axes.read
+
+    def timed_read(image: ProcessImage) -> None:
+        with timed(durations):
+            read(image)
+
+    axes.read = timed_read  # type: ignore[method-assign]
+    try:
+        harness.periods(count)
+        harness.until(lambda: len(durations) >= count, f"the control loop reads {count} times")
+    finally:
+        axes.read = read  # type: ignore[method-assign]
+    return durations
+
+
+def test_read_does_not_block(harness: Harness) -> None:
+    check(harness, "read", lambda: reads(harness))
+
+
+def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
+    def measure() -> list[float]:
+        harness.rest()
+        harness.move_all(speed=0.3)
+        return reads(harness)
+
+    check(harness, "read", measure)
+    harness.rest()
+
+
+def test_stream_does_not_block(harness: Harness) -> None:
+    position, velocity = harness.image.position_command.copy(), np.zeros(harness.count)
+
+    def measure() -> list[float]:
+        durations = list[float]()
+
+        def stream(image: ProcessImage) -> None:
+            with timed(durations):
+                harness.stream(position, velocity)
+
+        with harness.each_period(stream):
+            harness.periods(CALLS)
+        return durations
+
+    with harness.robot.axes.claimed("conformance", harness.all):
+        check(harness, "stream", measure)
+    harness.rest()
+
+
+def test_state_does_not_block(harness: Harness) -> None:
+    def measure() -> list[float]:
+        durations = list[float]()
+        for _ in range(CALLS):
+            harness.periods(1)
+            with timed(durations):
+                harness.drivers.device.state()
+        return durations
+
+    check(harness, "state", measure)
+
+
+def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
+    image = harness.image
+    arrays = {name: value for name, value in vars(image).items() if isinstance(value, np.ndarray)}
+    reasons = image.reason
+    harness.periods(2)
+    replaced = [name for name, array in arrays.items() if getattr(image, name) is not array]
+    assert not replaced, f"read replaced the arrays {', '.join(replaced)}"
+    assert image.reason is reasons
+    assert [type(reason) for reason in reasons] == [str] * harness.count
+    for values in (
+        image.position,
+        image.velocity,
+        image.position_command,
+        image.velocity_command,
+    ):
+        assert np.isfinite(values).all()
+    assert image.servo_on.all()
+    assert not image.offline.any()
+
+
+def test_no_read_of_many_is_slow_or_fails(harness: Harness) -> None:
+    slow = 0
+    for _ in range(ATTEMPTS):
+        slow = sum(duration > harness.period_s for duration in reads(harness, MANY))
+        if slow <= MANY_SLOW:
+            break
+    assert slow <= MANY_SLOW, f"{slow} of {MANY} reads took longer than a period"
+
+
+def test_state_answers_while_something_slow_runs(make_harness: MakeHarness) -> None:
+    harness = make_harness(real_time=True)
+    harness.start()
+    ended = threading.Event()
+
+    def switch() -> None:
+        while not ended.is_set():
+            harness.drivers.axes.servo(0, False, 5.0)
+            harness.drivers.axes.servo(0, True, 5.0)
+
+    busy = threading.Thread(target=switch, name="caller")
+    busy.start()
+    try:
+        durations = list[float]()
+        for _ in range(100):
+            time.sleep(0.01)
+            with timed(durations):
+                harness.drivers.device.state()
+    finally:
+        ended.set()
+        busy.join(20.0)
+    slow = sorted(durations)[-10]
+    assert slow < SLOW_STATE_S, f"state() waits {slow * 1e3:.0f} ms for a servo"

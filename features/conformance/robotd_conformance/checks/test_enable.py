@@ -1,0 +1,102 @@
+"""Enabling and disabling: without a jump, only the axis that is meant, and truthfully."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotd.device.fault_injector import FaultInjector
+from robotd.errors import NotReady, OperationError
+from robotd.motion.profile import Profile
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+
+MORE = 1.3
+
+
+def test_enabling_does_not_move_the_axis(harness: Harness) -> None:
+    harness.disable()
+    harness.rest()
+    start = harness.image.position.copy()
+    with harness.recording() as recording:
+        harness.enable()
+        harness.pass_time(0.3)
+    assert np.abs(recording.position - start).max() <= SETTLED_RAD
+
+
+def test_enabling_after_a_move_by_hand_does_not_jump(
+    harness: Harness, injector: FaultInjector
+) -> None:
+    harness.disable()
+    harness.rest()
+    for axis, delta in zip(harness.all, harness.travel(), strict=True):
+        injector.move_by_hand(axis, float(delta))
+    harness.periods(5)
+    start = harness.image.position.copy()
+    with harness.recording() as recording:
+        harness.enable()
+        harness.pass_time(0.3)
+    assert np.abs(recording.position - start).max() <= SETTLED_RAD
+    enabled = recording.servo_on.astype(bool)
+    jump = np.abs(recording.position_command - recording.position)[enabled]
+    assert jump.max() <= SETTLED_RAD, "the command was not set to the measured position"
+
+
+def test_a_move_by_hand_is_seen(harness: Harness, injector: FaultInjector) -> None:
+    harness.disable()
+    harness.rest()
+    start, delta = harness.image.position.copy(), harness.travel(0.5)
+    for axis in harness.all:
+        injector.move_by_hand(axis, float(delta[axis]))
+    harness.periods(5)
+    assert harness.image.position == pytest.approx(start + delta, abs=SETTLED_RAD)
+
+
+def test_servo_returns_when_the_drive_says_so(harness: Harness) -> None:
+    driver = harness.drivers.axes
+    for on in (False, True, True, False, False, True):
+        for axis in harness.all:
+            driver.servo(axis, on, 5.0)
+        harness.periods(2)
+        assert (harness.image.servo_on == on).all()
+
+
+def test_only_the_named_servo_is_switched(harness: Harness) -> None:
+    for axis in harness.all:
+        harness.robot.axes.servo(axis, False)
+        harness.periods(3)
+        group = harness.servo_group(axis)
+        assert not harness.image.servo_on[group].any()
+        assert np.delete(harness.image.servo_on, group).all()
+        harness.robot.axes.servo(axis, True)
+
+
+def test_enabling_an_axis_in_motion_changes_nothing(harness: Harness) -> None:
+    targets = harness.image.position_command + harness.travel()
+    with harness.recording() as recording:
+        harness.move(harness.all, targets)
+        harness.pass_time(0.15)
+        for axis in harness.all:
+            harness.drivers.axes.servo(axis, True, 5.0)
+        harness.rest()
+    assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
+    fastest = np.array([harness.profile(axis).velocity for axis in harness.all])
+    assert (np.abs(recording.velocity).max(0) <= MORE * fastest).all(), "an axis has jumped"
+
+
+def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
+    harness.disable()
+    harness.rest()
+    start = harness.image.position.copy()
+    with pytest.raises(NotReady):
+        harness.move([0], start + harness.travel())
+    with pytest.raises(OperationError):
+        harness.drivers.axes.move(0, float(start[0] + harness.travel()[0]), Profile(0.5, 2.0, 2.0))
+    harness.pass_time(0.3)
+    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
+
+
+def test_an_enabled_axis_holds_its_position(harness: Harness) -> None:
+    start = harness.image.position.copy()
+    with harness.recording() as recording:
+        harness.pass_time(0.5)
+    assert np.abs(recording.position - start).max() <= SETTLED_RAD

@@ -1,0 +1,155 @@
+"""Measured values: measured, stamped on arrival, and distinct from commands."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+
+LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
+HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
+UNDATED = 0.5  # share of the values whose time may wait for a slower drive of the same bus
+CODES = (0x07, 0x2310, 0x8611)
+A_WORD = re.compile(r"[^\W\d_]{3}")
+EMPTY_WORDS = {"alarm", "error", "fault", "failed", "unknown", "none", "n/a"}
+
+
+def test_time_stamps_never_go_back(harness: Harness) -> None:
+    stamps: list[int] = []
+    harness.move_all()
+    with harness.each_period(lambda image: stamps.append(image.fresh_ns)):
+        harness.pass_time(0.5)
+    steps = np.diff(stamps)
+    assert (steps >= 0).all(), "a value is older than the one before"
+    assert steps.max() <= 1e9 * (5 * harness.feedback_s + 0.05)
+    harness.rest()
+
+
+def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
+    """Values and their time change together: the age of a value is known."""
+    values: list[tuple[int, float]] = []
+    targets = harness.image.position_command + harness.travel()
+    with harness.each_period(
+        lambda image: values.append((image.fresh_ns, float(image.position[0])))
+    ):
+        harness.move(harness.all, targets)
+        harness.rest()
+    stamps, positions = np.array([stamp for stamp, _ in values]), np.array(values)[:, 1]
+    fresh, moved = np.diff(stamps) > 0, np.diff(positions) != 0
+    undated = (moved & ~fresh).sum() / max(1, moved.sum())
+    assert undated <= UNDATED, f"{undated:.0%} of the values changed and their time did not"
+    way = np.abs(positions - positions[0]) / np.abs(positions[-1] - positions[0])
+    begin, end = np.argmax(way > 0.2), np.argmax(way > 0.8)
+    held = (fresh & ~moved)[begin:end].sum() / max(1, fresh[begin:end].sum())
+    assert held <= HELD, f"{held:.0%} of the time stamps are newer than their values"
+
+
+def test_a_blocked_axis_is_measured_where_it_is(fresh: Harness) -> None:
+    injector = fresh.injector
+    start = fresh.image.position.copy()
+    shaft = injector.position(0)
+    injector.block(0, True)
+    fresh.move([0], start + fresh.travel())
+    seen = []
+    for _ in range(40):
+        fresh.periods(2)
+        seen.append((fresh.image.position[0], fresh.image.position_command[0],
+                     fresh.image.velocity[0], injector.position(0)))  # fmt: skip
+        if fresh.image.amp_alarm[0] or abs(fresh.image.position_command[0] - start[0]) > 0.04:
+            break
+    position, command, velocity, real = np.array(seen).T
+    injector.block(0, False)
+    assert np.abs(command - start[0]).max() > 2 * SETTLED_RAD, "the command does not move"
+    assert np.abs(position - start[0]).max() <= SETTLED_RAD, "the position is that of the command"
+    assert np.abs(velocity[1:]).max() <= 0.05, "the velocity is that of the command"
+    assert np.abs(real - shaft).max() <= SETTLED_RAD, "the fault injector shows the command"
+
+
+def test_a_jump_of_the_encoder_is_seen(disabled: Harness) -> None:
+    injector = disabled.injector
+    before = disabled.image.position.copy()
+    injector.jump_encoder(0, 0.02)
+    disabled.periods(5)
+    before[0] += 0.02
+    assert disabled.image.position == pytest.approx(before, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.SIMULATED)
+def test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known(harness: Harness) -> None:
+    torques, speeds = [], []
+
+    def look(image: object) -> None:
+        torques.append(harness.image.torque.copy())
+        speeds.append(harness.image.velocity_command.copy())
+
+    distance = harness.travel()
+    with harness.each_period(look):
+        harness.move(harness.all, harness.image.position_command + distance)
+        harness.rest()
+    torque, speed = np.array(torques) * np.sign(distance), np.abs(np.array(speeds))
+    change = np.gradient(speed, axis=0)
+    for axis in harness.all:
+        if np.isnan(torque[:, axis]).all():
+            continue
+        limit = 0.3 * np.abs(change[:, axis]).max()
+        faster = torque[change[:, axis] > limit, axis].mean()
+        slower = torque[change[:, axis] < -limit, axis].mean()
+        assert faster > slower, "torque has the wrong sign, or is 0 instead of NaN"
+
+
+def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -> None:
+    if np.isnan(harness.image.torque).all():
+        pytest.skip(f"the {harness.robot.backend.name} backend measures no torque")
+    shown, exerted = [], []
+    harness.move_all(speed=0.5)
+    for _ in range(100):
+        harness.periods(2)
+        shown.append(harness.image.torque.copy())
+        exerted.append([injector.torque(axis) for axis in harness.all])
+    harness.rest()
+    measured, real = np.array(shown), np.array(exerted)
+    for axis in np.flatnonzero(np.isfinite(measured).all(0)):
+        size = (real[:, axis] ** 2).sum()
+        gain = float((measured[:, axis] * real[:, axis]).sum() / size)
+        assert gain == pytest.approx(1.0, abs=0.2), f"axis {axis}: {gain:.3g} shown for 1 N·m"
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_code_is_shown_in_full_with_a_reason(harness: Harness, code: int) -> None:
+    harness.trip(code)
+    harness.periods(5)
+    assert harness.image.alarm_code[0] == code
+    reason = harness.image.reason[0]
+    assert reason == reason.strip()
+    assert not reason or A_WORD.search(reason), f"{reason!r} has no word"
+    assert reason.lower().rstrip(".!") not in EMPTY_WORDS, f"{reason!r} says nothing"
+
+
+def test_the_code_is_that_of_the_present_alarm(harness: Harness) -> None:
+    for code in CODES:
+        harness.trip(code)
+        harness.periods(5)
+        assert harness.image.alarm_code[0] == code
+        harness.robot.axes.clear_alarm(0)
+        harness.until(lambda: not harness.image.amp_alarm[0], "the alarm is cleared", 1.0)
+
+
+def test_an_alarm_stays_however_long_it_takes(harness: Harness) -> None:
+    harness.trip(CODES[0])
+    harness.pass_time(LONG_STEPPED_S if harness.stepped else LONG_S)
+    assert harness.image.amp_alarm[0], "the alarm went away by itself"
+    assert harness.image.alarm_code[0] == CODES[0]
+
+
+def test_switching_on_clears_no_alarm(harness: Harness) -> None:
+    harness.trip(CODES[0])
+    try:
+        harness.drivers.axes.servo(0, True, 1.0)
+    except Exception:  # noqa: BLE001 - rejected, in whatever words
+        harness.periods(3)
+    assert harness.image.amp_alarm[0], "switching on cleared the alarm"

@@ -1,0 +1,205 @@
+"""Fieldbus answers: there in every state, consistent, and without side effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+
+from robotd.device.bus_status import BusState, BusStatus
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import FieldbusDriver
+from robotd.device.fault_injector import FaultInjector
+from robotd.errors import OperationError
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
+
+pytestmark = pytest.mark.needs(Capability.FIELDBUS)
+
+DEVICE_TYPE, IDENTITY = 0x1000, 0x1018  # objects that CiA 301 and CoE ask of every node
+RESERVED = 0x0FFF  # no object can have this index
+
+
+def fieldbus_of(harness: Harness) -> FieldbusDriver:
+    driver = harness.drivers.fieldbus
+    if driver is None:
+        pytest.skip(f"the robot {harness.robot.descriptor.name} has no fieldbus on this backend")
+    return driver
+
+
+def test_it_answers_in_every_state(unopened: Harness) -> None:
+    driver, device = fieldbus_of(unopened), unopened.drivers.device
+    assert driver.buses >= 1
+    unopened.begin()
+    calls: list[Callable[[], object]] = [
+        device.state,
+        unopened.open,
+        lambda: device.start_communication(10.0),
+        lambda: device.stop_communication(10.0),
+        device.close,
+    ]
+    for call in calls:
+        call()
+        for master in range(driver.buses):
+            assert isinstance(driver.status(master), BusStatus)
+
+
+def test_the_slaves_are_told_apart(harness: Harness) -> None:
+    driver = fieldbus_of(harness)
+    for master in range(driver.buses):
+        network = driver.status(master)
+        ids = [node.id for node in network.nodes]
+        assert len(ids) == len(set(ids))
+        assert sorted(driver.node_ids(master)) == sorted(ids), "node_ids differ from the status"
+        assert {type(node.state) for node in network.nodes} <= {BusState}
+
+
+def test_the_drives_are_operational(harness: Harness) -> None:
+    driver = fieldbus_of(harness)
+    networks = [driver.status(master) for master in range(driver.buses)]
+    assert sum(network.axes for network in networks) >= harness.count
+    drives = [node for network in networks for node in network.nodes if node.axes]
+    assert all(node.state is BusState.OPERATIONAL and not node.offline for node in drives)
+    assert not any(node.fault for node in drives)
+
+
+def test_what_is_told_of_it_is_text(harness: Harness) -> None:
+    driver = fieldbus_of(harness)
+    for network in map(driver.status, range(driver.buses)):
+        texts = [
+            *network.details,
+            *network.details.values(),
+            *(node.fault for node in network.nodes),
+        ]
+        assert {type(text) for text in texts} <= {str}
+        assert not any("\n" in text for text in texts)
+
+
+def test_a_lost_slave_is_shown(fresh: Harness) -> None:
+    driver = fieldbus_of(fresh)
+    fresh.injector.disconnect(0)
+
+    def lost() -> bool:
+        nodes = [node for bus in range(driver.buses) for node in driver.status(bus).nodes]
+        return any(node.offline or node.state is not BusState.OPERATIONAL for node in nodes)
+
+    fresh.until(lost, "a slave is offline or not operational", 3.0)
+
+
+@pytest.mark.needs(Capability.REGISTER_READ)
+def test_registers_have_the_length_that_was_asked_for(harness: Harness) -> None:
+    slave = fieldbus_of(harness).status(0).nodes[0].id
+    for length in (1, 2, 4, 16):
+        assert len(harness.robot.fieldbus.read_register(0, slave, 0x0000, length)) == length
+    whole = harness.robot.fieldbus.read_register(0, slave, 0x0000, 8)
+    assert harness.robot.fieldbus.read_register(0, slave, 0x0004, 4) == whole[4:]
+
+
+@pytest.mark.needs(Capability.STATISTICS)
+def test_counters_are_zero_after_a_reset(harness: Harness) -> None:
+    harness.robot.fieldbus.reset_statistics(0)
+    network = harness.robot.fieldbus.status(0)
+    assert (network.lost_frames, network.timeouts, network.late_cycles) == (0, 0, 0)
+
+
+@pytest.mark.needs(Capability.HOT_CONNECT)
+def test_a_hot_connect_moves_and_switches_nothing(harness: Harness) -> None:
+    start = harness.image.position.copy()
+    harness.robot.fieldbus.start_hot_connect(0)
+    harness.pass_time(0.5)
+    assert harness.image.servo_on.all()
+    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
+
+
+def test_a_bus_that_exchanges_nothing_is_not_operational(unopened: Harness) -> None:
+    driver = fieldbus_of(unopened)
+    unopened.begin()
+    unopened.open()
+    assert driver.status(0).state is not BusState.OPERATIONAL
+    unopened.drivers.device.start_communication(10.0)
+    assert driver.status(0).state is BusState.OPERATIONAL
+    unopened.drivers.device.stop_communication(10.0)
+    assert driver.status(0).state is not BusState.OPERATIONAL
+
+
+def test_the_nodes_have_as_many_axes_as_the_bus(harness: Harness) -> None:
+    driver = fieldbus_of(harness)
+    for status in map(driver.status, range(driver.buses)):
+        assert sum(node.axes for node in status.nodes) == status.axes
+        assert status.period_s >= 0.0
+        places = [node.position for node in status.nodes]
+        assert len(set(places)) in (1, len(places)), "two nodes are at one place"
+
+
+def test_the_lost_node_is_the_one_that_was_lost(make_harness: MakeHarness) -> None:
+    lost = []
+    for axis in (0, 1):
+        harness = make_harness()
+        harness.start()
+        if harness.count < 2:
+            pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
+        driver = fieldbus_of(harness)
+        harness.injector.disconnect(axis)
+        harness.until(partial(is_offline, harness, axis), "the drive is offline", 3.0)
+        harness.periods(5)
+        found = [
+            (bus, node.id)
+            for bus in range(driver.buses)
+            for node in driver.status(bus).nodes
+            if node.offline
+        ]
+        assert len(found) == 1
+        lost += found
+    assert lost[0] != lost[1]
+
+
+def is_offline(harness: Harness, axis: int) -> bool:
+    return bool(harness.image.offline[axis])
+
+
+@pytest.mark.needs(Capability.STATISTICS)
+def test_lost_frames_are_counted_until_a_reset(harness: Harness, injector: FaultInjector) -> None:
+    def lost() -> int:
+        status = harness.robot.fieldbus.status(0)
+        return status.lost_frames + status.timeouts
+
+    harness.robot.fieldbus.reset_statistics(0)
+    injector.lose_packets(3)
+    harness.until(lambda: lost() >= 1, "lost frames are counted", 2.0)
+    harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
+    assert lost() >= 1, "reading the counters has reset them"
+    harness.robot.fieldbus.reset_statistics(0)
+    assert lost() == 0
+
+
+@pytest.mark.needs(Capability.REGISTER_READ)
+def test_registers_differ_from_each_other_and_between_nodes(harness: Harness) -> None:
+    nodes = [node.id for node in fieldbus_of(harness).status(0).nodes]
+    blocks = [harness.robot.fieldbus.read_register(0, node, 0, 64) for node in nodes[:2]]
+    assert len(set(blocks[0])) > 2, "every register has the same value"
+    assert len(set(blocks)) == len(blocks), "two nodes have the same registers"
+
+
+@pytest.mark.needs(Capability.OBJECTS)
+def test_objects_are_read_from_the_node_that_was_asked(harness: Harness) -> None:
+    fieldbus = harness.robot.fieldbus
+    for node in (node.id for node in fieldbus_of(harness).status(0).nodes):
+        kind = fieldbus.read_object(0, node, DEVICE_TYPE)
+        assert len(kind) == 4, "0x1000:00 is an UNSIGNED32 of every node"
+        assert fieldbus.read_object(0, node, IDENTITY, 0)[0] in range(1, 5)
+        assert fieldbus.read_object(0, node, DEVICE_TYPE) == kind
+
+
+@pytest.mark.needs(Capability.OBJECTS)
+def test_an_object_that_the_node_does_not_have_is_an_error_without_effect(harness: Harness) -> None:
+    fieldbus, node = harness.robot.fieldbus, fieldbus_of(harness).status(0).nodes[0].id
+    kind, start = fieldbus.read_object(0, node, DEVICE_TYPE), harness.image.position.copy()
+    with pytest.raises(OperationError):
+        fieldbus.read_object(0, node, RESERVED)
+    with pytest.raises(OperationError):
+        fieldbus.write_object(0, node, RESERVED, 0, bytes(4))
+    assert fieldbus.read_object(0, node, DEVICE_TYPE) == kind
+    harness.periods(5)
+    assert harness.image.servo_on.all()
+    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD

@@ -1,0 +1,141 @@
+"""The process around the backend: it belongs to robotd and stays as it is."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import threading
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd_conformance.checks.surroundings import surroundings
+
+OWN_LOG = "component="
+STANDARD_ERROR = 2  # its file descriptor
+READS, SPANS, OBJECTS_PER_READ = 100, 10, 0.5
+
+
+def hooks() -> dict[str, object]:
+    return {
+        "exception hooks": (sys.excepthook, threading.excepthook),
+        "standard streams": (sys.stdout, sys.stderr),
+    }
+
+
+def test_it_is_left_as_it_is(
+    make_harness: MakeHarness,
+    at_start: dict[str, object],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    before = at_start | hooks()
+    harness = make_harness()
+    harness.start()
+    harness.move_all(0.2)
+    harness.rest()
+    during = surroundings() | hooks()
+    harness.stop()
+    for seen in (during, surroundings() | hooks()):
+        assert [name for name in before if seen[name] != before[name]] == []
+    said = capfd.readouterr()
+    foreign = [line for line in said.out.splitlines() if line and OWN_LOG not in line]
+    assert foreign == [], "standard output belongs to the program"
+
+
+def test_closing_takes_no_time(fresh: Harness) -> None:
+    device = fresh.drivers.device
+    device.stop_communication(5.0)
+    began_ns = fresh.clock.now_ns()
+    began_s = time.perf_counter()
+    device.close()
+    assert time.perf_counter() - began_s < 3.0, "close() takes more than 3 s"
+    assert (fresh.clock.now_ns() - began_ns) * 1e-9 < 3.0
+
+
+def test_reading_needs_no_memory(fresh: Harness) -> None:
+
+    def growth() -> float:
+        """Return the objects that the process gains per read of the control loop."""
+        before = living_objects()
+        fresh.periods(READS)
+        return (living_objects() - before) / READS
+
+    # The device's threads make objects, too, and on a busy computer use them late. They do not do
+    # so in every span, as a leak does.
+    grown = [growth()]
+    while min(grown) > OBJECTS_PER_READ and len(grown) < SPANS:
+        grown.append(growth())
+    assert min(grown) <= OBJECTS_PER_READ, f"a read leaves {min(grown):.1f} objects behind"
+
+
+def living_objects() -> int:
+    gc.collect()
+    return sys.getallocatedblocks()
+
+
+def test_a_forked_process_does_not_disturb_the_device(fresh: Harness) -> None:
+    start = fresh.image.position_command.copy()
+    assert in_a_fork(lambda: None) == ""
+    fresh.pass_time(0.2)
+    assert fresh.robot.connection.ready, "a fork has ended the communication"
+    assert fresh.image.servo_on.all(), "a fork has switched servos off"
+    fresh.move(fresh.all, start + fresh.travel(0.2))
+    fresh.rest()
+    assert fresh.image.position == pytest.approx(start + fresh.travel(0.2), abs=SETTLED_RAD)
+
+
+def test_a_device_can_be_opened_after_a_fork(unopened: Harness) -> None:
+
+    def use() -> None:
+        unopened.start(enable=False)
+        assert np.isfinite(unopened.image.position).all()
+        unopened.stop()
+
+    failure = in_a_fork(use)
+    assert failure == "", (
+        f"the device that was made before a fork cannot be used after it: {failure}"
+    )
+
+
+def test_programs_inherit_no_handle(make_harness: MakeHarness) -> None:
+    before = inherited_handles()
+    make_harness().start(enable=False)
+    left = inherited_handles() - before
+    assert not left, "a program that robotd starts would hold the device open"
+
+
+def in_a_fork(work: Callable[[], None]) -> str:
+    """Run ``work`` in a forked process; return its traceback, "" without one."""
+    reader, writer = os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # threads of others are not forked
+        child = os.fork()
+    if child == 0:
+        try:
+            work()
+        except BaseException:  # noqa: BLE001 - reported to the parent
+            os.write(writer, traceback.format_exc()[-2000:].encode())
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, encoding="utf-8") as report:
+        failure = report.read()
+    os.waitpid(child, 0)
+    return failure
+
+
+def inherited_handles() -> set[str]:
+    """Return the targets of the handles that a program gets which is started now."""
+    found = set[str]()
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):  # the handle of this very listing
+            if int(link.name) > STANDARD_ERROR and os.get_inheritable(int(link.name)):
+                found.add(str(link.readlink()))
+    return found

@@ -1,0 +1,81 @@
+"""Moves keep to the profile that they were given, and to nothing more."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotd.device.state import Operation
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.recorded_motion import judge, record_move, steep_ramps
+
+SPAN_S = 0.02  # over which ramps are measured
+MORE = 1.1  # what a measured value may be above its limit
+
+
+@pytest.mark.parametrize("share", [1.0, 0.4])
+def test_a_move_keeps_to_its_velocity(harness: Harness, share: float) -> None:
+    way, recording = np.abs(harness.travel()), record_move(harness, share)
+    problems = []
+    for axis, top in enumerate(np.abs(recording.velocity).max(0)):
+        profile = harness.profile(axis, share)
+        # On a short way a gentle ramp leaves no time for the whole speed.
+        reached = min(profile.velocity, float(np.sqrt(way[axis] * profile.acceleration)))
+        if not 0.8 * reached <= top <= MORE * profile.velocity:
+            problems.append(f"axis {axis}: {top:.3g} rad/s, commanded {profile.velocity:.3g}")
+    judge(harness, recording, problems)
+
+
+def test_a_move_keeps_to_its_ramps(harness: Harness) -> None:
+    recording = record_move(harness)
+    judge(harness, recording, steep_ramps(harness, recording, SPAN_S, MORE))
+
+
+def test_a_second_is_a_second(harness: Harness) -> None:
+    distance, recording = harness.travel(), record_move(harness, 0.3)
+    for axis in harness.all:
+        profile = harness.profile(axis, 0.3)
+        shortest_s = (
+            abs(distance[axis]) / profile.velocity + profile.velocity / profile.acceleration
+        )
+        moving = recording.time_s[np.abs(recording.velocity[:, axis]) > 0.02 * profile.velocity]
+        took_s = moving[-1] - moving[0]
+        # Ramps may be rounded off, which takes longer; nothing may be faster than its profile.
+        assert 0.93 * shortest_s <= took_s <= 1.5 * shortest_s + 0.1
+
+
+def test_a_move_ends_at_its_target_without_overshoot(harness: Harness) -> None:
+    start, distance = harness.image.position.copy(), harness.travel()
+    recording = record_move(harness)
+    for axis in harness.all:
+        way = (recording.position[:, axis] - start[axis]) * np.sign(distance[axis])
+        assert way.max() <= abs(distance[axis]) + SETTLED_RAD
+        assert way.min() >= -SETTLED_RAD
+
+
+def test_a_move_shows_what_it_does(harness: Harness) -> None:
+    harness.move_all()
+    harness.until(
+        lambda: bool((harness.image.operation == Operation.POSITION).all()), "all axes move"
+    )
+    assert not harness.image.motion_complete.any()
+    harness.rest()
+    assert harness.image.motion_complete.all()
+
+
+def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
+    start, distance = harness.image.position_command.copy(), harness.travel()
+    with harness.recording() as recording:
+        harness.move(harness.all, start + distance)
+        harness.pass_time(0.2)
+        harness.move(harness.all, start - 0.2 * distance)
+        harness.rest()
+    assert np.abs(harness.image.position - (start - 0.2 * distance)).max() <= SETTLED_RAD
+    judge(harness, recording, steep_ramps(harness, recording, SPAN_S, MORE))
+
+
+def test_a_move_to_where_it_stands_ends(harness: Harness) -> None:
+    start = harness.image.position.copy()
+    harness.move(harness.all, harness.image.position_command)
+    harness.rest()
+    assert np.abs(harness.image.position - start).max() <= SETTLED_RAD

@@ -1,0 +1,183 @@
+"""Ramps: each is the requested one; a stop ends any motion at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from math import isfinite
+
+import numpy as np
+import pytest
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.capabilities import Capability
+from robotd.device.drivers import AxisDriver
+from robotd.motion.profile import Profile
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.recorded_motion import jog, judge
+from robotd_conformance.checks.recording import Recording
+
+SPAN_S = 0.02  # over which ramps are measured
+MORE, LESS = 1.15, 0.6  # share of the asked-for ramp that the steepest part may have
+GENTLE = 0.4
+JOG_SHARE = 0.5  # of the speed of a move
+RETURNS_S = 0.05
+LONG_S, LONG_STEPPED_S = 4.0, 20.0  # stepped time costs little
+
+Stop = Callable[[AxisDriver, Sequence[int]], None]
+STOPS = [
+    pytest.param(lambda driver, axes: driver.stop(axes), id="stop"),
+    pytest.param(lambda driver, axes: driver.quick_stop(axes), id="quick_stop"),
+]
+
+
+def uneven(harness: Harness, axis: int, gentle: str) -> Profile:
+    """A profile of which one ramp is gentler than the other."""
+    even = harness.profile(axis)
+    gentler = GENTLE * even.acceleration
+    if gentle == "acceleration":
+        return Profile(even.velocity, gentler, even.deceleration)
+    return Profile(even.velocity, even.acceleration, gentler)
+
+
+def ramp_problems(
+    recording: Recording, profiles: Sequence[Profile], *, rising: bool = True
+) -> list[str]:
+    """Axes whose steepest ramps are not those of their profiles."""
+    _, ramps = recording.slope(np.abs(recording.velocity_command), SPAN_S)
+    found = []
+    for axis, profile in enumerate(profiles):
+        seen = [("deceleration", -ramps[:, axis].min(), profile.deceleration)]
+        if rising:
+            seen.append(("acceleration", ramps[:, axis].max(), profile.acceleration))
+        found += [
+            f"axis {axis}: {name} {ramp:.3g} rad/s², asked for {asked:.3g}"
+            for name, ramp, asked in seen
+            if not LESS * asked <= ramp <= MORE * asked
+        ]
+    return found
+
+
+@pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+def test_a_move_has_the_ramps_of_its_profile(harness: Harness, gentle: str) -> None:
+    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
+    with harness.recording() as recording:
+        harness.move(harness.all, harness.image.position_command + harness.travel(), profiles)
+        harness.rest()
+    judge(harness, recording, ramp_problems(recording, profiles))
+
+
+@pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
+    profiles = [uneven(harness, axis, gentle) for axis in harness.all]
+    harness.move(harness.all, harness.image.position_command + harness.travel(), profiles)
+    harness.pass_time(0.15)
+    with harness.recording() as recording:
+        harness.periods(3)
+        harness.robot.axes.stop(harness.all)
+        harness.rest()
+    judge(harness, recording, ramp_problems(recording, profiles, rising=False))
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+@pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle: str) -> None:
+    fresh.set_velocity_mode()
+    profiles = [uneven(fresh, axis, gentle) for axis in fresh.all]
+    speeds = JOG_SHARE * np.array([profile.velocity for profile in profiles])
+    limits = fresh.robot.axes.limits
+    middles = [(each.lower + each.upper) / 2 if isfinite(each.upper) else 0.0 for each in limits]
+    stops: list[Callable[[], None]] = [
+        lambda: fresh.robot.axes.stop(fresh.all),
+        lambda: jog(fresh, 0.0 * speeds, profiles),
+    ]
+    for stop in stops:
+        with fresh.recording() as recording:
+            # Towards the middle of the range, away from the position limits.
+            beyond = fresh.image.position > middles
+            jog(fresh, np.where(beyond, -speeds, speeds), profiles)
+            fresh.pass_time(0.45)
+            stop()
+            fresh.rest()
+        judge(fresh, recording, ramp_problems(recording, profiles))
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Stop) -> None:
+    way = harness.travel()[joints]
+    with harness.following([2.0], [way]) as execution:
+        harness.pass_time(0.8)
+        began = harness.image.position.copy()
+        stop(harness.drivers.axes, joints)
+        harness.until(lambda: execution.done, "the trajectory ends")
+    assert execution.outcome is Outcome.FAULT
+    harness.rest()
+    passed = np.abs(harness.image.position - began)[joints]
+    assert (passed < 0.4 * np.abs(way)).all(), "the trajectory went on"
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_a_stop_returns_at_once(harness: Harness, stop: Stop) -> None:
+    harness.move_all()
+    harness.pass_time(0.2)
+    began_ns, began_s = harness.clock.now_ns(), time.perf_counter()
+    stop(harness.drivers.axes, harness.all)
+    took_s = time.perf_counter() - began_s
+    passed_s = (harness.clock.now_ns() - began_ns) * 1e-9
+    limit_s = 2.0 * harness.period_s if harness.stepped else RETURNS_S
+    late = took_s > RETURNS_S or passed_s > limit_s
+    assert not late, "the control loop calls stop: it must not wait"
+    harness.rest()
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_an_axis_that_is_stopped_neither_returns_nor_goes_on(harness: Harness, stop: Stop) -> None:
+    distance = harness.travel()
+    harness.move(harness.all, harness.image.position_command + distance)
+    harness.pass_time(0.2)
+    with harness.recording() as recording:
+        stop(harness.drivers.axes, harness.all)
+        harness.rest()
+        harness.pass_time(1.5)
+    way = (recording.position - recording.position[0]) * np.sign(distance)
+    assert (way.max(0) - way[-1] <= SETTLED_RAD).all(), "an axis came back after it had stopped"
+    later = recording.time_s > recording.time_s[-1] - 1.4
+    assert np.ptp(recording.position[later], 0).max() <= SETTLED_RAD, "an axis went on"
+
+
+def test_a_short_move_is_made(harness: Harness) -> None:
+    for sign in (1.0, -1.0):
+        targets = harness.image.position_command + sign * np.linspace(0.007, 0.012, harness.count)
+        harness.move(harness.all, targets)
+        harness.rest()
+        assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
+
+
+@pytest.mark.needs(Capability.SIMULATED)
+def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) -> None:
+    limits = harness.robot.axes.limits
+    inner = [
+        (each.lower + 0.025 * room, each.upper - 0.025 * room)
+        if isfinite(room := each.upper - each.lower)
+        else (each.lower, each.upper)
+        for each in limits
+    ]
+    for far in (0.8, 2.5, 4.0, 9.0, -4.0, 0.0):
+        targets = np.array([min(max(far, lower), upper) for lower, upper in inner])
+        ramps = [min(0.9 * each.acceleration, 20.0) for each in limits]
+        profiles = [
+            Profile(min(0.9 * each.velocity, 8.0), ramp, ramp)
+            for each, ramp in zip(limits, ramps, strict=True)
+        ]
+        harness.move(harness.all, targets, profiles)
+        harness.rest()
+        assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+        assert harness.image.position_command == pytest.approx(targets, abs=SETTLED_RAD)
+
+
+def test_a_standing_axis_does_not_drift(harness: Harness) -> None:
+    harness.move_all(0.3)
+    harness.rest()
+    with harness.recording() as recording:
+        harness.pass_time(LONG_STEPPED_S if harness.stepped else LONG_S)
+    assert np.ptp(recording.position, 0).max() <= SETTLED_RAD

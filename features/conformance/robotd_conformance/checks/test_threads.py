@@ -1,0 +1,160 @@
+"""Concurrent calls from several threads while the control loop runs. In real time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from robotd.device.capabilities import Capability
+from robotd.device.state import Operation
+from robotd.errors import OperationError
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd_conformance.checks.stopwatch import timed
+
+SECONDS = 1.0
+BLOCKED_S = 0.02  # a read that takes longer was held up
+BLOCKED_SHARE = 0.2  # of the time; a busy computer holds a read up now and then
+
+
+def together(*works: Callable[[], None], seconds: float = SECONDS) -> None:
+    """Repeat every work in its own thread for a while; none may raise."""
+    errors: list[Exception] = []
+    end_s = time.monotonic() + seconds
+
+    def repeat(work: Callable[[], None]) -> None:
+        try:
+            while time.monotonic() < end_s and not errors:
+                work()
+        except Exception as error:  # noqa: BLE001 - the check looks at all of them
+            errors.append(error)
+
+    threads = [threading.Thread(target=repeat, args=(work,), name="caller") for work in works]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(seconds + 20.0)
+    assert not any(thread.is_alive() for thread in threads), "a call has not come back"
+    assert not errors
+
+
+def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
+    """A harness in real time that records durations and errors of reads."""
+    harness = make_harness(real_time=True)
+    read, durations_s, failures = harness.drivers.axes.read, list[float](), list[str]()
+
+    def watched(image: object) -> None:
+        try:
+            with timed(durations_s):
+                read(image)  # type: ignore[arg-type]
+        except Exception as error:
+            failures.append(f"{type(error).__name__}: {error}")
+            raise
+
+    harness.drivers.axes.read = watched  # type: ignore[method-assign]
+    harness.start()
+    return harness, durations_s, failures
+
+
+def test_commands_to_all_axes_at_once(make_harness: MakeHarness) -> None:
+    harness, durations_s, failures = start(make_harness)
+    home, travel = harness.image.position_command.copy(), harness.travel(0.3)
+    counters = [0] * harness.count
+
+    def command(axis: int) -> Callable[[], None]:
+        def work() -> None:
+            counters[axis] += 1
+            sign = 1.0 if counters[axis] % 2 else -1.0
+            harness.move([axis], home + sign * travel)
+            time.sleep(0.01)
+            if counters[axis] % 5 == 0:
+                harness.robot.axes.stop([axis])
+                harness.until(
+                    lambda: harness.image.operation[axis] == Operation.IDLE, "a stop ends"
+                )
+
+        return work
+
+    together(*(command(axis) for axis in harness.all[:4]), *observers(harness))
+    assert not failures
+    check_not_blocked(durations_s)
+    harness.rest()
+    harness.move(harness.all, home)
+    harness.rest()
+    assert np.abs(harness.image.position - home).max() <= SETTLED_RAD
+
+
+def test_switching_servos_does_not_disturb_the_cycle(make_harness: MakeHarness) -> None:
+    harness, durations_s, failures = start(make_harness)
+
+    def switch(axis: int) -> Callable[[], None]:
+        def work() -> None:
+            harness.robot.axes.servo(axis, False)
+            harness.robot.axes.clear_alarm(axis)
+            harness.robot.axes.servo(axis, True)
+
+        return work
+
+    cycles = harness.robot.control_loop.stats.cycles
+    together(*(switch(axis) for axis in harness.all[:4]), *observers(harness))
+    assert not failures
+    check_not_blocked(durations_s)
+    periods = harness.robot.control_loop.stats.cycles - cycles
+    assert periods > 0.2 * SECONDS / harness.period_s, (
+        f"commands held up the cycle: {periods} periods"
+    )
+    harness.until(lambda: bool(harness.image.servo_on.all()), "all servos are on at the end")
+
+
+def test_communication_may_stop_and_start_while_others_ask(make_harness: MakeHarness) -> None:
+    harness, _, failures = start(make_harness)
+    connection = harness.robot.connection
+
+    def restart() -> None:
+        connection.stop_communication()
+        connection.start_communication()
+
+    def ask() -> None:
+        try:
+            harness.robot.axes.clear_alarm(0)
+        except OperationError:
+            time.sleep(0.001)  # rejected while it is down: that is right
+
+    together(restart, ask, *observers(harness), seconds=0.5)
+    assert not failures
+    harness.until(lambda: connection.ready, "the engine is ready at the end")
+
+
+def check_not_blocked(durations_s: list[float]) -> None:
+    blocked_s = sum(duration_s for duration_s in durations_s if duration_s > BLOCKED_S)
+    assert blocked_s < BLOCKED_SHARE * SECONDS, f"commands held up the cycle for {blocked_s:.2f} s"
+
+
+def observers(harness: Harness) -> list[Callable[[], None]]:
+    """Return the calls that clients make all the time."""
+    fieldbus, io = harness.drivers.fieldbus, harness.drivers.io
+
+    def look() -> None:
+        harness.drivers.device.state()
+        harness.image.copy()
+        time.sleep(0.001)
+
+    def ask_fieldbus() -> None:
+        assert fieldbus is not None
+        fieldbus.status(0)
+        time.sleep(0.005)
+
+    def read_io() -> None:
+        assert io is not None
+        io.read_outputs(0, io.output_bytes)
+        io.read_inputs(0, io.input_bytes)
+        time.sleep(0.005)
+
+    works = [look]
+    if harness.can(Capability.FIELDBUS):
+        works.append(ask_fieldbus)
+    if harness.can(Capability.IO) and io is not None:
+        works.append(read_io)
+    return works

@@ -1,0 +1,76 @@
+"""Missing setpoints: a streaming axis behaves as ``AxisDriver.underrun`` says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotd.api import Underrun
+from robotd.arrays import FloatArray
+from robotd.device.process_image import ProcessImage
+from robotd_conformance.checks.harness import Harness
+from robotd_conformance.checks.recorded_motion import judge, ramped, record_stream
+
+RAMP_S, CRUISE_S, GAP_S = 0.4, 0.1, 0.06
+MIN_GAP_PERIODS = 10
+SPEED_SHARE = 0.6  # for a way of at most ``TRAVEL_RAD``
+SETTLING_SHARE = 0.5  # of the gap: a device may continue for some periods before it holds
+TOLERANCE = 0.25  # of the streamed velocity
+
+
+class InterruptedStream:
+    """Stream setpoints: accelerate, cruise, miss some, and decelerate."""
+
+    def __init__(self, harness: Harness) -> None:
+        self._harness = harness
+        self._start = harness.image.position_command.copy()
+        self.velocity = harness.speeds(SPEED_SHARE)
+        self._began_ns = 0
+        self.gap_s = max(GAP_S, MIN_GAP_PERIODS * harness.period_s)
+        self.samples: list[tuple[float, FloatArray]] = []
+        self._extrapolates = harness.drivers.axes.underrun is Underrun.EXTRAPOLATE
+
+    @property
+    def duration_s(self) -> float:
+        return RAMP_S + CRUISE_S + self.gap_s + RAMP_S + 0.1
+
+    def __call__(self, image: ProcessImage) -> None:
+        due_ns = self._harness.due_ns
+        self._began_ns = self._began_ns or due_ns
+        self.samples.append(((image.fresh_ns - self._began_ns) * 1e-9, image.position.copy()))
+        state = self._setpoint((due_ns - self._began_ns) * 1e-9)
+        if state is not None:
+            self._harness.stream(*state)
+
+    def slopes(self) -> FloatArray:
+        """(n_axes,) mean measured velocity in the later part of the gap."""
+        end_s = RAMP_S + CRUISE_S + self.gap_s
+        begin_s = end_s - (1.0 - SETTLING_SHARE) * self.gap_s
+        inside = [(time_s, row) for time_s, row in self.samples if begin_s < time_s < end_s]
+        (first_s, first), (last_s, last) = inside[0], inside[-1]
+        return np.asarray((last - first) / (last_s - first_s))
+
+    def _setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray] | None:
+        """Position and velocity; None in the gap."""
+        gap_at_s = RAMP_S + CRUISE_S
+        end_s = gap_at_s + self.gap_s
+        if gap_at_s <= time_s < end_s:
+            return None
+        way_s, share = ramped(time_s, RAMP_S, end_s)
+        if time_s >= end_s and not self._extrapolates:  # it has stopped in the gap
+            (way_s, _), share = ramped(gap_at_s, RAMP_S, end_s), 0.0
+        return self._start + self.velocity * way_s, self.velocity * share
+
+
+def test_an_axis_without_setpoints_does_what_underrun_says(streamed: Harness) -> None:
+    underrun = streamed.drivers.axes.underrun
+    share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0
+    stream = InterruptedStream(streamed)
+    recording = record_stream(streamed, stream, stream.duration_s)
+    wanted, found = share * stream.velocity, stream.slopes()
+    problems = [
+        f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
+        f" {wanted[axis]:.3g} rad/s"
+        for axis in streamed.all
+        if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
+    ]
+    judge(streamed, recording, problems)

@@ -1,0 +1,193 @@
+"""Units and signs: a commanded radian is a measured radian, a second is a second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from robotd.device.capabilities import Capability
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.recorded_motion import (
+    jog,
+    judge,
+    ramped,
+    record_move,
+    record_stream,
+)
+from robotd_conformance.checks.recording import Recording
+
+LAG_S = 0.03  # granted between a commanded and a measured value
+
+
+def test_a_commanded_radian_is_a_measured_radian(harness: Harness) -> None:
+    start = harness.image.position.copy()
+    for sign in (1.0, -1.0):
+        distance = sign * harness.travel()
+        targets = harness.image.position_command + distance
+        harness.move(harness.all, targets)
+        harness.rest()
+        assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+    assert harness.image.position == pytest.approx(start, abs=SETTLED_RAD)
+
+
+def test_each_axis_moves_alone(harness: Harness) -> None:
+    for axis, distance in zip(harness.all, harness.travel(0.2), strict=True):
+        before = harness.image.position.copy()
+        harness.move([axis], before + distance)
+        harness.rest([axis])
+        before[axis] += distance
+        assert harness.image.position == pytest.approx(before, abs=SETTLED_RAD)
+
+
+def test_a_streamed_radian_is_a_measured_radian(streamed: Harness) -> None:
+    start = streamed.image.position_command.copy()
+    end = start + streamed.travel(0.3)
+    recording = stream_ramp(streamed, start, end, seconds=1.0)
+    assert streamed.image.position == pytest.approx(end, abs=SETTLED_RAD)
+    fastest = 1.5 * np.abs(end - start)  # of the cubic, in 1 s
+    assert np.abs(recording.velocity_command).max(0) == pytest.approx(fastest, rel=0.3)
+
+
+def test_a_stream_moves_its_own_axes_alone(streamed: Harness) -> None:
+    start = streamed.image.position_command.copy()
+    stream_ramp(streamed, start, start + streamed.travel(0.3), seconds=1.0, axes=[0])
+    expected = start.copy()
+    expected[0] += streamed.travel(0.3)[0]
+    assert streamed.image.position == pytest.approx(expected, abs=SETTLED_RAD)
+
+
+def test_the_measured_position_is_that_of_the_shaft(
+    harness: Harness, injector: FaultInjector
+) -> None:
+    start = np.array([injector.position(axis) for axis in harness.all])
+    assert harness.image.position == pytest.approx(start, abs=SETTLED_RAD)
+    distance = harness.travel()
+    harness.move(harness.all, harness.image.position_command + distance)
+    harness.rest()
+    end = np.array([injector.position(axis) for axis in harness.all])
+    assert end - start == pytest.approx(distance, abs=2 * SETTLED_RAD)
+
+
+def test_the_velocity_is_the_slope_of_the_position(harness: Harness) -> None:
+    recording = record_move(harness)
+    times_s, slope = recording.slope(recording.position, 0.02)
+    problems = []
+    for axis in harness.all:
+        measured = np.interp(times_s, recording.time_s, recording.velocity[:, axis])
+        profile, error = harness.profile(axis), np.abs(measured - slope[:, axis]).max()
+        if error > 0.05 * profile.velocity + LAG_S * profile.acceleration:
+            problems.append(f"axis {axis}: measured {error:.3g} rad/s beside the slope")
+    judge(harness, recording, problems)
+
+
+def test_the_commands_in_the_image_are_those_that_were_given(harness: Harness) -> None:
+    targets = harness.image.position_command + harness.travel()
+    recording = record_move(harness)
+    assert recording.position_command[-1] == pytest.approx(targets, abs=SETTLED_RAD)
+    for axis in harness.all:
+        profile = harness.profile(axis)
+        error = np.abs(recording.position_command[:, axis] - recording.position[:, axis])
+        assert error.max() <= SETTLED_RAD + LAG_S * profile.velocity
+        top = np.abs(recording.velocity_command[:, axis]).max()
+        assert top <= 1.02 * profile.velocity
+
+
+def test_torque_is_finite_or_not_known(harness: Harness) -> None:
+    harness.move_all(0.3)
+    harness.periods(10)
+    assert not np.isinf(harness.image.torque).any()
+    harness.rest()
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+def test_a_positive_velocity_raises_the_position(fresh: Harness) -> None:
+    fresh.set_velocity_mode()
+    fresh.until(
+        lambda: bool((fresh.image.mode == CommandMode.VELOCITY).all()), "all in velocity mode"
+    )
+    speeds = fresh.speeds(0.3)
+    start = fresh.image.position.copy()
+    jog(fresh, speeds)
+    fresh.pass_time(0.5)
+    assert fresh.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
+    jog(fresh, 0.0 * speeds)
+    fresh.rest()
+    assert (np.sign(fresh.image.position - start) == np.sign(speeds)).all()
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+def test_a_streamed_velocity_is_a_measured_velocity(fresh: Harness) -> None:
+    fresh.set_velocity_mode()
+    speeds = fresh.speeds(0.3)
+    unknown, began_ns = np.full(fresh.count, np.nan), fresh.clock.now_ns()
+
+    def setpoint(image: ProcessImage) -> None:
+        _, share = ramped((fresh.clock.now_ns() - began_ns) * 1e-9, 0.3)
+        fresh.stream(unknown, share * speeds)
+
+    claim = fresh.robot.axes.claimed("conformance", fresh.all, CommandMode.VELOCITY)
+    with claim, fresh.each_period(setpoint):
+        fresh.pass_time(0.5)
+        assert fresh.image.velocity == pytest.approx(speeds, rel=0.05, abs=0.01)
+    fresh.rest()
+
+
+@pytest.mark.needs(Capability.SCALING)
+def test_polarity_turns_the_sign(rescalable: Harness) -> None:
+    for axis in rescalable.all:
+        rescalable.robot.axes.set_polarity(axis, 1)
+    rescalable.periods(5)
+    before = rescalable.image.position.copy()
+    for axis in rescalable.all:
+        rescalable.robot.axes.set_polarity(axis, -1)
+    rescalable.periods(5)
+    assert rescalable.image.position == pytest.approx(-before, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.SCALING)
+def test_the_gear_ratio_counts_units(rescalable: Harness) -> None:
+    moved = []
+    for numerator in (2.0**18, 2.0**19):
+        for axis in rescalable.all:
+            rescalable.robot.axes.set_gear_ratio(axis, numerator, 2.0 * np.pi)
+        rescalable.periods(5)
+        moved.append(rescalable.image.position.copy())
+    assert moved[0] == pytest.approx(2.0 * moved[1], abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.HOMING)
+def test_homing_makes_the_position_zero_and_moves_nothing(fresh: Harness) -> None:
+    fresh.require_rescaling()
+    fresh.move_all()
+    fresh.rest()
+    injector = fresh.fault_injector
+    for axis in fresh.all:
+        fresh.robot.axes.home(axis)
+    fresh.rest()
+    assert fresh.image.home_done.all()
+    assert fresh.image.position == pytest.approx(np.zeros(fresh.count), abs=SETTLED_RAD)
+    assert fresh.image.position_command == pytest.approx(np.zeros(fresh.count), abs=SETTLED_RAD)
+    assert injector is None or not fresh.image.velocity.any()
+
+
+def stream_ramp(
+    harness: Harness,
+    start: np.ndarray,
+    end: np.ndarray,
+    seconds: float,
+    axes: Sequence[int] | None = None,
+) -> Recording:
+    """Stream a smooth path from ``start`` to ``end`` for all axes; ``axes`` (all) follow it."""
+    began_ns = harness.clock.now_ns()
+
+    def setpoint(image: object) -> None:
+        share = min((harness.due_ns - began_ns) * 1e-9 / seconds, 1.0)
+        way, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
+        harness.stream(start + way * (end - start), slope * (end - start))
+
+    return record_stream(harness, setpoint, seconds + 0.1, axes)

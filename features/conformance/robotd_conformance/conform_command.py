@@ -1,0 +1,111 @@
+"""``robotd conform``: run the conformance checks with pytest."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.installed import load_robot
+from robotd.cli.options import FILE, log_options
+from robotd.descriptor import parse_override
+from robotd.errors import PluginError
+from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
+from robotd.plugin.manager import find_backend, load_backend
+
+PACKAGE = "robotd_conformance.checks"
+GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ctrl-C
+
+
+@click.command("conform", epilog="What follows -- goes to pytest: robotd conform ... -- -x --pdb")
+@click.option("--backend", metavar="NAME", required=True, help="The backend to check.")
+@click.option("--robot", metavar="NAME|FILE", help="The robot that it drives; by default a bench.")
+@click.option(
+    "--junit",
+    metavar="FILE",
+    type=FILE,
+    help="Write the results there too, as JUnit XML.",
+)
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Replace a value of the robot's file, e.g. backends.acme.port=502. May be repeated.",
+)
+@click.option(
+    "--max-excursion",
+    metavar="RAD",
+    type=click.FloatRange(min=0.3, min_open=True),
+    help="End a run on hardware when an axis is so far from its start pose; by default 0.45 rad.",
+)
+@click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match.")
+@click.argument("pytest_arguments", metavar="[-- ARG...]", nargs=-1, type=click.UNPROCESSED)
+@log_options
+def conform(
+    backend: str,
+    robot: str | None,
+    junit: Path | None,
+    expression: str | None,
+    overrides: Sequence[str],
+    max_excursion: float | None,
+    pytest_arguments: Sequence[str],
+) -> ExitCode:
+    """Run the conformance checks on a backend. Axes move.
+
+    Ctrl-C, or the loss of the terminal, stops the axes and shuts down in order.
+    """
+    if find_spec("pytest") is None:
+        raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
+    foreign = is_foreign(find_backend(backend)[0])
+    if foreign:
+        probe_backend(backend)
+    if robot is not None:
+        descriptor = load_robot(robot, overrides=[parse_override(each) for each in overrides])
+        if not foreign:  # whose code runs in a process of its own only
+            load_backend(backend).context(descriptor)
+    arguments = [
+        f"--robotd-backend={backend}",
+        *([f"--robotd-robot={robot}"] if robot else []),
+        *(f"--robotd-set={override}" for override in overrides),
+        *([] if max_excursion is None else [f"--robotd-max-excursion={max_excursion}"]),
+        *([f"--junitxml={junit}"] if junit else []),
+        *(["-k", expression] if expression else []),
+        *pytest_arguments,
+    ]
+    status, _, step = run_noted(
+        [*pytest_command(), *arguments], _environment(), capture=False, grace_s=GRACE_S
+    )
+    if step != "done":
+        raise death_of(backend, status, step)
+    return ExitCode.OK if status == 0 else ExitCode.PLUGIN
+
+
+def pytest_command() -> list[str]:
+    """Return the pytest command line; settings of the current folder are ignored."""
+    checks = Path(__file__).parent / "checks"
+    return [
+        sys.executable,
+        "-m",
+        "pytest",
+        "--pyargs",
+        PACKAGE,
+        f"--rootdir={checks}",
+        f"--config-file={os.devnull}",
+        "--import-mode=importlib",
+        "--quiet",
+        "-rN",  # the report at the end names what failed
+        "--tb=short",
+        "-p",
+        "no:cacheprovider",
+    ]
+
+
+def _environment() -> dict[str, str]:
+    """Without what could keep pytest from finding robotd's options."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}

@@ -1,0 +1,1 @@
+"""Server for the program Foxglove."""

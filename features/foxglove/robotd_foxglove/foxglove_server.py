@@ -1,0 +1,177 @@
+"""Server for the program Foxglove, on the loopback interface; needs foxglove-sdk."""
+
+from __future__ import annotations
+
+import threading
+from typing import Self
+
+import foxglove
+from foxglove.channels import FrameTransformsChannel
+from foxglove.messages import FrameTransform, FrameTransforms, Quaternion, Timestamp, Vector3
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.descriptor.urdf import JointFrames, UrdfJoint, parse_urdf
+from robotd.descriptor.urdf.mesh_files import mesh_files
+from robotd.errors import OperationError
+from robotd.log import get_logger
+from robotd.observation.robot_state import Goals, state_of
+from robotd.observation.tap import Tap
+from robotd_foxglove.limited_port import LimitedPort
+from robotd_messages.message_encoders import joint_state, log_message, string_message
+from robotd_messages.message_types import JOINT_STATE, LOG, SCHEMAS, STRING
+
+log = get_logger("foxglove")
+
+ADDRESS = "127.0.0.1"
+RATE_HZ = 30.0
+STATE_TICKS = 15  # of ``RATE_HZ``
+END_TIMEOUT_S = 2.0
+
+
+class FoxgloveServer:
+    """Server for Foxglove: ``with FoxgloveServer(...):``. Its thread is ``robotd-foxglove``.
+
+    Clients reach it through a ``LimitedPort``, whose thread is ``robotd-foxglove-port``.
+
+    Nothing is computed for a topic without subscribers. Clients can only read.
+
+    Args:
+        tap: of the robot.
+        port: on the loopback interface; 0: any free one.
+
+    Attributes:
+        url: for the dialogue "Open connection".
+
+    Raises OperationError: the port cannot be used.
+    """
+
+    def __init__(self, tap: Tap, port: int) -> None:
+        self._tap, self._robot = tap, tap.robot
+        meshes = mesh_files(tap.urdf, tap.robot.descriptor.urdf)
+
+        def read_mesh(name: str) -> bytes | None:
+            return meshes[name].read_bytes() if name in meshes else None
+
+        self._context = context = foxglove.Context()  # its channels end with it
+        self._joints = _ros_channel("/joint_states", JOINT_STATE, context)
+        self._log = _ros_channel("/rosout", LOG, context)
+        self._description = _ros_channel("/robot_description", STRING, context)
+        self._state = foxglove.Channel("/robotd/state", message_encoding="json", context=context)
+        self._transforms = FrameTransformsChannel("/tf", context=context)
+        self._encode = joint_state(tap.robot.axes.names, 3).encode
+        self._frames = _frames(tap)
+        self._cursor, self._events = 0, tap.events.since(0)[1]
+        self._goals = Goals(tap.robot)
+        self._described = False
+        try:
+            self._server = foxglove.start_server(
+                name=tap.robot.descriptor.name,
+                host=ADDRESS,
+                port=0,
+                context=context,
+                asset_handler=read_mesh,
+            )
+        except Exception as error:
+            raise OperationError(f"foxglove: {error}") from error
+        try:
+            # foxglove-sdk takes any number of connections, and one that sends nothing for ever.
+            self._port = LimitedPort(port, self._server.port)
+        except OSError as error:
+            self._server.stop()
+            text = f"foxglove {port}: {error.strerror or error}; choose another port"
+            raise OperationError(text) from error
+        self.url = f"ws://{ADDRESS}:{self._port.number}"
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robotd-foxglove", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._port.start()
+        self._thread.start()
+        log.info("foxglove", url=self.url)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join(END_TIMEOUT_S)
+        self._port.stop()
+        self._server.stop()
+
+    def _run(self) -> None:
+        tick = 0
+        try:
+            while not self._stop.wait(1.0 / RATE_HZ):
+                self._robot.control_loop.yield_to_control_loop()
+                self._send_values()
+                self._send_events()
+                if tick % STATE_TICKS == 0:
+                    self._send_state()
+                tick += 1
+        except Exception:
+            log.exception("the server for Foxglove has ended")
+
+    def _send_values(self) -> None:
+        if not (self._joints.has_sinks() or self._transforms.has_sinks()):
+            self._cursor = self._tap.frames.written
+            return
+        frames, self._cursor, _ = self._tap.frames.since(self._cursor)
+        if not len(frames):
+            return
+        newest = frames[-1:]
+        stamps_ns = newest["stamp_ns"] + self._tap.offset_ns
+        values: FloatArray = newest["values"]
+        if self._joints.has_sinks():
+            (message,) = self._encode(stamps_ns, values[:, 2], values[:, 3], values[:, 4])
+            self._joints.log(message, log_time=int(stamps_ns[0]))
+        if self._frames is not None and self._transforms.has_sinks():
+            positions = values[0, 2, list(self._robot.joint_axes)]
+            self._transforms.log(_transforms(self._frames, positions, int(stamps_ns[0])))
+
+    def _send_events(self) -> None:
+        events, self._events = self._tap.events.since(self._events)
+        for event in events:
+            self._goals.note(event)
+            if self._log.has_sinks():
+                time_ns = event.time_ns + self._tap.offset_ns
+                self._log.log(log_message(event, time_ns), log_time=time_ns)
+
+    def _send_state(self) -> None:
+        if self._state.has_sinks():
+            self._state.log(state_of(self._tap, self._goals.running(), 0))
+        is_wanted = self._description.has_sinks()
+        if is_wanted and not self._described:
+            self._description.log(string_message(self._tap.urdf))
+        self._described = is_wanted
+
+
+def _ros_channel(topic: str, kind: str, context: foxglove.Context) -> foxglove.Channel:
+    schema = foxglove.Schema(name=kind, encoding="ros2msg", data=SCHEMAS[kind].encode())
+    return foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=context)
+
+
+def _frames(tap: Tap) -> JointFrames | None:
+    """Return the frames of the URDF; None without one."""
+    path = tap.robot.descriptor.urdf
+    if not tap.urdf or path is None:
+        return None
+    return JointFrames(parse_urdf(tap.urdf, path), tap.robot.joint_names)
+
+
+def _transforms(frames: JointFrames, positions: FloatArray, time_ns: int) -> FrameTransforms:
+    stamp = Timestamp(sec=time_ns // NANOSECONDS, nsec=time_ns % NANOSECONDS)
+    moving = zip(frames.moving, frames.transforms(positions).tolist(), strict=True)
+    still = zip(frames.still, frames.still_transforms().tolist(), strict=True)
+    return FrameTransforms(
+        transforms=[_transform(*each, stamp=stamp) for pairs in (moving, still) for each in pairs]
+    )
+
+
+def _transform(joint: UrdfJoint, numbers: list[float], *, stamp: Timestamp) -> FrameTransform:
+    x, y, z, qx, qy, qz, qw = numbers
+    return FrameTransform(
+        timestamp=stamp,
+        parent_frame_id=joint.parent,
+        child_frame_id=joint.child,
+        translation=Vector3(x=x, y=y, z=z),
+        rotation=Quaternion(x=qx, y=qy, z=qz, w=qw),
+    )

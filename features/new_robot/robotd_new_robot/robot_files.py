@@ -1,0 +1,318 @@
+"""Text of a new robot's ``robot.yaml``: every value with its reason."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from robotd.descriptor.section import MAX_AXES
+from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd.errors import DescriptorError
+from robotd_new_robot.bus_axes import bus_joints, bus_section, read_bus_scan
+from robotd_new_robot.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
+from robotd_new_robot.joint_chains import propose_groups
+from robotd_new_robot.joint_roles import Choices, Fingers, Roles, assign_roles
+
+MAX_BASE_VELOCITY_M_S = 1.0  # moderate, for a machine that was never driven
+MAX_BASE_TURNING_RAD_S = 2.0
+BASE_RAMP_S = 0.5
+WIDTH = 96  # of comments
+SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
+
+_URDF_LIMITS = (
+    "Order and limits are those of the URDF, of hard and soft limits the tighter; axes are numbered"
+    " in this order: replace them by the numbers of the drives. A URDF has no accelerations: full"
+    " speed is reached in {ramp_s:g} s. rated_torque_nm (rated_force_n), the drive's 100 %, is in"
+    " no URDF."
+)
+_BUS_LIMITS = (
+    "A bus has neither names nor limits: joints are called as their drives and turn half a turn"
+    " to each side, slowly, reaching full speed in {ramp_s:g} s. Replace names and limits by those"
+    " of the machine; a linear axis has type: prismatic and the keys lower_m, upper_m,"
+    " velocity_m_s, acceleration_m_s2. 'robotd commission' finds scale, direction and limits of"
+    " drives whose backend keeps them in this file."
+)
+_UNITS = {"prismatic": ("m", "m_s", "m_s2")}
+_TURNING = ("rad", "rad_s", "rad_s2")
+
+
+def robot_files(
+    name: str,
+    urdf: UrdfRobot,
+    text: bytes,
+    path: Path,
+    choices: Choices,
+    bus: Path | None = None,
+) -> dict[str, bytes]:
+    """Return the files of a robot's folder: ``robot.yaml`` and the URDF.
+
+    Args:
+        name: of the robot.
+        urdf: read from ``text``.
+        text: content of the URDF file.
+        path: of the URDF, for errors.
+        choices: answers that the URDF does not contain.
+        bus: result of a bus scan, see ``BusScan``.
+
+    Raises DescriptorError: nothing can be driven; a scan that does not fit; see ``assign_roles``.
+    """
+    roles = assign_roles(urdf, choices, path)
+    count = len(roles.arm) + (len(roles.base.joints) if roles.base else 0)
+    if count == 0:
+        raise DescriptorError("no joint moves: there is nothing to drive", path=path)
+    if count > MAX_AXES:
+        raise DescriptorError(f"{count} joints move, the limit is {MAX_AXES}", path=path)
+    groups = propose_groups(urdf, roles.arm) if choices.groups else {}
+    joints = [*roles.arm, *(roles.base.joints if roles.base else ())]
+    return {
+        "robot.yaml": _text(
+            [*_head(name, urdf.name or name, path), f"urdf: {name}.urdf"],
+            _joints(roles.arm, choices.ramp_s, _URDF_LIMITS),
+            _groups(groups),
+            _base(roles),
+            _gripper(urdf, roles.fingers),
+            _passive(roles),
+            _nodes(roles),
+            _ros_parameters(name, roles, groups),
+            _backends(per_axis(urdf, joints), joints, bus),
+        ),
+        f"{name}.urdf": text,
+    }
+
+
+def bus_robot_files(name: str, bus: Path, ramp_s: float) -> dict[str, bytes]:
+    """Return the files of a robot that is known by its drives alone: ``robot.yaml``.
+
+    Args:
+        name: of the robot.
+        bus: result of a bus scan, see ``BusScan``.
+        ramp_s: time to full speed.
+
+    Raises DescriptorError: no scan, no drive, or too many.
+    """
+    joints = bus_joints(read_bus_scan(bus), bus)
+    roles = Roles(joints, None, None, ())
+    return {
+        "robot.yaml": _text(
+            _head(name, name, bus),
+            _joints(joints, ramp_s, _BUS_LIMITS),
+            _nodes(roles),
+            _ros_parameters(name, roles, {}),
+            _backends({}, joints, bus),
+        )
+    }
+
+
+def _text(*parts: Iterable[str]) -> bytes:
+    """Return the parts that are not empty, with a blank line between them."""
+    return "\n".join("\n".join(part) + "\n" for part in filter(None, map(list, parts))).encode()
+
+
+def _head(name: str, title: str, path: Path) -> Iterator[str]:
+    yield f"# Made by 'robotd new-robot {name}' from {path.name}; edit it from here on."
+    yield "# Keys: docs/reference/descriptor.md. Check changes by: robotd check --robot FOLDER"
+    yield "schema: 1"
+    yield f"name: {name}"
+    yield f"summary: {_quoted(f'{title}, from {path.name}')}"
+    yield "backend: sim                            # replaced by --backend on the command line"
+
+
+def _joints(joints: Sequence[UrdfJoint], ramp_s: float, origin: str) -> Iterator[str]:
+    if not joints:
+        return
+    yield from _comment(origin.format(ramp_s=ramp_s))
+    yield "joints:"
+    for axis, joint in enumerate(joints):
+        yield f"  - {{{', '.join(_joint(joint, axis, ramp_s))}}}"
+
+
+def _joint(joint: UrdfJoint, axis: int, ramp_s: float) -> Iterator[str]:
+    position, velocity, acceleration = _UNITS.get(joint.type, _TURNING)
+    speed = joint.velocity or 0.0
+    yield f"name: {joint.name}"
+    yield f"axis: {axis}"
+    if joint.type != "revolute":
+        yield f"type: {joint.type}"
+    if joint.type != "continuous":
+        yield f"lower_{position}: {_number(joint.lower)}"
+        yield f"upper_{position}: {_number(joint.upper)}"
+    yield f"velocity_{velocity}: {_number(speed)}"
+    yield f"acceleration_{acceleration}: {_rounded(speed / ramp_s)}"
+
+
+def _groups(groups: Mapping[str, Sequence[UrdfJoint]]) -> Iterator[str]:
+    if not groups:
+        return
+    yield from _comment(
+        "The branches of the tree. Each group has goals and streams of its own, at the same time as"
+        " the others; without groups, or with --no-groups, all joints are one."
+    )
+    yield "groups:"
+    for name, joints in groups.items():
+        yield f"  {name}: {{joints: [{', '.join(joint.name for joint in joints)}]}}"
+
+
+def _base(roles: Roles) -> Iterator[str]:
+    base = roles.base
+    if base is None:
+        return
+    first = len(roles.arm)
+    fastest = base.velocity_rad_s * base.radius_m
+    speed = min(fastest, MAX_BASE_VELOCITY_M_S)
+    turning = min(2.0 * fastest / base.separation_m, MAX_BASE_TURNING_RAD_S)
+    left, right = (" and ".join(each.name for each in side) for side in (base.left, base.right))
+    origin = "assumed: the URDF has none" if base.is_assumed else "the URDF's"
+    yield from _comment(
+        f"Wheels {left} on the left, {right} on the right. Speeds and ramps of the base are"
+        " moderate ones, to be replaced by those of the machine; the wheels' speed limits both"
+        " parts of a twist. The base moves independently of the joints and is no group."
+    )
+    yield "drive:"
+    per_side = len(base.left)
+    yield "  # Mecanum and steered bases have other keys: robots/mecanum_base, robots/tricycle_base"
+    if per_side == 1:
+        yield "  kind: differential"
+        yield f"  left_axis: {first}"
+        yield f"  right_axis: {first + 1}"
+    else:
+        yield "  kind: skid_steer"
+        yield f"  left_axes: [{_range(first, per_side)}]"
+        yield f"  right_axes: [{_range(first + per_side, per_side)}]"
+    yield f"  wheel_joints: [{', '.join(joint.name for joint in base.joints)}]"
+    yield f"  wheel_radius_m: {_rounded(base.radius_m)}"
+    yield f"  wheel_separation_m: {_rounded(base.separation_m)}"
+    if per_side > 1:
+        yield "  # The wheels slip in turns: calibrate wheel_separation_multiplier, often 1.2 to 2."
+    yield f"  wheel_velocity_rad_s: {_number(base.velocity_rad_s)}      # {origin}"
+    yield f"  velocity_m_s: {_rounded(speed)}"
+    yield f"  acceleration_m_s2: {_rounded(speed / BASE_RAMP_S)}"
+    yield f"  deceleration_m_s2: {_rounded(speed / BASE_RAMP_S)}"
+    yield f"  angular_velocity_rad_s: {_rounded(turning)}"
+    yield f"  angular_acceleration_rad_s2: {_rounded(turning / BASE_RAMP_S)}"
+    yield f"  angular_deceleration_rad_s2: {_rounded(turning / BASE_RAMP_S)}"
+
+
+def _gripper(urdf: UrdfRobot, fingers: Fingers | None) -> Iterator[str]:
+    if fingers is None:
+        return
+    opened, closed, is_known = _ends(urdf, fingers)
+    names = ", ".join(joint.name for joint in fingers.joints)
+    yield from _comment(
+        "Fingers on the valve of output bit 0.0: set the bit of the machine. A servo gripper is a"
+        " joint instead: make the robot again with --gripper axis."
+    )
+    if not is_known:
+        yield "# The URDF does not show which end is open: exchange open_m and closed_m if need be."
+    yield "gripper:"
+    yield "  output_byte: 0"
+    yield "  output_bit: 0"
+    yield f"  joints: [{names}]"
+    if any(share != 1.0 for share in fingers.multipliers):
+        yield f"  multipliers: [{', '.join(_number(share) for share in fingers.multipliers)}]"
+    yield f"  open_m: {_number(opened)}"
+    yield f"  closed_m: {_number(closed)}"
+    if fingers.leader.velocity:
+        travel_s = abs(closed - opened) / fingers.leader.velocity
+        yield f"  travel_time_s: {_rounded(travel_s)}      # the stroke at the URDF's speed"
+
+
+def _ends(urdf: UrdfRobot, fingers: Fingers) -> tuple[float, float, bool]:
+    """Return the open and the closed position, and if the URDF shows them."""
+    leader = fingers.leader
+    lower, upper = max(leader.lower, -np.pi), min(leader.upper, np.pi)
+    spread = []
+    for position in (lower, upper):
+        # Siblings that do not mimic move by the same amount.
+        positions = dict.fromkeys((joint.name for joint in fingers.joints), position)
+        points = [urdf.pose(joint.child, positions)[:3, 3] for joint in fingers.joints]
+        spread.append(sum(float(np.linalg.norm(point - points[0])) for point in points))
+    if abs(spread[0] - spread[1]) < 1e-6:
+        return lower, upper, False
+    return (lower, upper, True) if spread[0] > spread[1] else (upper, lower, True)
+
+
+def _passive(roles: Roles) -> Iterator[str]:
+    if roles.passive:
+        yield "# Joints of the URDF that have no axis:"
+        for joint, reason in roles.passive:
+            yield f"#   {joint.name}: {reason}"
+
+
+def _nodes(roles: Roles) -> Iterator[str]:
+    yield "nodes:"
+    arm = ("manipulator_state", "follow_joint_trajectory_server") if roles.arm else ()
+    base = ("diff_drive_controller",) if roles.base else ()
+    for node in (*SERVICE_NODES, *arm, *base):
+        yield f"  - {node}"
+
+
+def _ros_parameters(
+    name: str, roles: Roles, groups: Mapping[str, Sequence[UrdfJoint]]
+) -> Iterator[str]:
+    yield "# Names that clients use; everything else has a default (docs/reference/ros-surface.md)."
+    yield "ros_parameters:"
+    if roles.arm:
+        yield "  manipulator_state:"
+        yield "    encoder_joint_topic: joint_states"
+        yield "  follow_joint_trajectory_server:"
+        if not groups:
+            yield f"    joint_trajectory_action: {name}_arm_controller/follow_joint_trajectory"
+        for group in groups:
+            action = f"{group}_controller/follow_joint_trajectory"
+            yield f"    {group}.joint_trajectory_action: {action}"
+        if roles.fingers:
+            yield "    wmx_gripper_topic: wmx/set_gripper"
+    if roles.base:
+        yield "  diff_drive_controller:"
+        yield "    rate: 50"
+        yield "    cmd_vel_topic: cmd_vel"
+        yield "    encoder_vel_topic: cmd_vel_check"
+        yield "    encoder_omega_topic: velocity_controller/commands"
+        yield "    encoder_odometry_topic: odom"
+        yield f"    base_frame_id: {roles.base.frame}"
+        yield "    publish_tf: true                    # odom to base, as Nav2 needs it"
+
+
+def _backends(
+    lists: Mapping[str, Sequence[float]], joints: Sequence[UrdfJoint], bus: Path | None
+) -> Iterator[str]:
+    yield "backends:"
+    yield "  sim:                                  # a figure per axis; kg and N if prismatic"
+    reasons: Mapping[str, str] = {
+        "inertia_kg_m2": "# From the masses beyond each joint, at position 0.",
+        "coulomb_friction_nm": f"# Assumed: {COULOMB_SHARE:.0%} of the URDF's effort, at full"
+        f" speed {VISCOUS_SHARE:.0%} more; without an effort the simulation's defaults.",
+    }
+    for key, values in lists.items():
+        if key in reasons:
+            yield f"    {reasons[key]}"
+        yield f"    {key}: [{', '.join(map(_number, values))}]"
+    if not lists:
+        yield "    bandwidth_hz: 50.0                  # the default; no masses are known"
+    if bus is not None:
+        yield from bus_section(read_bus_scan(bus), joints, bus)
+
+
+def _comment(text: str) -> Iterator[str]:
+    return (f"# {line}" for line in textwrap.wrap(text, WIDTH))
+
+
+def _range(first: int, count: int) -> str:
+    return ", ".join(map(str, range(first, first + count)))
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _number(value: float) -> str:
+    """Format without loss."""
+    return repr(float(value))
+
+
+def _rounded(value: float) -> str:
+    """Format to four digits."""
+    return repr(float(f"{value:.4g}"))

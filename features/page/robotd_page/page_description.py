@@ -1,0 +1,123 @@
+"""Constant part of what the page shows: robot, axes, limits, names, URDF."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+from robotd.clock.simulated import PacedClock
+from robotd.descriptor import RobotDescriptor
+from robotd.device.capabilities import Capability
+from robotd.device.gripper import Gripper
+from robotd.observation.io_sampler import MAX_IO_BYTES
+from robotd.observation.tap import Tap
+from robotd.robot import Robot
+
+PROTOCOL = 2  # of the messages; the page asks to be loaded again when it has another one
+
+
+def describe(
+    tap: Tap,
+    nodes: Sequence[str],
+    meshes: Mapping[str, str],
+    *,
+    has_control: bool = False,
+    namespace: str = "/",
+) -> dict[str, Any]:
+    """Return the first message to a viewer.
+
+    Args:
+        tap: of the robot.
+        nodes: names of the ROS nodes that are served.
+        meshes: URL of each mesh, by its name in the URDF.
+        has_control: the page can be unlocked to control the robot.
+        namespace: of the ROS nodes.
+    """
+    robot = tap.robot
+    descriptor, clock = robot.descriptor, robot.clock
+    return {
+        "type": "description",
+        "protocol": PROTOCOL,
+        **identity(robot, namespace),
+        "time_scale": _finite(clock.scale) if isinstance(clock, PacedClock) else 1.0,
+        "rate_hz": descriptor.cycle.rate_hz,
+        "wall_offset_s": tap.offset_ns * 1e-9,
+        "axes": _axes(robot),
+        "groups": [*robot.groups],
+        "tools": [{"link": each.link, "base": each.base} for each in robot.tools],
+        "fingers": _fingers(robot.gripper),
+        "inputs": min(robot.io.sizes[0], MAX_IO_BYTES),
+        "outputs": min(robot.io.sizes[1], MAX_IO_BYTES),
+        "io_names": _io_names(descriptor),
+        "nodes": [*nodes],
+        "urdf": tap.urdf,
+        "meshes": dict(meshes),
+        "urdf_file": str(descriptor.urdf.absolute()) if descriptor.urdf else "",
+        "has_control": has_control,
+    }
+
+
+def identity(robot: Robot, namespace: str) -> dict[str, Any]:
+    """Return what distinguishes this robot from others; ``namespace`` is that of its nodes."""
+    descriptor = robot.descriptor
+    return {
+        "robot": descriptor.name,
+        "summary": descriptor.summary,
+        "variant": descriptor.variant or "",
+        "backend": robot.backend.name,
+        "version": version("robotd"),
+        "namespace": namespace,
+        "computer": socket.gethostname(),
+        "simulated": Capability.SIMULATED in robot.capabilities,
+    }
+
+
+def _axes(robot: Robot) -> list[dict[str, Any]]:
+    joints = dict(zip(robot.joint_axes, robot.descriptor.joints, strict=True))
+    described = []
+    for axis, (name, limits) in enumerate(zip(robot.axes.names, robot.axes.limits, strict=True)):
+        joint = joints.get(axis)
+        kind = "joint" if joint else "wheel" if axis in robot.wheel_axes else "axis"
+        described.append(
+            {
+                "name": name,
+                "kind": kind,
+                "unit": limits.unit,
+                "lower": _finite(limits.lower),
+                "upper": _finite(limits.upper),
+                "velocity": _finite(limits.velocity),
+                "effort": joint.rated_effort if joint else None,
+            }
+        )
+    return described
+
+
+def _fingers(gripper: Gripper | None) -> list[dict[str, Any]]:
+    """Return name and positions of each finger joint."""
+    if gripper is None:
+        return []
+    return [
+        {"name": name, "open": gripper.open_m * factor, "closed": gripper.closed_m * factor}
+        for name, factor in zip(gripper.joints, gripper.multipliers.tolist(), strict=True)
+    ]
+
+
+def _io_names(descriptor: RobotDescriptor) -> dict[str, str]:
+    """Return names by address: ``out0.3`` is bit 3 of output byte 0."""
+    names: dict[str, str] = {}
+    if gripper := descriptor.gripper:
+        names[f"out{gripper.output_byte}.{gripper.output_bit}"] = "close gripper"
+        if sensor := gripper.part_sensor:
+            names[f"in{sensor.input_byte}.{sensor.input_bit}"] = "part in gripper"
+    if stop := descriptor.stop_input:
+        names[f"in{stop.input_byte}.{stop.input_bit}"] = "stop input"
+    names |= {f"in{at.byte}.{at.bit}": name for name, at in descriptor.inputs.items()}
+    names |= {f"out{at.byte}.{at.bit}": name for name, at in descriptor.outputs.items()}
+    return names
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

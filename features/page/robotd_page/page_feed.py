@@ -1,0 +1,119 @@
+"""Messages to the viewers of a page, made from the tap of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from robotd.health.remedies import backend_tables
+from robotd.observation.robot_state import Goals, event_of, state_of
+from robotd.observation.tap import Tap
+from robotd_page.live_samples import LiveSamples
+from robotd_page.page_description import describe
+from robotd_page.page_message import Message, json_text
+from robotd_page.seen_state import reduces_motion
+
+FIRST_EVENTS = 300  # of the log that a new viewer gets
+STATE_LOOKS = 2  # calls of ``PageFeed.changes`` for one state
+
+
+class PageFeed:
+    """Makes each message once for all viewers. One thread; nothing runs between the calls.
+
+    Args:
+        tap: of the robot.
+        nodes: names of the ROS nodes that are served.
+        meshes: URL of each mesh, by its name in the URDF.
+        has_control: the page can be unlocked to control the robot.
+        namespace: of the ROS nodes.
+    """
+
+    def __init__(
+        self,
+        tap: Tap,
+        nodes: Sequence[str],
+        meshes: Mapping[str, str],
+        *,
+        has_control: bool = False,
+        namespace: str = "/",
+    ) -> None:
+        self._tap = tap
+        self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
+        self._namespace = namespace
+        self._live = LiveSamples(tap)
+        backend_tables(tap.robot)  # imported now, not at the first alarm
+        self._goals = Goals(tap.robot)
+        self._cursor = self._looks = 0
+        self._seen = 0  # number of the newest event that reduces motion
+        self._state: dict[str, Any] = {}
+
+    def first(self, viewers: int) -> list[Message]:
+        """Return the messages to a new viewer: description, past, state, events.
+
+        Args:
+            viewers: number of viewers, with the new one.
+        """
+        if viewers == 1:
+            self._live.restart()
+            self._note(*self._tap.events.since(self._cursor))
+        description = describe(
+            self._tap,
+            self._nodes,
+            self._meshes,
+            has_control=self._has_control,
+            namespace=self._namespace,
+        )
+        events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
+        return [
+            json_text(description),
+            self._live.history(),
+            json_text(self._read_state(viewers)),
+            json_text({"type": "events", "events": [*map(event_of, events)]}),
+        ]
+
+    def messages(self, viewers: int, *, changes: bool) -> Iterator[Message]:
+        """Yield the newest sample, and the events and the state where they are due."""
+        if sample := self.live():
+            yield sample
+        if changes:
+            yield from self.changes(viewers)
+
+    def live(self) -> bytes | None:
+        """Return the newest sample; None without a new one."""
+        return self._live.sample()
+
+    def changes(self, viewers: int) -> Iterator[Message]:
+        """Yield the events and the state, as far as they are new.
+
+        The state is read with each event and else in every ``STATE_LOOKS``-th call, because it
+        takes ten times as long as a sample.
+        """
+        events, cursor = self._tap.events.since(self._cursor)
+        self._note(events, cursor)
+        if events:
+            yield json_text({"type": "events", "events": [*map(event_of, events[-FIRST_EVENTS:])]})
+        self._looks += 1
+        if not events and self._looks % STATE_LOOKS:
+            return
+        state = self._read_state(viewers)
+        if state != self._state:
+            self._state = state
+            yield json_text(state)
+
+    def repeat_state(self) -> None:
+        """Yield the state with the next changes, new or not."""
+        self._state = {}
+
+    def release(self) -> None:
+        """Nothing to do: nothing is computed between the calls."""
+
+    def _note(self, events: Sequence[Any], cursor: int) -> None:
+        self._cursor = cursor
+        for number, event in enumerate(events, cursor - len(events) + 1):
+            self._goals.note(event)
+            if reduces_motion(event):
+                self._seen = number
+
+    def _read_state(self, viewers: int) -> dict[str, Any]:
+        state = state_of(self._tap, self._goals.running(), viewers)
+        return {**state, "seen": self._seen}  # commands of a page return it

@@ -1,0 +1,231 @@
+"""HTTP server of the page: bundle, WebSocket, meshes and metrics, on the loopback interface."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Self
+
+from aiohttp import WSCloseCode, web
+
+from robotd.errors import OperationError
+from robotd.local_ports import MAX_CONNECTIONS
+from robotd.log import get_logger
+from robotd_page.channel import Channel, PageSource
+from robotd_page.connection_guard import ConnectionGuard
+from robotd_page.control_server import PageControl
+from robotd_page.live_samples import RATE_HZ
+from robotd_page.request_checks import add_headers, check_request
+from robotd_page.viewers import MAX_MESSAGE_BYTES, SEND_BUFFER_BYTES, Viewer, accept
+
+log = get_logger("page")
+
+ADDRESS = "127.0.0.1"
+MAX_VIEWERS = 8
+HEARTBEAT_S = 5.0  # a viewer that does not answer within 1.5 of it is dropped
+REQUEST_TIMEOUT_S = 10.0
+START_TIMEOUT_S = 5.0
+END_TIMEOUT_S = 2.0
+CHANGES_TICKS = 3  # of ``RATE_HZ``: state and events
+BUNDLE_FOLDER = Path(__file__).parent / "bundle"  # built by `make page`
+BUNDLE = {
+    "/": ("index.html", "text/html"),
+    "/page.js": ("page.js", "text/javascript"),
+    "/page.css": ("page.css", "text/css"),
+    "/favicon.svg": ("favicon.svg", "image/svg+xml"),
+    "/licenses.txt": ("LICENSES.txt", "text/plain"),
+}
+NOT_BUILT = (
+    "robotd: the page is not built. In a checkout: make page (it needs Node.js, or installs it"
+    " into .venv). The robot is served as ever, and so are /metrics and /ws.\n"
+)
+
+
+class PageServer:
+    """Server of a page: ``with PageServer(...):``. Its thread is ``robotd-page``.
+
+    Nothing is computed without viewers. Viewers share each message; one that does not read
+    is dropped. Every request only reads, except those of ``control``.
+
+    Args:
+        source: robots that are shown.
+        port: on the loopback interface; 0: any free one.
+        metrics: text of the metrics; None: not served.
+        control: takes the commands of pages that have its token; None: the page is read-only.
+        max_viewers: number of viewers at a time.
+        heartbeat_s: interval of the pings to viewers.
+        bundle: folder of the built page.
+
+    Attributes:
+        url: of the page.
+
+    Raises OperationError: the port cannot be used.
+    """
+
+    def __init__(
+        self,
+        source: PageSource,
+        port: int,
+        metrics: Callable[[], bytes] | None = None,
+        *,
+        control: PageControl | None = None,
+        max_viewers: int = MAX_VIEWERS,
+        heartbeat_s: float = HEARTBEAT_S,
+        bundle: Path = BUNDLE_FOLDER,
+    ) -> None:
+        self._source = source
+        self._channels: dict[str, Channel] = {}  # with viewers, by the name of the robot
+        self._metrics, self._bundle, self._control = metrics, bundle, control
+        self._max_viewers, self._heartbeat_s = max_viewers, heartbeat_s
+        self._watched = asyncio.Event()
+        self._ended = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._socket = _bound(port)
+        self.url = f"http://{ADDRESS}:{self._socket.getsockname()[1]}/"
+        self._listening = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robotd-page", daemon=True)
+
+    @property
+    def is_built(self) -> bool:
+        """The bundle of the page is there."""
+        return (self._bundle / "page.js").is_file()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._listening.wait(START_TIMEOUT_S)
+        log.info("page", url=self.url)
+        if not self.is_built:
+            log.warning("the page is not built", advice="make page")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._loop is not None:
+            with suppress(RuntimeError):  # it has ended by an error
+                self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join(END_TIMEOUT_S)
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._serve())
+        except Exception:
+            log.exception("the page has ended")
+        finally:
+            self._socket.close()
+            self._listening.set()
+
+    async def _serve(self) -> None:
+        self._loop = loop = asyncio.get_running_loop()
+        guard = ConnectionGuard(MAX_CONNECTIONS, REQUEST_TIMEOUT_S)
+        application = web.Application(
+            middlewares=[guard.note_request, check_request], client_max_size=MAX_MESSAGE_BYTES
+        )
+        application.on_response_prepare.append(add_headers)
+        for path in BUNDLE:
+            application.router.add_get(path, self._answer_bundle)
+        application.router.add_get("/ws", self._answer_viewer)
+        if self._control:
+            application.router.add_get("/control", self._control.answer)
+        application.router.add_get("/metrics", self._answer_metrics)
+        application.router.add_get("/mesh/{path:.+}", self._answer_mesh)
+        runner = web.AppRunner(
+            application,
+            access_log=None,
+            keepalive_timeout=REQUEST_TIMEOUT_S,
+            shutdown_timeout=END_TIMEOUT_S / 2,
+        )
+        await runner.setup()
+        guard.server = runner.server
+        server = await loop.create_server(guard.connection, sock=self._socket)
+        publishing = asyncio.create_task(self._publish())
+        self._listening.set()
+        ended = asyncio.create_task(self._ended.wait())
+        await asyncio.wait((publishing, ended), return_when=asyncio.FIRST_COMPLETED)
+        publishing.cancel()
+        server.close()
+        if self._control:
+            await self._control.close()
+        viewers = self._viewers()
+        await asyncio.gather(*(viewer.close() for viewer in viewers), return_exceptions=True)
+        await runner.cleanup()
+        with suppress(asyncio.CancelledError):
+            await publishing  # raises what has ended it
+
+    async def _publish(self) -> None:
+        """Send samples at ``RATE_HZ``, and changes, while there are viewers."""
+        clock = asyncio.get_running_loop().time
+        due_s, tick = 0.0, 0
+        while True:
+            if not self._channels:
+                self._watched.clear()
+                await self._watched.wait()
+            self._source.yield_to_control_loop()
+            for channel in self._channels.values():
+                channel.publish(changes=tick % CHANGES_TICKS == 0)
+            tick += 1
+            now_s = clock()
+            due_s = max(due_s + 1.0 / RATE_HZ, now_s)
+            await asyncio.sleep(due_s - now_s)
+
+    def _viewers(self) -> list[Viewer]:
+        return [viewer for channel in self._channels.values() for viewer in channel.viewers]
+
+    async def _answer_viewer(self, request: web.Request) -> web.StreamResponse:
+        response, transport = await accept(request, self._heartbeat_s)
+        if transport is None:
+            return response
+        if len(self._viewers()) >= self._max_viewers:
+            text = f"{self._max_viewers} viewers are connected already"
+            await response.close(code=WSCloseCode.TRY_AGAIN_LATER, message=text.encode())
+            return response
+        raw = transport.get_extra_info("socket")
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        robot = request.query.get("robot", "")
+        channel = self._channels.get(robot) or Channel(self._source.feed(robot))
+        first, wait = channel.first(), self._source.yield_to_control_loop
+        viewer = Viewer(response, transport, first, wait)
+        channel.viewers.add(viewer)
+        self._channels[robot] = channel
+        self._watched.set()
+        try:
+            await viewer.run()
+        finally:
+            channel.discard(viewer)
+            if not channel.viewers:
+                self._channels.pop(robot, None)
+        return response
+
+    async def _answer_bundle(self, request: web.Request) -> web.StreamResponse:
+        name, content_type = BUNDLE[request.path]
+        file = self._bundle / name
+        if not file.is_file():
+            return web.Response(status=503, text=NOT_BUILT)
+        return web.Response(body=file.read_bytes(), content_type=content_type, charset="utf-8")
+
+    async def _answer_metrics(self, request: web.Request) -> web.StreamResponse:
+        if self._metrics is None:
+            text = "robotd: metrics need prometheus_client: pip install 'robotd[metrics]'\n"
+            return web.Response(status=503, text=text)
+        content_type = "text/plain; version=0.0.4; charset=utf-8"
+        return web.Response(body=self._metrics(), headers={"Content-Type": content_type})
+
+    async def _answer_mesh(self, request: web.Request) -> web.StreamResponse:
+        file = self._source.file(request.path)
+        if file is None:
+            return web.Response(status=404, text=f"robotd: no mesh {request.path}\n")
+        return web.FileResponse(file)
+
+
+def _bound(port: int) -> socket.socket:
+    made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind((ADDRESS, port))
+    except OSError as error:
+        made.close()
+        text = f"page {port}: {error.strerror or error}; choose another port"
+        raise OperationError(text) from error
+    return made

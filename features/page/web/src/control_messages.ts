@@ -1,0 +1,72 @@
+// Messages of the control side; features/page/robotd_page/control_server.py makes and takes them.
+
+export interface FaultField {
+  name: string;
+  type: "integer" | "number" | "boolean";
+  default: number | boolean | null;
+  optional: boolean;
+}
+
+// Highest velocities of the base in m/s and rad/s, and its way to rest from the highest one ahead.
+export interface Drive {
+  release_s: number; // from the last heartbeat until it slows down
+  rest_s: number;
+  rest_m: number;
+  linear: number;
+  angular: number;
+  motions: { name: string; linear: number; lateral: number; angular: number }[];
+}
+
+export interface Welcome {
+  type: "welcome";
+  name: string; // of this page, as owner of joints
+  heartbeat_ms: number;
+  jog_velocities: Record<string, number>; // highest, by joint
+  drive: Drive | null; // null: without a base
+  gripper: boolean;
+  outputs: Record<string, string>; // address such as "out0.3", by name
+  output_bytes: number;
+  faults: Record<string, FaultField[]>; // by kind; empty on hardware
+}
+
+export interface Answer {
+  type: "answer";
+  id: number;
+  ok: boolean;
+  text: string;
+}
+
+export interface JogEnd {
+  type: "jog";
+  hold: number;
+  ok: boolean;
+  silent: boolean; // heartbeats came late, or none came
+  text: string;
+  remaining: number | null; // distance of a step that was not made
+}
+
+export interface RequestError {
+  type: "error";
+  text: string;
+}
+
+export type ControlMessage = Welcome | Answer | JogEnd | RequestError;
+
+// State that the page showed when a button was pressed: the robot rejects a command that came too late.
+export interface Seen {
+  events: number; // ``seen`` of its newest state
+  time_s: number; // of its newest sample, on the robot's clock
+}
+
+export type Command =
+  | { type: "stop" | "reset" | "recover" }
+  | { type: "servos"; on: boolean }
+  | { type: "gripper"; closed: boolean }
+  | { type: "speed"; speed: number }
+  | { type: "pause"; paused: boolean }
+  | { type: "output"; name: string; value: boolean }
+  | { type: "output_bit"; byte: number; bit: number; value: boolean }
+  | { type: "output_byte"; byte: number; value: number }
+  | { type: "inject"; fault: Record<string, Record<string, number | boolean>> };
+
+export type ReleaseReason = "released" | "window lost focus" | "tab hidden" | "page left" | "page stalled";

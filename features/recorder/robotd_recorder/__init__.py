@@ -1,0 +1,1 @@
+"""Flight recorder, continuous recording, and their explanation."""

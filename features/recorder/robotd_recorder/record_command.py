@@ -1,0 +1,69 @@
+"""``robotd record``: record a running robot until Ctrl-C, or repair a recording."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from robotd.cli.options import FILE
+from robotd.cli.preflight import import_ros
+from robotd.number_argument import NumberRange
+from robotd.stop_signals import Interrupt
+from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
+
+SAVE_TIMEOUT_S = 30.0
+TICK_S = 0.1
+
+
+@click.command("record", epilog=ROS_EPILOG)
+@click.option(
+    "--recover",
+    metavar="FILE",
+    type=FILE,
+    help="Repair a recording that was not closed; a copy of FILE stays.",
+)
+@click.option(
+    "--time",
+    "time_s",
+    metavar="SECONDS",
+    type=NumberRange(0.1),
+    help="Stop after this time; by default with Ctrl-C.",
+)
+@client_options
+def record(*, recover: Path | None, time_s: float | None, timeout_s: float) -> None:
+    """Record the running robot, or repair a recording.
+
+    The robot's own process records everything at full rate, on its computer, in the folder of the
+    flight recorder. To record from the start: robotd run --record DIR.
+    """
+    if recover is None:
+        _record(timeout_s, time_s)
+    else:
+        _recover(recover)
+
+
+def _recover(path: Path) -> None:
+    from robotd_recording.recording_repair import recover
+
+    found = recover(path)
+    if found is None:
+        click.echo(f"{path}: complete, nothing to repair")
+        return
+    size = f"{found.messages} messages over {found.duration_s:.1f} s"
+    click.echo(f"{path}: {size}; the damaged file is {found.damaged}")
+
+
+def _record(timeout_s: float, time_s: float | None) -> None:
+    """Record until Ctrl-C, the loss of the terminal, or for ``time_s``; print the file."""
+    with robot_client(max(timeout_s, SAVE_TIMEOUT_S)) as client:
+        status = import_ros("robotd_ros.client.status_client")
+        started = status.set_recording(client, True)
+        with Interrupt() as interrupt:
+            click.echo(f"{started}, stop with Ctrl-C", err=True)
+            end_s = None if time_s is None else time.monotonic() + time_s
+            while not interrupt.happened and (end_s is None or time.monotonic() < end_s):
+                status.require_recorder(client)
+                time.sleep(TICK_S)
+        click.echo(status.set_recording(client, False))

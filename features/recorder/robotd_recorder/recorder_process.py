@@ -1,0 +1,147 @@
+"""Parent's side of the process that writes a recording."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from importlib.metadata import version
+from multiprocessing.connection import Pipe
+from typing import Self
+
+from robotd.events import Event
+from robotd.observation.io_sampler import Sample
+from robotd.observation.tap import Tap
+from robotd_recording import writer_process
+from robotd_recording.recording_folder import RecordingFolder
+from robotd_recording.recording_writer import RecordingInfo
+from robotd_recording.writer_process import Batch, Job, Report
+
+BATCH_EVENTS = 32  # pickled at once, which holds the interpreter: 0.2 ms
+# Not ``-m``: the classes of ``__main__`` would not be the ones that are received here.
+PROGRAM = f"from {writer_process.__name__} import main; main()"
+END_S = 5.0  # for a process that is asked to end
+
+
+class RecorderProcess:
+    """Process that writes a recording: ``with RecorderProcess(...) as process:``. One thread.
+
+    Leaving the block without ``finish`` also completes the file, without waiting for it.
+
+    Args:
+        tap: source of the frames.
+        folder, word: of the file.
+        cause: for its metadata.
+        cursor: of the first frame.
+        split_bytes, split_s: see ``Job``.
+
+    Raises OSError, in every method: the process cannot be started, or its file not be written.
+    """
+
+    def __init__(
+        self,
+        tap: Tap,
+        folder: RecordingFolder,
+        word: str,
+        cause: str,
+        *,
+        cursor: int = 0,
+        split_bytes: float | None = None,
+        split_s: float | None = None,
+    ) -> None:
+        frames = tap.frames
+        self._yield = tap.robot.control_loop.yield_to_control_loop
+        self._connection, theirs = Pipe()
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - our own module
+                [sys.executable, "-c", PROGRAM, str(theirs.fileno())],
+                pass_fds=(theirs.fileno(), frames.fd),
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,  # what a terminal sends is for the robot, which ends this
+            )
+        finally:
+            theirs.close()
+        self._connection.send(
+            Job(
+                frames.fd,
+                frames.axes,
+                frames.capacity,
+                cursor,
+                recording_info(tap, cause),
+                tap.urdf,
+                folder,
+                word,
+                split_bytes,
+                split_s,
+            )
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.close()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_S)
+
+    def send(self, events: Sequence[Event], samples: Sequence[Sample]) -> Report | None:
+        """Add events and samples; return the newest report, None before the first."""
+        for begin in range(0, len(events), BATCH_EVENTS):
+            self._put(Batch([*events[begin : begin + BATCH_EVENTS]], []))
+            self._yield()
+        self._put(Batch([], [*samples]))
+        report = None
+        while self._connection.poll():
+            report = self._receive()
+        return report
+
+    def finish(self, timeout_s: float) -> Report:
+        """Complete the file and return its report."""
+        self._put(Batch([], [], last=True))
+        report = None
+        with suppress(EOFError):
+            while self._connection.poll(timeout_s):
+                report = self._receive()
+        if report is None:
+            raise TimeoutError(f"the recording is not complete after {timeout_s:g} s")
+        return report
+
+    def _put(self, batch: Batch) -> None:
+        """Send a batch. Raises OSError, with the reason of a writer that has ended."""
+        try:
+            self._connection.send(batch)
+        except BrokenPipeError:
+            with suppress(EOFError, ConnectionError):
+                while self._connection.poll():
+                    self._receive()  # raises the reason that its last report has
+            raise
+
+    def _receive(self) -> Report:
+        report: Report = self._connection.recv()
+        if report.error:
+            raise OSError(report.error)
+        return report
+
+
+def recording_info(tap: Tap, cause: str) -> RecordingInfo:
+    """Return the metadata of a recording that was begun by ``cause``."""
+    robot = tap.robot
+    descriptor = robot.descriptor
+    return RecordingInfo(
+        robot=descriptor.name,
+        backend=robot.backend.name,
+        variant=descriptor.variant or "",
+        version=version("robotd"),
+        cause=cause,
+        rate_hz=descriptor.cycle.rate_hz,
+        axes=robot.axes.names,
+        joints=robot.joint_axes,
+        limits={
+            robot.axes.names[axis]: (each.lower, each.upper, each.velocity, each.acceleration)
+            for axis in robot.joint_axes
+            for each in [robot.axes.limits[axis]]
+        },
+        offset_ns=tap.offset_ns,
+        units={joint.name: joint.unit for joint in descriptor.joints},
+    )

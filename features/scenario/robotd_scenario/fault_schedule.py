@@ -1,0 +1,146 @@
+"""Injects faults at their time or position, at the start of a period."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robotd.clock import NANOSECONDS
+from robotd.device.process_image import ProcessImage
+from robotd.errors import RobotdError
+from robotd.log import get_logger
+from robotd.robot import Robot
+from robotd_scenario.fault_kinds import Fault, LateCycles
+
+log = get_logger("scenario")
+
+
+@dataclass(frozen=True)
+class Happened:
+    """A fault that was injected (``over`` False) or removed.
+
+    Attributes:
+        time_s: simulated seconds after ``FaultSchedule.begin``.
+        failure: why it could not be injected or removed; None on success.
+    """
+
+    fault: Fault
+    time_s: float
+    over: bool
+    failure: str | None = None
+
+
+@dataclass(eq=False)  # equal entries are still separate faults
+class _Entry:
+    fault: Fault
+    due_ns: int
+    end_ns: int | None = None
+    left: int = 0  # late periods still to be injected
+
+
+class FaultSchedule:
+    """Faults of one robot, on a simulated backend.
+
+    Any thread may call, before the control loop starts or while it runs.
+
+    Args:
+        robot: on a simulated backend.
+        faults: those that ``begin`` adds.
+
+    Attributes:
+        happened: what began and ended, in order.
+    """
+
+    def __init__(self, robot: Robot, faults: Sequence[Fault] = ()) -> None:
+        """Raises Unsupported: the backend offers no faults; InvalidArgument: as ``add``."""
+        self.happened: list[Happened] = []
+        self._planned = faults
+        for fault in faults:
+            fault.check(robot)
+        self._robot = robot
+        self._clock = robot.clock
+        self._origin_ns = robot.clock.now_ns()
+        self._entries: list[_Entry] = []
+        self._lock = threading.Lock()
+        _ = robot.fault_injector
+        robot.control_loop.every(robot.descriptor.cycle.rate_hz, "faults", self._look, first=True)
+
+    def begin(self) -> None:
+        """Start counting times; call when the robot is ready."""
+        self._origin_ns = self._clock.now_ns()
+        for fault in self._planned:
+            self.add(fault)
+
+    def add(self, fault: Fault) -> None:
+        """Schedule ``fault``; its ``at_s`` counts from now.
+
+        Raises InvalidArgument: it does not fit the robot.
+        """
+        fault.check(self._robot)
+        due_ns = self._clock.now_ns() + round(fault.at_s * NANOSECONDS)
+        with self._lock:
+            self._entries.append(_Entry(fault, due_ns))
+
+    @property
+    def waiting(self) -> list[Fault]:
+        """Faults that have not begun."""
+        with self._lock:
+            return [entry.fault for entry in self._entries if self._is_waiting(entry)]
+
+    def failures(self) -> list[str]:
+        """Describe the faults that failed, and those that have not begun."""
+        failed = [f"{each.fault}: {each.failure}" for each in self.happened if each.failure]
+        return failed + [f"{fault}: did not happen" for fault in self.waiting]
+
+    def _look(self, image: ProcessImage) -> None:
+        if not self._entries:
+            return
+        now_ns = self._clock.now_ns()
+        with self._lock:
+            entries = list(self._entries)
+        gone = [entry for entry in entries if self._advance(entry, now_ns)]
+        with self._lock:
+            self._entries = [entry for entry in self._entries if entry not in gone]
+
+    @staticmethod
+    def _is_waiting(entry: _Entry) -> bool:
+        return entry.end_ns is None and entry.left == 0
+
+    def _advance(self, entry: _Entry, now_ns: int) -> bool:
+        """Inject or remove the fault of ``entry``; True when it is finished."""
+        fault = entry.fault
+        if not self._is_waiting(entry):
+            return self._go_on(entry, now_ns)
+        if now_ns < entry.due_ns or (fault.when and not fault.when.happens(self._robot)):
+            return False
+        self._do(fault, now_ns, over=False)
+        duration_s = getattr(fault.kind, "for_s", None)
+        if duration_s is not None:
+            entry.end_ns = now_ns + round(duration_s * NANOSECONDS)
+        if isinstance(fault.kind, LateCycles):
+            entry.left = fault.kind.count - 1
+        return self._is_waiting(entry)
+
+    def _go_on(self, entry: _Entry, now_ns: int) -> bool:
+        if entry.left:
+            entry.fault.kind.begin(self._robot)
+            entry.left -= 1
+            return entry.left == 0
+        if entry.end_ns is None or now_ns < entry.end_ns:
+            return False
+        self._do(entry.fault, now_ns, over=True)
+        return True
+
+    def _do(self, fault: Fault, now_ns: int, *, over: bool) -> None:
+        failure = None
+        try:
+            (fault.kind.end if over else fault.kind.begin)(self._robot)
+        except RobotdError as error:
+            failure = str(error)
+            log.warning("fault failed", fault=str(fault), reason=failure)
+        else:
+            log.info("fault over" if over else "fault", fault=str(fault))
+        self.happened.append(
+            Happened(fault, (now_ns - self._origin_ns) / NANOSECONDS, over, failure)
+        )

@@ -1,0 +1,173 @@
+"""``robotd sim``: run a scenario, and control a running simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.installed import load_robot
+from robotd.cli.options import FILE, log_options
+from robotd.cli.preflight import import_ros
+from robotd.cli.time_scale import time_scale
+from robotd.errors import DescriptorError
+from robotd.number_argument import IntegerRange, parse_integer, parse_number
+from robotd.plugin.manager import load_backend
+from robotd_ros.commands.robot_client import (
+    ROS_EPILOG,
+    asks_robot,
+    client_options,
+    print_addressed_robots,
+    robot_client,
+)
+from robotd_scenario import FAULTS, Result, ScenarioRun, load_scenario
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd_ros.client.ros_client import RosClient
+
+MAX_STEPS = 1_000_000
+
+
+@click.group("sim", epilog=ROS_EPILOG)
+def sim() -> None:
+    """Scenarios and faults for the simulation."""
+
+
+@sim.command("run")
+@click.argument("file", required=False, type=FILE)
+@click.option("--robot", metavar="NAME|FILE", help="The robot; by default the scenario's own.")
+@click.option(
+    "--from",
+    "recording",
+    metavar="FILE",
+    type=FILE,
+    help="Instead of a scenario: repeat the commands of a recording, and compare the motion.",
+)
+@time_scale
+@log_options
+def run(
+    file: Path | None, robot: str | None, recording: Path | None, time_scale: float | None
+) -> ExitCode:
+    """Run a scenario as a test: status 0 when it passes, else 1.
+
+    Without ROS, and as fast as the computer goes unless --time-scale says otherwise.
+    """
+    if file is not None and recording is None:
+        return run_scenario(file, robot, time_scale)
+    if recording is not None and file is None:
+        from robotd_scenario.recording_comparison import repeat_recording
+
+        return repeat_recording(recording, robot)
+    raise click.UsageError("either a scenario or --from FILE is needed")
+
+
+@sim.command("inject", epilog=ROS_EPILOG)
+@click.argument("fault")
+@click.argument("values", metavar="[KEY=VALUE]...", nargs=-1)
+@client_options
+def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
+    """Inject a fault into the running simulation.
+
+    For example: robotd sim inject amp_alarm axis=2 at_s=1.5. The robot has to be run with
+    --time-scale or --scenario.
+    """
+    fields = _fields(values)
+    if fault not in FAULTS:
+        raise click.BadParameter(f"{fault!r} is none of {', '.join(FAULTS)}")
+    # What belongs to every fault, and what to this kind.
+    common = {key: fields.pop(key) for key in list(fields) if key.split(".")[0] in ("at_s", "when")}
+    own = {f"{fault}.{key}": value for key, value in fields.items()} or {fault: True}
+    with robot_client(timeout_s) as client:
+        click.echo(
+            import_ros("robotd_scenario.simulation_client").inject(client, {**own, **common})
+        )
+        print_addressed_robots(client)
+
+
+@sim.command("step", epilog=ROS_EPILOG)
+@click.argument("periods", type=IntegerRange(1, MAX_STEPS), default=1)
+@asks_robot
+def step(client: RosClient, periods: int) -> object:
+    """Run PERIODS control periods in the running simulation, then pause its time."""
+    return import_ros("robotd_scenario.simulation_client").step(client, periods)
+
+
+@sim.command("pause", epilog=ROS_EPILOG)
+@asks_robot
+def pause(client: RosClient) -> object:
+    """Pause the time of the running simulation."""
+    return import_ros("robotd_scenario.simulation_client").pause(client, paused=True)
+
+
+@sim.command("resume", epilog=ROS_EPILOG)
+@asks_robot
+def resume(client: RosClient) -> object:
+    """Resume the time of the running simulation."""
+    return import_ros("robotd_scenario.simulation_client").pause(client, paused=False)
+
+
+def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode:
+    """Run it, print each step, and return the exit status."""
+    scenario = load_scenario(file)
+    robot = robot or scenario.robot
+    if robot is None:
+        raise DescriptorError("names no robot, and none is given by --robot", path=file)
+    descriptor = load_robot(robot, scenario.variant)
+    backend = load_backend(scenario.backend)
+    run = ScenarioRun(scenario, descriptor, backend, math.inf if scale is None else scale)
+    for done in run.steps():
+        mark = click.style("ok  ", fg="green") if done.failure is None else _failed()
+        click.echo(f"{done.time_s:9.3f} s  {mark}  {done.step}")
+    _tell(run.result)
+    return ExitCode.FAILED if run.result.failures else ExitCode.OK
+
+
+def _fields(words: Sequence[str]) -> dict[str, Any]:
+    """Return the values by their keys, each of which is given once."""
+    fields: dict[str, Any] = {}
+    for word in words:
+        key, value = _value(word)
+        if key in fields:
+            raise click.BadParameter(f"{key} is given twice")
+        fields[key] = value
+    return fields
+
+
+def _value(word: str) -> tuple[str, Any]:
+    """Parse ``key=value`` with the value as a bool, an int, a float or text."""
+    key, _, text = word.partition("=")
+    if not (key and text):
+        raise click.BadParameter(f"{word!r} is not like axis=2")
+    if text in ("true", "false"):
+        return key, text == "true"
+    for parse in (parse_integer, parse_number):
+        with suppress(ValueError):
+            return key, parse(text)
+    with suppress(ValueError):
+        parse_number(text.replace("_", ""))
+        raise click.BadParameter(f"{key}: {text!r} is not a number")
+    return key, text
+
+
+def _failed() -> str:
+    return click.style("FAIL", fg="red", bold=True)
+
+
+def _tell(result: Result) -> None:
+    for each in result.faults:
+        what = "over: " if each.over else ""
+        click.echo(f"{each.time_s:9.3f} s  fault  {what}{each.fault}")
+    for failure in result.failures:
+        click.echo(f"{_failed()}  {failure}")
+    speed = result.simulated_s / result.real_s if result.real_s > 0 else math.nan
+    click.echo(
+        f"{result.simulated_s:.3f} s simulated in {result.real_s:.3f} s ({speed:.1f} times real"
+        f" time), {result.periods} periods, joint states {result.digest[:16]}"
+    )
+    if not result.failures:
+        click.echo("passed")

@@ -1,0 +1,105 @@
+"""robotd_sim: simulated time on /clock, fault injection, and the services of both.
+
+The nodes of this process get the time from the control loop, not from the topic: their stamps are
+those of the period, exactly, whatever the topic costs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool
+
+from robotd.clock import NANOSECONDS
+from robotd.clock.simulated import PacedClock
+from robotd.device.process_image import ProcessImage
+from robotd.errors import InvalidArgument
+from robotd.robot import Robot
+from robotd_ros.host import RosHost
+from robotd_ros.middleware import HotPublisher
+from robotd_ros.node_registry import SIMULATION_NODE
+from robotd_ros.services import add_service, named_values
+from robotd_scenario import FaultSchedule, nested, validate_fault
+
+CLOCK_RATE_HZ = 500.0  # in simulated time
+MAX_STEPS = 1_000_000
+STEP_TIMEOUT_S = 60.0  # real time
+
+
+class SimulationNode(Node):
+    """Node of a simulation: injects faults; on a ``PacedClock`` publishes /clock and steps time.
+
+    Args:
+        robot: on a simulated backend.
+        host: whose workers answer.
+        nodes: whose clocks follow simulated time; this node's own does too.
+        faults: where faults are put.
+    """
+
+    def __init__(
+        self, robot: Robot, host: RosHost, nodes: Sequence[Node], faults: FaultSchedule
+    ) -> None:
+        super().__init__(SIMULATION_NODE, context=host.context)
+        self._faults = faults
+        add_service(self, host, SetParametersAtomically, "~/inject", named_values(self._inject))
+        if isinstance(robot.clock, PacedClock):
+            self._time = _TimeServices(self, robot, robot.clock, host, nodes)
+
+    def _inject(self, fields: dict[str, Any]) -> str:
+        fault = validate_fault(nested(fields))
+        self._faults.add(fault)
+        return str(fault)
+
+
+class _TimeServices:
+    """/clock, the clocks of the nodes, and the services that pause and step time."""
+
+    def __init__(
+        self, node: Node, robot: Robot, clock: PacedClock, host: RosHost, nodes: Sequence[Node]
+    ) -> None:
+        self._robot, self._time = robot, clock
+        self._clocks = [each.get_clock() for each in (*nodes, node)]
+        self._message = HotPublisher(node, "/clock", 10, Clock(), [])
+        self._set_clocks()
+        for each in self._clocks:
+            each._set_ros_time_is_active(enabled=True)  # noqa: SLF001 - what use_sim_time does
+        control_loop, rate_hz = robot.control_loop, robot.descriptor.cycle.rate_hz
+        control_loop.every(rate_hz, "clocks of the nodes", self._follow, first=True)
+        control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
+        add_service(node, host, SetBool, "~/pause", self._pause)
+        add_service(node, host, SetParametersAtomically, "~/step", named_values(self._step))
+
+    def _follow(self, image: ProcessImage) -> None:
+        self._set_clocks()
+
+    def _set_clocks(self) -> None:
+        now = Time(nanoseconds=self._time.now_ns(), clock_type=ClockType.ROS_TIME)
+        for clock in self._clocks:
+            clock.set_ros_time_override(now)
+
+    def _publish(self, image: ProcessImage) -> None:
+        self._message.stamp(self._time.now_ns())
+        self._message.publish()
+
+    def _pause(self, request: Any, response: Any) -> str:
+        if request.data:
+            self._time.pause()
+        else:
+            self._time.resume()
+        return "time stands" if request.data else "time passes"
+
+    def _step(self, fields: dict[str, Any]) -> str:
+        periods = fields.get("periods")
+        if list(fields) != ["periods"] or type(periods) is not int:
+            raise InvalidArgument(f"wanted is the whole number 'periods', given is {fields}")
+        if not 1 <= periods <= MAX_STEPS:
+            raise InvalidArgument(f"periods: {periods} is outside 1..{MAX_STEPS}")
+        if not self._time.step(periods * self._robot.control_loop.period_ns, STEP_TIMEOUT_S):
+            raise InvalidArgument(f"periods: {periods} take longer than {STEP_TIMEOUT_S:g} s")
+        return f"time stands at {self._time.now_ns() / NANOSECONDS:.6f} s"

@@ -1,0 +1,1 @@
+"""ROS messages as CDR bytes, without ROS."""

@@ -1,0 +1,199 @@
+"""Frames and events of a robot as CDR messages."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotd.arrays import FloatArray, IntArray
+from robotd.clock import NANOSECONDS
+from robotd.device.process_image import FLAGS, NUMBERS
+from robotd.events import Event, EventKind, Level
+from robotd_messages.cdr_stream import CdrReader, CdrWriter
+
+LEVELS = {Level.DEBUG: 10, Level.INFO: 20, Level.WARNING: 30, Level.ERROR: 40}
+AXIS_VALUES = (*NUMBERS, *FLAGS)
+LOOP_VALUES = ("late_ns", "execution_ns", "missed", "fresh_ns", "ready")
+
+
+class MessageTemplate:
+    """Message of constant size: many of them are encoded and decoded at once.
+
+    Args:
+        data: CDR of the message.
+        stamp: offset of its time.
+        fields: offset and number of float64 values of each field.
+    """
+
+    def __init__(self, data: bytes, stamp: int, fields: Sequence[tuple[int, int]]) -> None:
+        self.size = len(data)
+        self._data = np.frombuffer(data, np.uint8)
+        self._stamp = stamp
+        self._fields = fields
+
+    def encode(self, stamps_ns: IntArray, *columns: FloatArray) -> list[bytes]:
+        """Return one message for each stamp; ``columns`` have the shape (messages, values)."""
+        rows = np.tile(self._data, (len(stamps_ns), 1))
+        times = np.empty((len(stamps_ns), 2), "<u4")
+        times[:, 0], times[:, 1] = np.divmod(stamps_ns, NANOSECONDS)
+        rows[:, self._stamp : self._stamp + 8] = _octets(times)
+        for (offset, count), values in zip(self._fields, columns, strict=True):
+            rows[:, offset : offset + 8 * count] = _octets(np.asarray(values, "<f8"))
+        data = rows.tobytes()
+        return [data[begin : begin + self.size] for begin in range(0, len(data), self.size)]
+
+    def decode(self, messages: Sequence[bytes]) -> tuple[IntArray, list[FloatArray]]:
+        """Return stamps and fields of messages of this size. Raises ValueError for others."""
+        if any(len(message) != self.size for message in messages):
+            raise ValueError(f"a message does not have {self.size} bytes")
+        rows = np.frombuffer(b"".join(messages), np.uint8).reshape(-1, self.size)
+        stamp = np.ascontiguousarray(rows[:, self._stamp : self._stamp + 8]).view("<u4")
+        times = stamp.astype(np.int64)
+        columns = [
+            np.ascontiguousarray(rows[:, offset : offset + 8 * count]).view("<f8")
+            for offset, count in self._fields
+        ]
+        return times[:, 0] * NANOSECONDS + times[:, 1], columns
+
+
+def joint_state(names: Sequence[str], filled: int) -> MessageTemplate:
+    """Template of a JointState with the first ``filled`` of position, velocity and effort."""
+    writer = CdrWriter()
+    stamp = writer.header(0)
+    writer.strings(names)
+    zeros = [0.0] * len(names)
+    places = [(writer.floats(zeros), len(names)) for _ in range(filled)]
+    for _ in range(3 - filled):
+        writer.floats([])
+    return MessageTemplate(writer.payload(), stamp, places)
+
+
+def dynamic_joint_state(names: Sequence[str], interfaces: Sequence[str]) -> MessageTemplate:
+    """Template of a DynamicJointState whose joints all have the same interfaces."""
+    writer = CdrWriter()
+    stamp = writer.header(0)
+    writer.strings(names)
+    writer.number("I", len(names))
+    places = []
+    for _ in names:
+        writer.strings(interfaces)
+        places.append((writer.floats([0.0] * len(interfaces)), len(interfaces)))
+    return MessageTemplate(writer.payload(), stamp, places)
+
+
+def named_values(time_ns: int, groups: Mapping[str, Mapping[str, float]]) -> bytes:
+    """Return a DynamicJointState: numbers by the name of a thing and of the value."""
+    writer = CdrWriter()
+    writer.header(time_ns)
+    writer.strings([*groups])
+    writer.number("I", len(groups))
+    for values in groups.values():
+        writer.strings([*values])
+        writer.floats([*values.values()])
+    return writer.payload()
+
+
+def log_message(event: Event, time_ns: int) -> bytes:
+    """Return an event as Log: ``name`` is ``kind/subject``, ``file`` the sender.
+
+    ``function`` holds the data as JSON, without arrays; see ``trajectory_message``.
+    """
+    writer = CdrWriter()
+    writer.time(time_ns)
+    writer.number("B", LEVELS[event.level])
+    writer.string(f"{event.kind}/{event.subject}")
+    writer.string(event.text)
+    writer.string(event.sender)
+    plain = {name: value for name, value in event.data.items() if not isinstance(value, np.ndarray)}
+    writer.string(json.dumps(plain, default=_json_value))
+    writer.number("I", 0)
+    return writer.payload()
+
+
+def read_log_message(data: bytes, time_ns: int) -> Event:
+    """Return the event of ``log_message`` at monotonic ``time_ns``. Raises ValueError."""
+    reader = CdrReader(data)
+    reader.time_ns()
+    number = int(reader.number("B"))
+    kind, _, subject = reader.string().partition("/")
+    text, sender, details = reader.string(), reader.string(), reader.string()
+    level = next((level for level, code in LEVELS.items() if code == number), Level.INFO)
+    return Event(time_ns, EventKind(kind), subject, text, level, sender, json.loads(details))
+
+
+def trajectory_message(data: Mapping[str, Any], time_ns: int) -> bytes:
+    """Return the trajectory of a goal's data as JointTrajectory, its stamp the start."""
+    writer = CdrWriter()
+    writer.header(time_ns)
+    writer.strings(data["joints"])
+    writer.number("I", len(data["times_s"]))
+    nothing: list[float] = []
+    for index, time_s in enumerate(data["times_s"].tolist()):
+        for field in ("positions", "velocities", "accelerations"):
+            values = data.get(field)
+            writer.floats(nothing if values is None else values[index])
+        writer.floats(nothing)  # effort
+        writer.time(round(time_s * NANOSECONDS))
+    return writer.payload()
+
+
+def read_trajectory_message(data: bytes) -> dict[str, Any]:
+    """Return joints, times_s and positions, velocities, accelerations where given."""
+    reader = CdrReader(data)
+    reader.header_ns()
+    joints = reader.strings()
+    rows: dict[str, list[FloatArray]] = {"positions": [], "velocities": [], "accelerations": []}
+    times_s = []
+    for _ in range(reader.count()):
+        for values in rows.values():
+            values.append(reader.floats())
+        reader.floats()
+        times_s.append(reader.time_ns() / NANOSECONDS)
+    found = {name: np.array(values) for name, values in rows.items() if values and values[0].size}
+    return {"joints": joints, "times_s": np.array(times_s), **found}
+
+
+def octets_message(data: bytes) -> bytes:
+    """Return a UInt8MultiArray."""
+    writer = CdrWriter()
+    writer.number("I", 0)  # no dimensions
+    writer.number("I", 0)  # data_offset
+    writer.octets(data)
+    return writer.payload()
+
+
+def read_octets_message(data: bytes) -> bytes:
+    """Return the bytes of ``octets_message``."""
+    reader = CdrReader(data)
+    reader.number("I")
+    reader.number("I")
+    return reader.octets()
+
+
+def string_message(text: str) -> bytes:
+    """Return a std_msgs/String."""
+    writer = CdrWriter()
+    writer.string(text)
+    return writer.payload()
+
+
+def _octets(values: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return the bytes of ``values``, shape (rows, values), as (rows, bytes)."""
+    shape = len(values), values.shape[1] * values.itemsize
+    return np.ascontiguousarray(values).view(np.uint8).reshape(shape)
+
+
+def _json_value(value: Any) -> Any:
+    """Return a value that JSON knows for one that it does not."""
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, bytes):
+        return value.hex()
+    if is_dataclass(value):
+        return {each.name: getattr(value, each.name) for each in fields(value)}
+    return str(value)

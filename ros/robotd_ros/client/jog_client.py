@@ -1,0 +1,118 @@
+"""Dead-man jog of a running robot from another process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from rcl_interfaces.msg import Log
+from std_msgs.msg import Float64, String
+from wmx_ros2_message.msg import AxisState, AxisVelocity
+
+from robotd.errors import OperationError
+from robotd_ros.client.hindrances import SPEED, STOPPED, motion_hindrance
+from robotd_ros.client.ros_client import RosClient
+from robotd_ros.client.status_client import (
+    AXIS_STATE,
+    AxisReport,
+    axis_reports,
+    read_axes,
+)
+from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.qos import LATCHED
+
+JOG = "wmx/axis/jog"
+RAMP_S = 0.2  # to the speed, of axes in velocity mode
+AT_REST = 0.01  # rad/s or m/s
+
+
+@dataclass(frozen=True)
+class JogState:
+    """Newest state.
+
+    Attributes:
+        axes: None before the first message.
+        hindrance: why nothing moves, and what helps where it is known; "" while motion is allowed.
+    """
+
+    axes: tuple[AxisReport, ...] | None
+    hindrance: str
+
+
+class JogClient:
+    """Publisher of jogs, and the state of the axes. One thread.
+
+    Attributes:
+        identities: of the axes, by index.
+    """
+
+    def __init__(self, client: RosClient, stack: ExitStack) -> None:
+        self._client = client
+        self._jogged: set[int] = set()
+        self._rejection = ""
+        operator = f"{client.node.get_namespace()}/{OPERATOR_NODE}".strip("/")
+        self._log_name = f"{operator.replace('/', '.')}.commands"
+        self.identities = read_axes(client)
+        self._publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
+        self._axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
+        self._stopped = stack.enter_context(client.listen(String, STOPPED, LATCHED))
+        self._speed = stack.enter_context(client.listen(Float64, SPEED, LATCHED))
+        client.node.create_subscription(Log, "/rosout", self._note_rejection, 10)
+        for listener in (self._axes, self._stopped, self._speed):
+            listener.wait()
+        client.wait(self._publisher.get_subscription_count, f"subscription of {JOG}")
+
+    def jog(self, axis: int, velocity: float, fastest: float) -> None:
+        """Move ``axis``; the robot stops it 0.2 s after the last call.
+
+        Args:
+            axis: its index.
+            velocity: rad/s or m/s, signed; 0 slows to rest.
+            fastest: velocity that an axis in velocity mode reaches in ``RAMP_S``.
+        """
+        self._jogged.add(axis)
+        ramp = fastest / RAMP_S
+        message = AxisVelocity(index=[axis], velocity=[velocity], acc=[ramp], dec=[ramp])
+        self._publisher.publish(message)
+
+    def state(self) -> JogState:
+        """Return the newest state; never waits."""
+        axes = self._axes.newest
+        stopped = self._stopped.newest.data if self._stopped.newest else ""
+        speed = self._speed.newest.data if self._speed.newest else 1.0
+        reports = None if axes is None else axis_reports(axes, self.identities)
+        if any(abs(reports[axis].velocity) > AT_REST for axis in self._jogged if reports):
+            self._rejection = ""
+        return JogState(reports, motion_hindrance(stopped, speed) or self._rejection)
+
+    def wait_at_rest(self) -> None:
+        """Return when no axis that was jogged moves. Raises DeviceTimeout."""
+
+        def at_rest() -> bool:
+            axes = self.state().axes or ()
+            return all(abs(axes[axis].velocity) < AT_REST for axis in self._jogged)
+
+        self._axes.newest = None
+        self._axes.wait()
+        self._client.wait(at_rest, "standstill")
+
+    def _note_rejection(self, line: Log) -> None:
+        _, is_rejection, reason = line.msg.partition("reason=")
+        if is_rejection and line.name == self._log_name and f"topic={JOG} " in line.msg:
+            self._rejection = reason
+
+
+@contextmanager
+def jog_client(client: RosClient) -> Iterator[JogClient]:
+    """Find the running robot.
+
+    Raises:
+        DeviceTimeout: no robot with the node ``wmx_core_motion_node`` answers.
+        OperationError: motion is stopped or paused.
+    """
+    with ExitStack() as stack:
+        jog = JogClient(client, stack)
+        if reason := jog.state().hindrance:
+            raise OperationError(reason)
+        yield jog

@@ -1,0 +1,162 @@
+"""Operator commands for a running robot: recovery, stop, speed, outputs and objects."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from std_msgs.msg import Float64, String
+from std_srvs.srv import SetBool, Trigger
+
+from robotd.control.problem import ProblemKind
+from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
+from robotd_ros.client.hindrances import (
+    SPEED,
+    SPEED_KIND,
+    STOPPED,
+    Hindrances,
+    motion_hindrance,
+)
+from robotd_ros.client.ros_client import RosClient
+from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.qos import LATCHED
+
+IO = f"{OPERATOR_NODE}/io"
+DISCOVERY_S = 1.0
+LEVELS = {"on": True, "off": False}
+
+Levels = dict[str, bool | None]
+
+
+def stop(client: RosClient) -> str:
+    """Stop all motion; return the answer of the robot, which is at rest then.
+
+    Raises:
+        DeviceTimeout: no robot answers in time; it may still be coming to rest.
+        OperationError: axes still move.
+    """
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/stop").message)
+
+
+def reset(client: RosClient) -> str:
+    """Allow motion again; return the answer of the robot. Raises as ``stop`` does."""
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/reset").message)
+
+
+def set_speed(client: RosClient, speed: float) -> str:
+    """Set the speed, 0 to 1; return it in words. Raises as ``stop`` does."""
+    return client.call_named(f"{OPERATOR_NODE}/set_speed", {"speed": speed})
+
+
+def pause(client: RosClient) -> str:
+    """Bring motion to rest on its path. Raises as ``stop`` does."""
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/pause").message)
+
+
+def resume(client: RosClient) -> str:
+    """Continue motion. Raises as ``stop`` does."""
+    return str(client.call(Trigger, f"{OPERATOR_NODE}/resume").message)
+
+
+def require_motion(client: RosClient) -> None:
+    """Raise OperationError while motion is stopped or paused: goals would be rejected, or wait.
+
+    A system without the node ``robotd`` cannot be asked: no effect.
+    """
+    with (
+        client.listen(String, STOPPED, LATCHED) as stopped,
+        client.listen(Float64, SPEED, LATCHED) as speed,
+    ):
+        try:
+            client.wait(lambda: stopped.newest and speed.newest, STOPPED, DISCOVERY_S)
+        except DeviceTimeout:
+            return
+        if reason := motion_hindrance(stopped.newest.data, speed.newest.data):
+            raise OperationError(reason)
+
+
+def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
+    """Recover the robot; ``on_step`` is called with each step as it is reported.
+
+    Returns False while a stop, or a lifecycle manager, forbids motion after the recovery: the last
+    step names what allows it.
+
+    Raises:
+        DeviceTimeout: no robot answers, or it has gone in between.
+        OperationError: the reason of the step that failed.
+    """
+    service = client.node.create_client(Trigger, f"{OPERATOR_NODE}/recover")
+    with (
+        ExitStack() as stack,
+        client.listen(String, f"{OPERATOR_NODE}/recovery", LATCHED) as report,
+    ):
+        hindrances = Hindrances(client, stack)
+        client.wait(service.service_is_ready, f"service {service.service_name}")
+        before = report.wait()  # the report of the last recovery, empty before the first
+        answer = service.call_async(Trigger.Request())
+        printed: list[str] = []
+        seen_s = time.monotonic()
+        while not answer.done():
+            client.spin()
+            if report.newest is not before:
+                _print_new(report.newest.data, printed, on_step)
+            if service.service_is_ready():
+                seen_s = time.monotonic()
+            elif time.monotonic() - seen_s > client.timeout_s:
+                raise DeviceTimeout("the robot has gone during the recovery")
+        response = answer.result()
+        if not response.success:
+            raise OperationError(response.message)
+        _print_new(response.message, printed, on_step)
+        left = {each.kind: each.text for each in hindrances.wait()}
+        if SPEED_KIND in left:
+            on_step(left[SPEED_KIND])
+        return ProblemKind.STOPPED not in left
+
+
+def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) -> None:
+    """Call ``on_step`` for the lines of ``text`` beyond those in ``printed``."""
+    for line in text.splitlines()[len(printed) :]:
+        if not line.startswith("failed; "):  # the response has it too
+            on_step(line)
+        printed.append(line)
+
+
+def read_levels(text: str) -> tuple[Levels, Levels]:
+    """Return inputs and outputs by name, of a message of the topic; None: unknown."""
+    inputs: Levels = {}
+    outputs: Levels = {}
+    for line in text.splitlines():
+        kind, _, rest = line.partition(" ")
+        name, _, level = rest.partition(": ")
+        (inputs if kind == "input" else outputs)[name] = LEVELS.get(level)
+    return inputs, outputs
+
+
+def set_output(client: RosClient, name: str, on: bool) -> str:
+    """Set a named output; return the robot's answer.
+
+    Raises:
+        InvalidArgument: the robot has no such name.
+        DeviceTimeout: no robot answers in time.
+        OperationError: the robot's reason for a rejection.
+    """
+    with client.listen(String, IO, LATCHED) as levels:
+        _, outputs = read_levels(levels.wait().data)
+    if name not in outputs:
+        raise InvalidArgument(unknown_name("output", name, outputs))
+    return str(client.call(SetBool, f"{OPERATOR_NODE}/outputs/{name}", data=on).message)
+
+
+def read_object(client: RosClient, **fields: int) -> str:
+    """Return the value of an object as text; fields as of the service.
+
+    Raises OperationError with the robot's reason, DeviceTimeout without a robot.
+    """
+    return client.call_named("wmx/ecat/read_object", fields)
+
+
+def write_object(client: RosClient, **fields: int) -> str:
+    """Write an object; return the value read back. Raises as ``read_object`` does."""
+    return client.call_named("wmx/ecat/write_object", fields)

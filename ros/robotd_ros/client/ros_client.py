@@ -1,0 +1,206 @@
+"""Client of a running robot, used by the commands of the command line.
+
+It uses the names that the nodes have by default. A robot started with remaps or a namespace is
+reached with the same ``--ros-args``. One thread; nothing here is meant for a control loop.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Self
+
+import rclpy
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.signals import SignalHandlerOptions
+
+from robotd.errors import DeviceTimeout, OperationError
+from robotd.log import escaped
+from robotd_ros.middleware import discovery_server, see_whole_graph, use_profiles
+from robotd_ros.node_registry import OPERATOR_NODE
+
+MAY_HAVE_ACTED = "the robot may have done it, and the answer was lost or is late; robotd status"
+_TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
+
+
+class RosClient:
+    """ROS node that calls services and waits for messages, from ``start`` to ``close``.
+
+    Signal handlers are left alone: Ctrl-C raises KeyboardInterrupt out of a wait.
+
+    Args:
+        ros_args: command line from ``--ros-args`` on.
+        timeout_s: how long an answer may take, discovery included; seconds.
+        searches: the client looks for names that it does not know beforehand.
+
+    Attributes:
+        node: for publishers, subscriptions and action clients; driven by ``wait`` only.
+    """
+
+    node: Node
+
+    def __init__(
+        self, ros_args: Sequence[str] = (), timeout_s: float = 5.0, *, searches: bool = False
+    ) -> None:
+        self.timeout_s = timeout_s
+        self._searches = searches
+        self._ros_args = list(ros_args)
+        self._context = Context()
+
+    def start(self) -> None:
+        """Raises OperationError: the ROS arguments are wrong or the middleware does not start."""
+        use_profiles()
+        if self._searches:
+            see_whole_graph()
+        try:
+            rclpy.init(
+                args=self._ros_args,
+                context=self._context,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        except Exception as error:
+            raise OperationError(f"ROS does not start: {error}") from error
+        self.node = Node(
+            f"robotd_client_{os.getpid()}",
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+
+    def close(self) -> None:
+        """Destroy the node and shut ROS down."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def wait(
+        self,
+        condition: Callable[[], Any],
+        what: str,
+        timeout_s: float | None = None,
+        *,
+        hint: str = "",
+    ) -> Any:
+        """Return the first true result of ``condition``, called after every event.
+
+        Args:
+            condition: must not block.
+            what: named in the error: "no {what} within ...".
+            timeout_s: seconds; None takes the client's own.
+            hint: end of the error; "" for what to check where nothing was found.
+
+        Raises:
+            DeviceTimeout: there was none in time.
+        """
+        timeout_s = self.timeout_s if timeout_s is None else timeout_s
+        deadline = time.monotonic() + timeout_s
+        while not (answer := condition()):
+            if time.monotonic() > deadline:
+                raise DeviceTimeout(f"no {what} within {timeout_s:g} s: {hint or self._hint()}")
+            self.spin()
+        return answer
+
+    def spin(self) -> None:
+        """Handle the next event, or wait 20 ms for one."""
+        self._executor.spin_once(timeout_sec=_TICK_S)
+
+    def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
+        """The response of service ``name``; the request's fields by name.
+
+        Raises:
+            DeviceTimeout: there is no such service, or it does not answer in time.
+            OperationError: the response says ``success=False``; its reason is the text.
+        """
+        client = self.node.create_client(service_type, name)
+        try:
+            self.wait(client.service_is_ready, f"service {client.service_name}")
+            future = client.call_async(service_type.Request(**request))
+            self.wait(future.done, f"answer from {client.service_name}", hint=MAY_HAVE_ACTED)
+        finally:
+            self.node.destroy_client(client)
+        response = future.result()
+        escape_texts(response)
+        if not getattr(response, "success", True):
+            raise OperationError(response.message)
+        return response
+
+    def call_named(self, name: str, values: Mapping[str, Any]) -> str:
+        """Call service ``name`` with values by name; return its answer as text.
+
+        Raises as ``call``, OperationError with the reason of a rejection.
+        """
+        parameters = [
+            Parameter(key, value=value).to_parameter_msg() for key, value in values.items()
+        ]
+        result = self.call(SetParametersAtomically, name, parameters=parameters).result
+        if not result.successful:
+            raise OperationError(result.reason)
+        return str(result.reason)
+
+    def parameters(self, node: str, names: Sequence[str]) -> list[Any]:
+        """Return the values of parameters of ``node``, None for one that is not set.
+
+        Empty where the node has not declared all of them. Raises as ``call``.
+        """
+        response = self.call(GetParameters, f"{node}/get_parameters", names=names)
+        return list(map(parameter_value_to_python, response.values))
+
+    def listen(self, message_type: Any, topic: str, qos: Any = 1) -> Listener:
+        """Subscribe ``topic`` until the listener is closed."""
+        return Listener(self, message_type, topic, qos)
+
+    def _hint(self) -> str:
+        """Return what to check after a time-out."""
+        if self.node.count_services(f"{OPERATOR_NODE}/stop"):
+            return "robotd is running, but without it or too busy to answer"
+        domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+        server = f", ROS_DISCOVERY_SERVER={servers}" if (servers := discovery_server()) else ""
+        return f"is robotd running, with ROS_DOMAIN_ID={domain}{server} and the same --ros-args?"
+
+
+class Listener:
+    """Subscription that keeps the newest message.
+
+    Attributes:
+        newest: None before the first message.
+    """
+
+    def __init__(self, client: RosClient, message_type: Any, topic: str, qos: Any) -> None:
+        self.newest: Any = None
+        self._client = client
+        self._subscription = client.node.create_subscription(message_type, topic, self._keep, qos)
+
+    def wait(self) -> Any:
+        """The newest message, the first one if there is none yet. Raises DeviceTimeout."""
+        return self._client.wait(lambda: self.newest, f"message on {self._subscription.topic_name}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.node.destroy_subscription(self._subscription)
+
+    def _keep(self, message: Any) -> None:
+        escape_texts(message)
+        self.newest = message
+
+
+def escape_texts(message: Any) -> None:
+    """Escape control characters in all texts of ``message``: commands print them to a terminal."""
+    for field in message.get_fields_and_field_types():
+        value = getattr(message, field)
+        if isinstance(value, str):
+            setattr(message, field, escaped(value))
+        elif isinstance(value, list) and value and isinstance(value[0], str):
+            setattr(message, field, [escaped(each) for each in value])
+        else:
+            for each in value if isinstance(value, list) else [value]:
+                if hasattr(each, "get_fields_and_field_types"):
+                    escape_texts(each)

@@ -1,0 +1,336 @@
+"""State of a running robot, and commands that need one service call."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from geometry_msgs.msg import TransformStamped
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool, Trigger
+from tf2_msgs.msg import TFMessage
+from wmx_ros2_message.msg import AxisState
+from wmx_ros2_message.srv import SetAxis
+
+from robotd.clock import MonotonicClock, wait_until
+from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
+from robotd_ros.client.hindrances import STOPPED, Hindrance, Hindrances
+from robotd_ros.client.operator_client import DISCOVERY_S, IO, Levels, read_levels
+from robotd_ros.client.robot_identity import RobotIdentity, read_identity
+from robotd_ros.client.ros_client import RosClient
+from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
+from robotd_ros.qos import LATCHED
+
+GRIPPER = "wmx/set_gripper"
+AXIS_NODE = "wmx_core_motion_node"
+AXIS_STATE = "wmx/axis/state"
+RECORD = "robotd/record"
+TOOL_POSE = f"{OPERATOR_NODE}/tool_pose"
+FAULT = "wmx/engine/get_fault"
+DESCRIPTION = "robot_description"
+EFFORT_UNITS = {"rad": "N·m", "m": "N"}
+
+
+@dataclass(frozen=True)
+class AxisIdentity:
+    """Name and unit, ``rad`` or ``m``, of an axis."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class AxisReport:
+    """Measured state of one axis; rad and N·m, or m and N when linear.
+
+    Attributes:
+        name: of its joint or wheel.
+        unit: ``rad`` or ``m``.
+        torque: None where the drive does not report it.
+    """
+
+    axis: int
+    name: str
+    unit: str
+    servo_on: bool
+    alarm: bool
+    home_done: bool
+    home_switch: bool
+    negative_limit: bool
+    positive_limit: bool
+    motion_complete: bool
+    position_command: float
+    position: float
+    velocity: float
+    torque: float | None
+
+    @property
+    def effort(self) -> str:
+        """The torque or force for people."""
+        return "-" if self.torque is None else f"{self.torque:+.2f} {EFFORT_UNITS[self.unit]}"
+
+
+@dataclass(frozen=True)
+class ToolReport:
+    """Measured pose of the tool.
+
+    Attributes:
+        link, base: names of its frame and of the frame that it is given in.
+        position_m: x, y, z.
+        rotation_rad: roll, pitch, yaw about the fixed axes of ``base``.
+        quaternion: the rotation as x, y, z, w.
+    """
+
+    link: str
+    base: str
+    position_m: tuple[float, float, float]
+    rotation_rad: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+
+    @property
+    def lines(self) -> list[str]:
+        """The pose for people, in m and degrees."""
+        x, y, z = self.position_m
+        roll, pitch, yaw = map(math.degrees, self.rotation_rad)
+        return [
+            f"{self.link} in {self.base}",
+            f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m",
+            f"roll {roll:+.2f}  pitch {pitch:+.2f}  yaw {yaw:+.2f}°",
+        ]
+
+
+@dataclass(frozen=True)
+class RobotReport:
+    """The robot, its engine and its axes.
+
+    Attributes:
+        robot: that answers.
+        state: the engine's, in the words of ``get_status``.
+        reason: why axes cannot be commanded; "" while they can.
+        remedy: the command that helps, "" where none is needed or known.
+        speed: of all motion, 0 to 1; 0 while it is paused.
+        stopped: why all motion is stopped until a reset; "" while it is allowed.
+        hindrances: all that keeps axes from moving while the engine is ready.
+        axes: None where they are not published: the engine is not ready, or the robot runs
+            without ``wmx_core_motion_node``.
+        owners: client that moves it, by name of the joint; without those that have no owner.
+        inputs, outputs: levels by name in the descriptor; None while they are unknown.
+        tools: of each joint group; empty for a robot without a URDF, and while positions are not
+            known.
+    """
+
+    robot: RobotIdentity
+    state: str
+    ready: bool
+    reason: str
+    remedy: str
+    stopped: str
+    speed: float
+    hindrances: tuple[Hindrance, ...]
+    axes: tuple[AxisReport, ...] | None
+    owners: dict[str, str]
+    inputs: Levels
+    outputs: Levels
+    tools: tuple[ToolReport, ...]
+
+    @property
+    def takes_motion(self) -> bool:
+        """True where neither the engine, a fault nor a stop forbids motion."""
+        forbidden = self.reason or self.stopped or any(each.forbids for each in self.hindrances)
+        return self.ready and not forbidden
+
+
+def _owners(text: str) -> dict[str, str]:
+    pairs = (line.partition(": ") for line in text.splitlines())
+    return {name: owner for name, _, owner in pairs}
+
+
+def tool_reports(message: TFMessage) -> tuple[ToolReport, ...]:
+    """Return the tools of ``TOOL_POSE``."""
+    return tuple(map(_tool, message.transforms))
+
+
+def _tool(message: TransformStamped) -> ToolReport:
+    place, turn = message.transform.translation, message.transform.rotation
+    x, y, z, w = turn.x, turn.y, turn.z, turn.w
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return ToolReport(
+        message.child_frame_id,
+        message.header.frame_id,
+        (place.x, place.y, place.z),
+        (roll, pitch, yaw),
+        (x, y, z, w),
+    )
+
+
+def read_report(client: RosClient) -> RobotReport:
+    """Ask the robot. Raises DeviceTimeout when there is none."""
+    with (
+        ExitStack() as stack,
+        client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
+        client.listen(AxisState, AXIS_STATE) as axes,
+        client.listen(String, IDENTITY, LATCHED) as robot,
+        client.listen(String, STOPPED, LATCHED) as stopped,
+        client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
+        client.listen(String, IO, LATCHED) as io,
+        client.listen(TFMessage, TOOL_POSE) as tools,
+    ):
+        motion = Hindrances(client, stack)
+        state = client.call(Trigger, "wmx/engine/get_status").message
+        is_ready = ready.wait().data
+        reason, remedy = _fault(client)
+        identities = published_axes(client) if is_ready else ()
+        reports = axis_reports(axes.wait(), identities) if identities else None
+        hindrances = motion.wait()
+        return RobotReport(
+            read_identity(robot.wait().data),
+            state,
+            is_ready,
+            reason,
+            remedy,
+            stopped.wait().data,
+            motion.speed,
+            hindrances,
+            reports,
+            _owners(owners.wait().data),
+            *read_levels(io.wait().data),
+            tool_reports(tools.wait()),
+        )
+
+
+def read_description(client: RosClient) -> str:
+    """Return the URDF that a running system publishes. Raises DeviceTimeout without one."""
+    with client.listen(String, DESCRIPTION, LATCHED) as description:
+        return str(description.wait().data)
+
+
+def require_ready(client: RosClient) -> None:
+    """Raise OperationError, with the robot's reason and what helps, unless axes take commands.
+
+    A robot that runs without ``wmx_engine_node`` cannot be asked: no effect.
+    """
+    service = client.node.create_client(Trigger, FAULT)
+    try:
+        client.wait(service.service_is_ready, FAULT, DISCOVERY_S)
+    except DeviceTimeout:
+        return
+    finally:
+        client.node.destroy_client(service)
+    reason, remedy = _fault(client)
+    if reason:
+        raise OperationError(f"{reason}; to bring it back: {remedy}" if remedy else reason)
+
+
+@contextmanager
+def reason_of_silence(client: RosClient) -> Iterator[None]:
+    """Check ``require_ready`` before the block, and again when its DeviceTimeout comes out.
+
+    On a busy computer the service may be discovered only during the block.
+    """
+    require_ready(client)
+    try:
+        yield
+    except DeviceTimeout:
+        require_ready(client)
+        raise
+
+
+def set_gripper(client: RosClient, closed: bool) -> str:
+    """The robot's answer. Raises DeviceTimeout without one, OperationError for a rejection."""
+    return str(client.call(SetBool, GRIPPER, data=closed).message)
+
+
+def save_snapshot(client: RosClient) -> str:
+    """Save the last seconds; return the file, on the robot's computer.
+
+    Raises DeviceTimeout without an answer, OperationError with the robot's reason.
+    """
+    return str(client.call(Trigger, "robotd/snapshot").message)
+
+
+def set_recording(client: RosClient, on: bool) -> str:
+    """Start or stop recording; return the robot's answer, which names the file at the end.
+
+    Raises as ``save_snapshot`` does.
+    """
+    return str(client.call(SetBool, RECORD, data=on).message)
+
+
+def require_recorder(client: RosClient) -> None:
+    """Raise DeviceTimeout once the robot has gone. That it was killed shows after 20 s."""
+    if not client.node.count_services(RECORD):
+        raise DeviceTimeout("the robot has gone: the recording ends with it")
+
+
+def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:
+    """Switch servos; on, alarms are cleared first.
+
+    Args:
+        client: of the robot.
+        axes: names, or numbers from 0; empty: all.
+        on: False: off.
+
+    Returns what the robot answers for each axis. Raises DeviceTimeout without an answer,
+    OperationError when one axis refuses, InvalidArgument for a name that no axis has.
+    """
+    with reason_of_silence(client):
+        names = [axis.name for axis in read_axes(client)]
+    index = [_axis_number(axis, names) for axis in axes or names]
+    if on:
+        client.call(SetAxis, "wmx/axis/clear_alarm", index=index, data=[0] * len(index))
+    data = [int(on)] * len(index)
+    return str(client.call(SetAxis, "wmx/axis/set_on", index=index, data=data).message)
+
+
+def read_axes(client: RosClient) -> tuple[AxisIdentity, ...]:
+    """Return names and units of the axes. Raises DeviceTimeout without ``wmx_core_motion_node``."""
+    names, units = client.parameters(AXIS_NODE, ["axis_names", "axis_units"])
+    return tuple(map(AxisIdentity, names, units))
+
+
+def published_axes(client: RosClient) -> tuple[AxisIdentity, ...]:
+    """Return names and units of the axes; empty where their state is not published."""
+    # One node of a robot may be discovered before the other.
+    is_published = wait_until(
+        lambda: client.node.count_publishers(AXIS_STATE) > 0, DISCOVERY_S, MonotonicClock()
+    )
+    return read_axes(client) if is_published else ()
+
+
+def axis_reports(message: AxisState, axes: Sequence[AxisIdentity]) -> tuple[AxisReport, ...]:
+    """The parallel arrays of the message, axis by axis."""
+    columns = zip(
+        (each.name for each in axes),
+        (each.unit for each in axes),
+        message.servo_on,
+        message.amp_alarm,
+        message.home_done,
+        message.home_switch,
+        message.negative_ls,
+        message.positive_ls,
+        message.motion_complete,
+        message.pos_cmd,
+        message.actual_pos,
+        message.actual_velocity,
+        (None if math.isnan(torque) else torque for torque in message.actual_torque),
+        strict=True,
+    )
+    return tuple(AxisReport(axis, *values) for axis, values in enumerate(columns))
+
+
+def _fault(client: RosClient) -> tuple[str, str]:
+    """Return the reason for rejecting axis commands and its remedy; may be ""."""
+    reason, _, remedy = client.call(Trigger, FAULT).message.partition("\n")
+    return reason, remedy
+
+
+def _axis_number(axis: str, names: list[str]) -> int:
+    if axis in names:
+        return names.index(axis)
+    if not axis.isdecimal() or int(axis) >= len(names):
+        raise InvalidArgument(unknown_name("axis", axis, names))
+    return int(axis)

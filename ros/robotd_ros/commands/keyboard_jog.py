@@ -1,0 +1,104 @@
+"""Keyboard jog: hold a key to move a joint, release it to stop."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import click
+from rich.console import Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.jog_keys import JogKeys
+from robotd.cli.key_input import KeyInput
+from robotd.cli.preflight import import_ros
+from robotd.stop_signals import Interrupt
+from robotd_ros.commands.robot_client import print_addressed_robots, robot_client
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd_ros.client.jog_client import JogClient, JogState
+
+SEND_S = 0.02
+SHOW_S = 0.1
+HELP = "←/→ hold to move   1-9 joint   +/- speed   q end   any other key stops"
+
+
+def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
+    """Jog until a key, a signal or the loss of the terminal.
+
+    Everything is at rest then. Raises Rejected with the robot's reason where motion is not allowed.
+    """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise click.UsageError("--keys needs a terminal")
+    with robot_client(timeout_s) as client:
+        import_ros("robotd_ros.client.status_client").require_ready(client)
+        print_addressed_robots(client)
+        with (
+            import_ros("robotd_ros.client.jog_client").jog_client(client) as jog,
+            Interrupt() as interrupt,
+            KeyInput(sys.stdin.fileno()) as key_input,
+        ):
+            keys = JogKeys(len(jog.identities), speed)
+            try:
+                with suppress(OSError), Live(auto_refresh=False) as live:  # of a lost terminal
+                    sender, shown_s = _Sender(jog, keys), 0.0
+                    while not (keys.ended or interrupt.happened or key_input.lost):
+                        client.spin()
+                        now_s = time.monotonic()
+                        keys.feed(key_input.read(), now_s)
+                        sender.send(now_s)
+                        if now_s - shown_s >= SHOW_S:
+                            shown_s = now_s
+                            live.update(jog_view(jog.state(), keys), refresh=True)
+            finally:
+                jog.jog(keys.joint, 0.0, keys.speed)
+                jog.wait_at_rest()
+    with suppress(OSError):
+        click.echo("at rest")
+    return ExitCode.OK if keys.ended else ExitCode.INTERRUPTED
+
+
+class _Sender:
+    """Sends the velocity of the chosen joint, and one 0 at its end."""
+
+    def __init__(self, jog: JogClient, keys: JogKeys) -> None:
+        self._jog, self._keys = jog, keys
+        self._joint, self._velocity, self._sent_s = 0, 0.0, 0.0
+
+    def send(self, now_s: float) -> None:
+        """Send what the keys ask for, if it has changed or is due again."""
+        velocity, joint = self._keys.velocity(now_s), self._keys.joint
+        if self._velocity and joint != self._joint:
+            self._jog.jog(self._joint, 0.0, self._keys.speed)
+        is_due = velocity != 0.0 and now_s - self._sent_s >= SEND_S
+        if is_due or (joint, velocity) != (self._joint, self._velocity):
+            self._jog.jog(joint, velocity, self._keys.speed)
+            self._joint, self._velocity, self._sent_s = joint, velocity, now_s
+
+
+def jog_view(state: JogState, keys: JogKeys) -> Group:
+    """Return the view of one state."""
+    table = Table("", "joint", "servo", box=None, header_style="dim")
+    table.add_column("position", justify="right")
+    table.add_column("velocity", justify="right")
+    for axis in state.axes or ():
+        chosen = axis.axis == keys.joint
+        servo = "ALARM" if axis.alarm else "on" if axis.servo_on else "off"
+        table.add_row(
+            str(axis.axis + 1),
+            Text(axis.name, style="bold" if chosen else ""),
+            Text(servo, style="" if servo == "on" else "yellow"),
+            f"{axis.position:+.4f} {axis.unit}",
+            f"{axis.velocity:+.4f} {axis.unit}/s",
+            style="reverse" if chosen else "",
+        )
+    return Group(
+        table,
+        Text(f"speed {keys.speed:g} rad/s or m/s", style="bold"),
+        Text(state.hindrance, style="bold yellow") if state.hindrance else Text(HELP, style="dim"),
+    )

@@ -1,0 +1,123 @@
+"""Commands that ask one thing of a running robot, and print its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.preflight import import_ros
+from robotd.number_argument import NumberRange
+from robotd_ros.commands.robot_client import ROS_EPILOG, asks_robot
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd_ros.client.ros_client import RosClient
+
+SAVE_TIMEOUT_S = 30.0  # the file is written before the answer
+
+
+@click.command("gripper", epilog=ROS_EPILOG)
+@click.argument("command", type=click.Choice(["open", "close"]))
+@asks_robot
+def gripper(client: RosClient, command: str) -> object:
+    """Open or close the gripper of the running robot."""
+    return import_ros("robotd_ros.client.status_client").set_gripper(client, command == "close")
+
+
+@click.command("output", epilog=ROS_EPILOG)
+@click.argument("name")
+@click.argument("level", type=click.Choice(["on", "off"]))
+@asks_robot
+def output(client: RosClient, name: str, level: str) -> object:
+    """Set an output of the running robot by its name in the descriptor."""
+    return import_ros("robotd_ros.client.operator_client").set_output(client, name, level == "on")
+
+
+@click.command("servo", epilog=ROS_EPILOG)
+@click.argument("command", type=click.Choice(["on", "off"]))
+@click.argument("axes", metavar="[AXIS]...", nargs=-1)
+@asks_robot
+def servo(client: RosClient, command: str, axes: Sequence[str]) -> object:
+    """Switch the servos of the running robot.
+
+    Those of all axes, or of the axes that are given by name or by number from 0. 'on' clears
+    alarms first: it is the way back after a fault.
+    """
+    return import_ros("robotd_ros.client.status_client").set_servos(client, axes, command == "on")
+
+
+@click.command("stop", epilog=ROS_EPILOG)
+@asks_robot
+def stop(client: RosClient) -> object:
+    """Stop all motion of the running robot, until a reset.
+
+    Goals, moves, jogs, homing and the base come to rest by their own ramps, goals on their path.
+    Motion is rejected until 'robotd reset'. No safety function.
+    """
+    return import_ros("robotd_ros.client.operator_client").stop(client)
+
+
+@click.command("reset", epilog=ROS_EPILOG)
+@asks_robot
+def reset(client: RosClient) -> object:
+    """Allow motion again after a stop. Nothing moves.
+
+    A stop input has to allow motion before. Clients have to command motion anew.
+    """
+    return import_ros("robotd_ros.client.operator_client").reset(client)
+
+
+@click.command("speed", epilog=ROS_EPILOG)
+@click.argument("percent", type=NumberRange(0, 100))
+@asks_robot
+def speed(client: RosClient, percent: float) -> object:
+    """Set the speed of all motion of the running robot, 0 to 100 %.
+
+    Goals keep their paths: velocities and accelerations scale, by ramps, also while they move. 0
+    holds on the path. Moves, jogs and streams take the speed at their start.
+    """
+    return import_ros("robotd_ros.client.operator_client").set_speed(client, percent / 100.0)
+
+
+@click.command("pause", epilog=ROS_EPILOG)
+@asks_robot
+def pause(client: RosClient) -> object:
+    """Bring motion to rest on its path, to be resumed.
+
+    Goals stay active; their clients may give up waiting. Streams end.
+    """
+    return import_ros("robotd_ros.client.operator_client").pause(client)
+
+
+@click.command("resume", epilog=ROS_EPILOG)
+@asks_robot
+def resume(client: RosClient) -> object:
+    """Resume motion after a pause."""
+    return import_ros("robotd_ros.client.operator_client").resume(client)
+
+
+@click.command("recover", epilog=ROS_EPILOG)
+@asks_robot
+def recover(client: RosClient) -> ExitCode:
+    """Bring the running robot back after a fault. Nothing moves.
+
+    Names the cause, then reconnects, clears alarms, switches the servos of joints and wheels on,
+    and verifies that they take commands, as far as needed. Each step is printed as it happens.
+
+    A stop stays in force until 'robotd reset': the status is 1 then, as after a failed step.
+    """
+    allowed = import_ros("robotd_ros.client.operator_client").recover(client, click.echo)
+    return ExitCode.OK if allowed else ExitCode.FAILED
+
+
+@click.command("snapshot", epilog=ROS_EPILOG)
+@asks_robot
+def snapshot(client: RosClient) -> object:
+    """Save the last seconds of the running robot.
+
+    The flight recorder writes them to a file on the robot's computer, whose path is printed.
+    """
+    client.timeout_s = max(client.timeout_s, SAVE_TIMEOUT_S)
+    return import_ros("robotd_ros.client.status_client").save_snapshot(client)

@@ -1,0 +1,87 @@
+"""Options and connection of the commands that talk to a running robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from robotd.cli.exit_codes import ExitCode, Rejected, RosUnavailable
+from robotd.cli.group import ros_args
+from robotd.cli.options import Command, log_options
+from robotd.cli.preflight import import_ros
+from robotd.errors import OperationError
+from robotd.number_argument import NumberRange
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd_ros.client.ros_client import RosClient
+
+ROS_EPILOG = "What follows --ros-args goes to ROS; give the same remaps as to the robot."
+
+
+def client_options(command: Command) -> Command:
+    """Add the time-out of the robot's answer, and the options of every command."""
+    timeout = click.option(
+        "--timeout",
+        "timeout_s",
+        metavar="SECONDS",
+        type=NumberRange(0.1, 600),
+        default=5.0,
+        show_default=True,
+        help="How long the robot may take to answer.",
+    )
+    return timeout(log_options(command))
+
+
+@contextmanager
+def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosClient]:
+    """Open a client of the running robot, with the ROS arguments of the command.
+
+    Raises RosUnavailable without ROS, Rejected with the robot's reason.
+    """
+    client = import_ros("robotd_ros.client.ros_client").RosClient(
+        ros_args(), timeout_s, searches=searches
+    )
+    try:
+        client.start()
+    except OperationError as error:
+        raise RosUnavailable(str(error)) from error
+    try:
+        yield client
+    except OperationError as error:
+        raise Rejected(str(error)) from error
+    finally:
+        client.close()
+
+
+def print_addressed_robots(client: RosClient) -> None:
+    """Print to standard error which robot a command reaches."""
+    robots = import_ros("robotd_ros.client.robot_identity").addressed_robots(client)
+    if len(robots) > 1:
+        click.echo(f"{len(robots)} robots share this namespace; each gets the command:", err=True)
+    for robot in robots:
+        click.echo(f"robot: {robot.text}", err=True)
+
+
+def asks_robot(ask: Command) -> Command:
+    """Make a command of a function that asks the running robot.
+
+    The function gets a client of the robot beside its arguments, and the command has the options
+    of ``client_options``. It tells which robot it has asked. What the
+    function returns is printed, unless it is None; an ``ExitCode`` is the exit status.
+    """
+
+    @client_options
+    @wraps(ask)
+    def command(timeout_s: float, **arguments: Any) -> ExitCode:
+        with robot_client(timeout_s) as client:
+            answer = ask(client, **arguments)
+            if answer is not None and not isinstance(answer, ExitCode):
+                click.echo(answer)
+            print_addressed_robots(client)
+        return answer if isinstance(answer, ExitCode) else ExitCode.OK
+
+    return command

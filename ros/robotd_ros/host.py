@@ -1,0 +1,265 @@
+"""Lifetime of rclpy in a process: context, executor thread and workers."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, NamedTuple, Self
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from robotd.control.watchdog import Watchdog, place_of
+from robotd.errors import NotReady, OperationError
+from robotd.events import sent_by
+from robotd.log import get_logger
+from robotd_ros.middleware import EventsExecutor, destroy_node, spin_once, wake
+from robotd_ros.senders import Senders
+
+log = get_logger("ros")
+
+_HANG_S = 2.0  # handlers in the executor thread read memory or hand on a command
+_URGENT_WORKERS = 2
+_PENDING_LIMIT = 64
+
+
+# rcl writes what a client of this service asks for to standard error, as it is and every time.
+_OWN_ARGS = ("--ros-args", "-p", "start_type_description_service:=false", "--")
+
+
+class RosHost:
+    """ROS side of a process: ``with RosHost(args) as host:``.
+
+    Threads: ``robotd-ros`` runs every callback, ``robotd-worker_N`` what is submitted. Signal
+    handlers are left alone; their owner calls ``close``.
+
+    Args:
+        args: command line of the process, from ``--ros-args`` on or whole.
+        domain_id: ROS domain; None takes ``ROS_DOMAIN_ID``.
+        workers: threads for ordinary calls; urgent ones have two of their own.
+        make_executor: called with ``context=``; any rclpy executor.
+        close_timeout_s: how long ``close`` waits for what is still running.
+
+    Attributes:
+        args: as given.
+        yield_to_control_loop: called in the executor thread before each callback; may wait 1 ms.
+        senders: names of clients; None: they are not looked up.
+        on_hang: called when a handler there does not return, with the reason; once for each.
+    """
+
+    def __init__(
+        self,
+        args: Sequence[str] = (),
+        *,
+        domain_id: int | None = None,
+        workers: int = 6,
+        make_executor: Callable[..., Executor] = EventsExecutor,
+        close_timeout_s: float = 5.0,
+    ) -> None:
+        self.yield_to_control_loop: Callable[[], None] = lambda: None
+        self.on_hang: Callable[[str], None] = lambda reason: None
+        self.senders: Senders | None = None
+        self._handling_ns = 0
+        self._watchdog = Watchdog(
+            self._age_ns, self._place, _HANG_S, self._hang, who="ROS", piece="a handler"
+        )
+        self.args = list(args)
+        self._domain_id = domain_id
+        self._make_executor = make_executor
+        self._close_timeout_s = close_timeout_s
+        self._context = Context()
+        self._running: _Running | None = None
+        self._nodes: list[Node] = []
+        self._stopping = threading.Event()
+        # Threads of a pool start with its first call, so these two cost nothing yet.
+        self._workers = _Workers("robotd-worker", workers)
+        self._urgent = _Workers("robotd-urgent", _URGENT_WORKERS)
+
+    @property
+    def context(self) -> Context:
+        """For ``create_node(name, context=host.context)``; initialized by ``start``."""
+        return self._context
+
+    def start(self) -> None:
+        """Initialize rclpy and start the executor thread. Once per host.
+
+        Raises:
+            OperationError: the ROS arguments are wrong or the middleware does not start.
+        """
+        try:
+            # Always our own context: signal handlers stay with the process, and a test may
+            # have two hosts.
+            rclpy.init(
+                args=[*_OWN_ARGS, *self.args],
+                context=self._context,
+                domain_id=self._domain_id,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        except Exception as error:
+            raise OperationError(f"ROS does not start: {error}") from error
+        executor = self._make_executor(context=self._context)
+        thread = threading.Thread(
+            target=self._spin, args=(executor,), name="robotd-ros", daemon=True
+        )
+        self._running = _Running(executor, thread)
+        thread.start()
+        self._watchdog.start()
+
+    def add_node(self, node: Node) -> None:
+        """Serve ``node`` until ``close``, which destroys it. Any thread but the executor's.
+
+        Raises:
+            NotReady: the host was not started or is closed.
+        """
+        if self._running is None:
+            raise NotReady("ROS is not running")
+        self._running.executor.add_node(node)
+        self._nodes.append(node)
+
+    def sent_by_request(self, header: Any) -> AbstractContextManager[None]:
+        """Note the sender of a request with every event of the block. Any thread.
+
+        Args:
+            header: of the request, from rclpy; None: of this process.
+        """
+        known = self.senders is not None and header is not None
+        return sent_by(self.senders.of_request(header) if known and self.senders else "")
+
+    def sent_by_topic(self, topic: str) -> AbstractContextManager[None]:
+        """Note the publishers of ``topic`` with every event of the block. Any thread."""
+        return sent_by(self.senders.of_topic(topic) if self.senders else "")
+
+    @contextmanager
+    def callback_guard(self) -> Iterator[None]:
+        """Guard a handler in the executor thread, which delays all others until it returns."""
+        self.yield_to_control_loop()
+        self._handling_ns = time.monotonic_ns()
+        try:
+            yield
+        finally:
+            self._handling_ns = 0
+
+    def submit(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> None:
+        """Run ``function(*args)`` in a worker; what it raises is logged. Any thread.
+
+        Args:
+            function: may block.
+            args: its arguments.
+            urgent: never waits behind ordinary calls; for stopping, not for moving.
+
+        Raises:
+            NotReady: the host is closed.
+            OperationError: too many calls are waiting already.
+        """
+        (self._urgent if urgent else self._workers).submit(function, *args)
+
+    def close(self) -> None:
+        """End callbacks, calls, nodes and ROS, in this order; a second call does nothing.
+
+        Callbacks end first, then running calls may answer, both within ``close_timeout_s``, then
+        the nodes go, then the executor, then rclpy; none of them where a handler does not return.
+        Any thread but the executor's and the workers'.
+        """
+        running, self._running = self._running, None
+        if running is None:
+            return
+        deadline = time.monotonic() + self._close_timeout_s
+        self._watchdog.stop()
+        self._stopping.set()
+        wake(running.executor)
+        running.thread.join(self._close_timeout_s)
+        if running.thread.is_alive():
+            log.error(
+                "a ROS handler hangs; its thread is abandoned", place=place_of(running.thread)
+            )
+            return
+        for pool in (self._urgent, self._workers):
+            pool.close(max(0.0, deadline - time.monotonic()))
+        for node in self._nodes:
+            destroy_node(node)
+        self._nodes.clear()
+        running.executor.shutdown()
+        self._context.try_shutdown()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _age_ns(self) -> int:
+        began_ns = self._handling_ns
+        return time.monotonic_ns() - began_ns if began_ns else 0
+
+    def _place(self) -> str:
+        running = self._running
+        return place_of(running.thread) if running else ""
+
+    def _hang(self, reason: str) -> None:
+        self.on_hang(reason)
+
+    def _spin(self, executor: Executor) -> None:
+        while not self._stopping.is_set():
+            try:
+                spin_once(executor)
+            except ExternalShutdownException:
+                log.error("the ROS context was shut down from outside robotd")
+                return
+            except Exception:
+                # One broken callback must not stop the forty others.
+                log.exception("a ROS callback raised")
+
+
+class _Running(NamedTuple):
+    executor: Executor
+    thread: threading.Thread
+
+
+class _Workers:
+    """Thread pool with a bounded queue and a time limit for closing."""
+
+    def __init__(self, name: str, threads: int) -> None:
+        self._name = name
+        self._pool = concurrent.futures.ThreadPoolExecutor(threads, thread_name_prefix=name)
+        self._lock = threading.Lock()
+        self._pending: set[concurrent.futures.Future[None]] = set()
+
+    def submit(self, function: Callable[..., Any], *args: Any) -> None:
+        with self._lock:
+            if len(self._pending) >= _PENDING_LIMIT:
+                raise OperationError(f"{self._name}: {_PENDING_LIMIT} calls are waiting already")
+            try:
+                call = self._pool.submit(_logged, function, *args)
+            except RuntimeError as error:
+                raise NotReady("ROS is not running") from error
+            self._pending.add(call)
+        call.add_done_callback(self._forget)
+
+    def close(self, timeout_s: float) -> None:
+        """Cancel waiting calls, wait ``timeout_s`` for running ones, abandon the rest."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            pending = set(self._pending)
+        _, running = concurrent.futures.wait(pending, timeout_s)
+        if running:
+            log.error("calls still run at shut-down", pool=self._name, count=len(running))
+        else:
+            self._pool.shutdown(wait=True)
+
+    def _forget(self, call: concurrent.futures.Future[None]) -> None:
+        with self._lock:
+            self._pending.discard(call)
+
+
+def _logged(function: Callable[..., Any], *args: Any) -> None:
+    try:
+        function(*args)
+    except Exception:
+        log.exception("a call in a worker raised", function=getattr(function, "__name__", "?"))

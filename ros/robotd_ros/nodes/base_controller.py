@@ -1,0 +1,137 @@
+"""Nodes of mobile bases: twists to wheels, and wheels to odometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
+
+from robotd.descriptor import RobotDescriptor
+from robotd.errors import DescriptorError, InvalidArgument
+from robotd.motion.planar import Pose
+from robotd.robot import Robot
+from robotd_ros.host import RosHost
+from robotd_ros.middleware import TypeMismatchCheck
+from robotd_ros.node_settings.base_settings import (
+    BaseSettings,
+    read_diff_drive,
+    read_mecanum_drive,
+    read_tricycle,
+)
+from robotd_ros.node_settings.parameter_reader import ParameterReader
+from robotd_ros.nodes.command_subscription import add_command_subscription
+from robotd_ros.nodes.latched_topics import publish_description
+from robotd_ros.nodes.node_parameters import read_settings
+from robotd_ros.nodes.odometry_topics import OdometryTopics
+from robotd_ros.nodes.rejection_log import RejectionLog
+from robotd_ros.services import add_service, add_subscription
+
+# As ``STREAM``, but only the newest twist means anything.
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+ECHO_DEPTH = 10
+MAX_TILT = 1e-3  # of a quaternion about z
+
+ReadSettings = Callable[[ParameterReader, RobotDescriptor], BaseSettings]
+
+
+class BaseController(Node):
+    """Node of a mobile base: twists in, odometry out; ``MobileBase`` does the control.
+
+    With this node in the set, the wheels are switched on at start.
+
+    Args:
+        name: of the node.
+        read: declares the parameters of the node.
+        robot: has a base.
+        host: of the node.
+
+    Raises:
+        DescriptorError: the robot has no base of this kind, or a parameter is wrong; nothing was
+            opened.
+    """
+
+    def __init__(self, name: str, read: ReadSettings, robot: Robot, host: RosHost) -> None:
+        super().__init__(name, context=host.context)
+        self._rejections = RejectionLog()
+        settings = read_settings(self, robot.descriptor, read)
+        if robot.base is None:
+            raise DescriptorError(f"{name} needs a drive, which {robot.descriptor.name} has not")
+        self._base = robot.base
+        self._base.configure(settings.drive)
+        if settings.parameters_file:
+            robot.connection.parameters.path = settings.parameters_file
+        self._take_commands(host, settings, robot)
+        self._publish_state(settings, robot)
+        publish_description(self, settings.description)
+        add_service(self, host, Trigger, "~/reset_odometry", self._reset_odometry, blocking=False)
+        self._odom_frame = settings.odom_frame
+        add_subscription(self, host, PoseWithCovarianceStamped, "~/set_pose", self._set_pose, 1)
+
+    def _take_commands(self, host: RosHost, settings: BaseSettings, robot: Robot) -> None:
+        self._topic = settings.commands
+        self._echo = None
+        if settings.echo:
+            self._echo = self.create_publisher(Twist, settings.echo, ECHO_DEPTH)
+        taken = TwistStamped if settings.stamped else Twist
+        self._is_stamped = settings.stamped
+        subscription = add_command_subscription(
+            self,
+            host,
+            robot,
+            taken,
+            self._topic,
+            self._command,
+            NEWEST,
+            self._base.settings.command_timeout_s,
+        )
+        if self._topic.startswith("~"):
+            self._topic = subscription.topic_name  # for the log
+        self._offered = TypeMismatchCheck(
+            self,
+            subscription,
+            f"geometry_msgs/msg/{taken.__name__}",
+            f"publish {taken.__name__}, or set use_stamped_vel to"
+            f" {str(not settings.stamped).lower()}",
+        )
+
+    def _publish_state(self, settings: BaseSettings, robot: Robot) -> None:
+        topics = OdometryTopics(self, robot, self._base, settings)
+        robot.control_loop.every(settings.rate_hz, "odometry", topics.publish)
+        self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
+
+    def _command(self, message: Any, sent_ns: int) -> None:
+        with self._rejections.noting(self._topic):
+            twist = message.twist if self._is_stamped else message
+            lateral = twist.linear.y if self._base.wheels.moves_sideways else 0.0
+            x, z = twist.linear.x, twist.angular.z
+            self._base.command(x, z, lateral, sent_ns=sent_ns, source=self._topic)
+            if self._echo:
+                self._echo.publish(twist)
+
+    def _set_pose(self, message: Any) -> None:
+        """Raise InvalidArgument for another frame, a tilted pose or one that is not finite."""
+        frame, pose = message.header.frame_id, message.pose.pose
+        if frame not in ("", self._odom_frame):
+            raise InvalidArgument(f"the pose is in {frame!r}, not in {self._odom_frame!r}")
+        q = pose.orientation
+        if abs(q.x) + abs(q.y) > MAX_TILT or q.z**2 + q.w**2 < 1.0 - MAX_TILT:
+            raise InvalidArgument(
+                f"orientation ({q.x:g}, {q.y:g}, {q.z:g}, {q.w:g}) is not one about z"
+            )
+        heading = math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
+        self._base.reset_odometry(Pose(pose.position.x, pose.position.y, heading))
+
+    def _reset_odometry(self, request: Any, response: Any) -> str:
+        self._base.reset_odometry()
+        return "odometry set to zero"
+
+
+DiffDriveController = partial(BaseController, "diff_drive_controller", read_diff_drive)
+MecanumDriveController = partial(BaseController, "mecanum_drive_controller", read_mecanum_drive)
+TricycleController = partial(BaseController, "tricycle_controller", read_tricycle)

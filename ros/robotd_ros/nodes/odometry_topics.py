@@ -1,0 +1,115 @@
+"""Topics of a mobile base, from the control loop: odometry, wheel speeds, limited command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+from tf2_msgs.msg import TFMessage
+
+from robotd.arrays import FloatArray
+from robotd.control.mobile_base import MobileBase
+from robotd.device.process_image import ProcessImage
+from robotd.robot import Robot
+from robotd_ros.middleware import HotPublisher, StampClock
+from robotd_ros.node_settings.base_settings import BaseSettings
+
+DEPTH = 10
+TF_DEPTH = 100
+
+_POSE = ("position.x", "position.y", "orientation.z", "orientation.w")
+_TRANSFORM = ("translation.x", "translation.y", "rotation.z", "rotation.w")
+_TWIST = ("linear.x", "angular.z", "linear.y")  # in the order of ``PlanarTwist``
+
+
+class OdometryTopics:
+    """Made in any thread; ``publish`` belongs to the control loop.
+
+    Nothing is published without subscribers, nor while the engine is not ready: old values
+    must not look current.
+
+    Attributes:
+        topics: resolved names of all that is published.
+    """
+
+    def __init__(self, node: Node, robot: Robot, base: MobileBase, settings: BaseSettings) -> None:
+        self._base = base
+        self._connection, self._control_loop = robot.connection, robot.control_loop
+        self._clock = StampClock(node.get_clock())
+        self._axes = list(robot.wheel_axes)
+        speeds = Float64MultiArray(data=[0.0] * len(self._axes))
+        self._omega = HotPublisher(node, settings.wheel_speeds, DEPTH, speeds, ["data"])
+        self.topics = [self._omega.topic]
+        self._wheels = self._omega.view("data")
+        self._stamped: list[HotPublisher] = []
+        paths = [f"pose.pose.{name}" for name in _POSE] + [f"twist.twist.{name}" for name in _TWIST]
+        views = self._add(node, settings.odometry, DEPTH, _odometry(settings), paths)
+        self._poses, self._twists = [views[: len(_POSE)]], [views[len(_POSE) :]]
+        if settings.transform:
+            paths = [f"transforms.0.transform.{name}" for name in _TRANSFORM]
+            views = self._add(node, settings.transform, TF_DEPTH, _transform(settings), paths)
+            self._poses.append(views)
+        if settings.limited:
+            paths = [f"twist.{name}" for name in _TWIST]
+            views = self._add(node, settings.limited, DEPTH, _limited(settings), paths)
+            self._twists.append(views)
+
+    def _add(
+        self, node: Node, topic: str, depth: int, message: Any, paths: Sequence[str]
+    ) -> list[FloatArray]:
+        """Add a topic with a stamp; return the views of the message's values at ``paths``."""
+        hot = HotPublisher(node, topic, depth, message, paths)
+        self.topics.append(hot.topic)
+        self._stamped.append(hot)
+        return [hot.view(path) for path in paths]
+
+    def publish(self, image: ProcessImage) -> None:
+        stamped = [message for message in self._stamped if message.has_readers]
+        wheels_are_read = self._omega.has_readers
+        if not self._connection.ready or not (stamped or wheels_are_read):
+            return
+        self._wheels[:] = image.velocity[self._axes]
+        pose = self._base.pose
+        half = pose.heading / 2
+        for views in self._poses:
+            for view, value in zip(
+                views, (pose.x, pose.y, math.sin(half), math.cos(half)), strict=True
+            ):
+                view[0] = value
+        twists = self._base.twist(image), self._base.limited
+        for views, twist in zip(self._twists, twists, strict=False):
+            for view, value in zip(views, twist, strict=True):
+                view[0] = value
+        stamp_ns = self._clock.at_ns(self._control_loop.started_ns)
+        for message in stamped:
+            message.stamp(stamp_ns)
+            message.publish()
+        if wheels_are_read:
+            self._omega.publish()
+
+
+def _odometry(settings: BaseSettings) -> Odometry:
+    message = Odometry(child_frame_id=settings.base_frame)
+    message.header.frame_id = settings.odom_frame
+    parts = (message.pose, settings.pose_variances), (message.twist, settings.twist_variances)
+    for part, variances in parts:
+        for index, variance in enumerate(variances):
+            part.covariance[7 * index] = variance  # the diagonal of six rows and columns
+    return message
+
+
+def _transform(settings: BaseSettings) -> TFMessage:
+    transform = TransformStamped(child_frame_id=settings.base_frame)
+    transform.header.frame_id = settings.odom_frame
+    return TFMessage(transforms=[transform])
+
+
+def _limited(settings: BaseSettings) -> TwistStamped:
+    message = TwistStamped()
+    message.header.frame_id = settings.base_frame
+    return message

@@ -1,0 +1,182 @@
+"""robotd: the node of the operator, beside the others of every robot."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from typing import Any
+
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import Empty, Float64, String
+from std_srvs.srv import SetBool, Trigger
+
+from robotd.device.process_image import ProcessImage
+from robotd.errors import InvalidArgument, RobotdError
+from robotd.robot import Robot
+from robotd_page.page_description import identity
+from robotd_recorder.recorder import Recorder
+from robotd_ros.host import RosHost
+from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
+from robotd_ros.node_settings.device_settings import read_frame_prefix
+from robotd_ros.nodes.command_subscription import add_command_subscription
+from robotd_ros.nodes.latched_topics import publish_if_alive
+from robotd_ros.nodes.named_io import NamedIo
+from robotd_ros.nodes.node_parameters import Parameters
+from robotd_ros.nodes.tool_pose_topic import ToolPoseTopic
+from robotd_ros.qos import LATCHED
+from robotd_ros.services import add_service, add_subscription, named_values
+
+STATE_RATE_HZ = 10.0
+SPEED_TIMEOUT_S = 1.0  # age at which a message that raises the speed is dropped
+
+
+class OperatorNode(Node):
+    """Services for the operator of a robot: recovery, stop, speed, recordings, and named I/O.
+
+    Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
+    ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
+    a line each, ``~/problems`` what keeps axes from moving, ``~/robot`` which robot it is.
+
+    Args:
+        robot: of the operator.
+        host: its workers answer.
+        recorder: None: there are no services for recordings.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost, recorder: Recorder | None = None) -> None:
+        super().__init__(OPERATOR_NODE, context=host.context)
+        self._robot = robot
+        self._recovery_lock = threading.Lock()
+        self._recovery_lines: list[str] = []
+        self._shown: dict[Publisher, str] = {}
+        self._stopped_topic = self.create_publisher(String, "~/stopped", LATCHED)
+        self._speed_topic = self.create_publisher(Float64, "~/speed", LATCHED)
+        self._recovery_topic = self.create_publisher(String, "~/recovery", LATCHED)
+        self._owners_topic = self.create_publisher(String, "~/owners", LATCHED)
+        self._problems_topic = self.create_publisher(String, "~/problems", LATCHED)
+        self._recovery_topic.publish(String())
+        self._robot_topic = self.create_publisher(String, IDENTITY, LATCHED)
+        told = {**identity(robot, self.get_namespace()), "has_page": recorder is not None}
+        self._robot_topic.publish(String(data=json.dumps(told)))
+        for service_type, name, handler, urgent in (
+            (Trigger, "stop", self._stop, True),
+            (Trigger, "reset", self._reset, False),
+            (Trigger, "pause", self._pause, True),
+            (Trigger, "resume", self._resume, False),
+            (Trigger, "recover", self._recover, False),
+            (SetParametersAtomically, "set_speed", named_values(self._set_speed), False),
+        ):
+            add_service(self, host, service_type, f"~/{name}", handler, urgent=urgent)
+        add_subscription(self, host, Empty, "~/stop", self._engage_stop, 1)
+        add_command_subscription(
+            self,
+            host,
+            robot,
+            Float64,
+            "~/set_speed",
+            self._set_speed_by_message,
+            1,
+            self._speed_timeout_s,
+        )
+        robot.axes.stop_latch.on_change(self._publish_stopped)
+        robot.axes.speed.on_change(self._publish_speed)
+        rate_hz = min(STATE_RATE_HZ, robot.descriptor.cycle.rate_hz)
+        robot.control_loop.every(rate_hz, "owners", self._publish_owners, first=True)
+        robot.control_loop.every(rate_hz, "problems", self._publish_problems, first=True)
+        self._io = NamedIo(self, robot, host)
+        if recorder is not None:
+            self._recorder = recorder
+            add_service(self, host, Trigger, "~/snapshot", self._save_snapshot)
+            add_service(self, host, SetBool, "~/record", self._record)
+        parameters = Parameters(self, robot.descriptor)
+        self._tool = ToolPoseTopic(self, robot, read_frame_prefix(parameters))
+        parameters.done()
+
+    def _stop(self, request: Any, response: Any) -> str:
+        self._robot.stop("by a client of the stop service")
+        return "stopped, at rest"
+
+    def _engage_stop(self, message: Any) -> None:
+        """Executor thread: the control loop brings everything to rest."""
+        self._robot.axes.stop_latch.engage("by a message on the stop topic")
+
+    def _reset(self, request: Any, response: Any) -> str:
+        return self._robot.reset()
+
+    def _publish_stopped(self, reason: str) -> None:
+        publish_if_alive(self._stopped_topic, String(data=reason))
+
+    def _set_speed(self, fields: dict[str, Any]) -> str:
+        speed = fields.get("speed")
+        if (
+            list(fields) != ["speed"]
+            or isinstance(speed, bool)
+            or not isinstance(speed, (int, float))
+        ):
+            raise InvalidArgument(f"expected the number 'speed', got {fields}")
+        self._robot.set_speed(float(speed))
+        return self._robot.axes.speed.text
+
+    def _set_speed_by_message(self, message: Any, _: int) -> None:
+        self._robot.set_speed(message.data)
+
+    def _speed_timeout_s(self, message: Any) -> float:
+        """Return the age at which a speed is dropped: never where it slows down."""
+        slows = message.data <= self._robot.axes.speed.speed
+        return math.inf if slows else SPEED_TIMEOUT_S
+
+    def _pause(self, request: Any, response: Any) -> str:
+        self._robot.pause()
+        return self._robot.axes.speed.text
+
+    def _resume(self, request: Any, response: Any) -> str:
+        self._robot.resume()
+        return self._robot.axes.speed.text
+
+    def _publish_speed(self, scale: float) -> None:
+        publish_if_alive(self._speed_topic, Float64(data=scale))
+
+    def _recover(self, request: Any, response: Any) -> str:
+        with self._recovery_lock:
+            self._recovery_lines = []
+            try:
+                self._robot.recover(self._report_recovery)
+            except RobotdError as error:
+                lines = map(str.strip, str(error).splitlines())
+                self._report_recovery("; ".join(["failed", *lines]))
+                raise
+            return "\n".join(self._recovery_lines)
+
+    def _report_recovery(self, line: str) -> None:
+        self._recovery_lines.append(line)
+        publish_if_alive(self._recovery_topic, String(data="\n".join(self._recovery_lines)))
+
+    def _publish_owners(self, image: ProcessImage) -> None:
+        """Publish the owners where they have changed. Control loop."""
+        axes = self._robot.axes
+        owners = zip(axes.names, map(axes.owner, range(len(axes))), strict=True)
+        lines = [f"{name}: {owner}" for name, owner in owners if owner]
+        self._publish_change(self._owners_topic, "\n".join(lines))
+
+    def _publish_problems(self, image: ProcessImage) -> None:
+        """Publish what keeps axes from moving where it has changed. Control loop."""
+        lines = [f"{each.kind}: {each.text}" for each in self._robot.find_motion_problems()]
+        self._publish_change(self._problems_topic, "\n".join(lines))
+
+    def _publish_change(self, topic: Publisher, text: str) -> None:
+        if text != self._shown.get(topic):
+            self._shown[topic] = text
+            publish_if_alive(topic, String(data=text))
+
+    def _save_snapshot(self, request: Any, response: Any) -> str:
+        return str(self._recorder.flight.snapshot("requested by a client"))
+
+    def _record(self, request: Any, response: Any) -> str:
+        if request.data:
+            self._recorder.continuous.start()
+            return "recording"
+        report = self._recorder.continuous.stop()
+        return f"{report.path} ({report.size_bytes / 2**20:.1f} MiB)"

@@ -1,0 +1,92 @@
+"""wmx_engine_node: services that open, start, stop and close the engine, and its state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+from wmx_ros2_message.srv import SetEngine
+
+from robotd.errors import NotReady
+from robotd.robot import Robot
+from robotd_ros.host import RosHost
+from robotd_ros.node_settings.device_settings import read_engine
+from robotd_ros.nodes.latched_topics import PERIOD_S, ReadyTopic
+from robotd_ros.nodes.lifecycle_services import LifecycleServices
+from robotd_ros.nodes.node_parameters import read_settings
+from robotd_ros.services import add_service
+
+READY = "wmx/engine/ready"
+
+
+class WmxEngineNode(Node):
+    """Node that opens and closes the device, starts and stops communication, reports the state.
+
+    Nothing here enables a servo: after a restart of the engine the axes wait for ``set_on``. With
+    the parameter ``managed`` a lifecycle manager starts and stops the robot, servos included.
+
+    Attributes:
+        lifecycle: None where the robot is not managed.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__("wmx_engine_node", context=host.context)
+        self._connection = robot.connection
+        self._latch = robot.axes.stop_latch
+        managed = read_settings(self, robot.descriptor, read_engine)
+        self.lifecycle = LifecycleServices(self, robot, host).lifecycle if managed else None
+        for service_type, name, handler, blocking in (
+            (SetEngine, "set_device", self._set_device, True),
+            (SetBool, "set_comm", self._set_communication, True),
+            (Trigger, "get_status", self._get_status, False),
+            (Trigger, "get_fault", self._get_fault, True),
+            (Trigger, "scan_network", self._scan_network, True),
+        ):
+            add_service(self, host, service_type, f"wmx/engine/{name}", handler, blocking=blocking)
+        self._ready = ReadyTopic(self, robot.connection, READY)
+        self.rates_hz = {self.resolve_topic_name(READY): 1 / PERIOD_S}
+
+    def _set_device(self, request: Any, response: Any) -> str:
+        self._check_unmanaged()
+        if request.data:
+            self._connection.open(request.path, request.name)
+        else:
+            self._connection.close()
+        return self._connection.state.value
+
+    def _set_communication(self, request: Any, response: Any) -> str:
+        self._check_unmanaged()
+        if request.data:
+            self._connection.start_communication()
+        else:
+            self._connection.stop_communication()
+        return self._connection.state.value
+
+    def _check_unmanaged(self) -> None:
+        if self.lifecycle is not None:
+            what = "a lifecycle manager starts and stops this robot"
+            raise NotReady(f"{what}: use {self.get_fully_qualified_name()}/change_state")
+
+    def _get_status(self, request: Any, response: Any) -> str:
+        return self._connection.state.value
+
+    def _get_fault(self, request: Any, response: Any) -> str:
+        """Answer why axes cannot be commanded and what helps, a line each; empty when ready."""
+        connection = self._connection
+        if self._latch.inactive:
+            return self._latch.rejection
+        reason = "; ".join(line.strip() for line in connection.rejection.splitlines())
+        lines = [] if connection.commandable else [reason, self._remedy()]
+        return "\n".join(filter(None, lines))
+
+    def _remedy(self) -> str:
+        """The command that brings the device back; "" where waiting or nothing helps."""
+        connection = self._connection
+        if connection.ending or (connection.step.text and not connection.established):
+            return ""
+        namespace = self.get_namespace()
+        return f"robotd recover{f' --ros-args -r __ns:={namespace}' if namespace != '/' else ''}"
+
+    def _scan_network(self, request: Any, response: Any) -> str:
+        return self._connection.scan_network()
