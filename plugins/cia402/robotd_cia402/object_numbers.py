@@ -10,9 +10,9 @@ INTERPOLATION = 0x60C1
 ERROR_CODE, SWITCHES = 0x603F, 0x60FD
 
 INPUTS = (STATUSWORD, MODE_DISPLAY, POSITION, DEMAND, VELOCITY, TORQUE, ERROR_CODE, SWITCHES)
-"""Objects that an axis takes from the cyclic frames, in the order of ``CyclicObjects.values``."""
+"""Objects that an axis takes from the cyclic frames, in the order of ``DriveAccess.values``."""
 OUTPUTS = (CONTROLWORD, MODE, TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE, INTERPOLATION)
-"""Objects that an axis puts into the cyclic frames, in the order of ``CyclicObjects.put``."""
+"""Objects that an axis puts into the cyclic frames, in the order of ``DriveAccess.put``."""
 
 AXIS_STEP = 0x800  # distance of the profile objects of two axes in one drive (CiA 402-1)
 PROFILE_AREA = range(0x6000, 0xA000)
