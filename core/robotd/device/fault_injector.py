@@ -46,7 +46,7 @@ class FaultInjector:
         raise self._unsupported("freeze")
 
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
-        """Let a sensor change one bit of the input image."""
+        """Let a sensor change one bit of the input image; Unsupported: no module has it."""
         raise self._unsupported("set_input_bit")
 
     def output_bit(self, byte: int, bit: int) -> bool:

@@ -87,7 +87,7 @@ class Master(Cia402Master[CanopenDrive]):
 
     def summary(self) -> str:
         drives = {axis.drive.node.number for axis in self.axes}
-        silent = [node.name for node in self.nodes.values() if not node.identity]
+        silent = [node.name for node in self.nodes.values() if node.fault or not node.identity]
         missing = f"; no answer from {', '.join(silent)}" if silent else ""
         return (
             f"CANopen on {self.bus_name}: {len(drives)} drives,"

@@ -52,6 +52,8 @@ class Cia402FaultInjector(FaultInjector):
             if 0 <= offset < module.input_length:
                 line = f"{node.number} input {offset} {bit} {int(value)}"
                 self._inject("set_input_bit", line)
+                return
+        raise self._unsupported("set_input_bit")
 
     def _node(self, axis: int) -> int:
         number: int = self._master.axes[axis].drive.node.number
